@@ -36,7 +36,7 @@ class AtomicFile:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Raise errors of writing as InputError with the path; a broken pipe, as of ``| head``, as it is."""
+        """Raise errors of writing as InputError with the path, but a broken pipe as it is."""
         try:
             yield
         except BrokenPipeError:

@@ -22,7 +22,7 @@ ROUNDING = 1e-13
 """Singular value below which a direction is rounding error, as a fraction of the largest one."""
 
 MIXED = 1e-6
-"""Entry of an unobserved direction, in its unit, above which that component of a wrench is unknown."""
+"""Entry of an unobserved direction above which that component of a wrench is unknown."""
 
 BLOCK = 512
 """Number of states that are decomposed at once."""

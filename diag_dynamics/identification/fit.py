@@ -7,9 +7,9 @@ Least squares over physical inertias and positive friction, by Newton's method a
 
     min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
 
-J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its prior,
-smallest at J = J₀. Plain Newton crawls along the boundary of the cone. Logarithms with large weights that
-fall do not, if tr(J₀⁻¹J) keeps its weight.
+J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its
+prior, smallest at J = J₀. Plain Newton crawls along the boundary of the cone. Logarithms with large
+weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
 from functools import partial
@@ -261,7 +261,10 @@ class Problem(NamedTuple):
 
 
 class _Logarithms(NamedTuple):
-    """Logarithms of a problem: −Σ `weights` ln det J of bodies at `places`, (B, 10), and −Σ γ' ln x of `positive`."""
+    """Logarithms of a problem: −Σ `weights` ln det J, and −Σ γ' ln x of `positive` unknowns.
+
+    `places` are those of the ten unknowns of each body, (B, 10).
+    """
 
     places: np.ndarray
     fixed: np.ndarray
@@ -281,7 +284,7 @@ class _Logarithms(NamedTuple):
 
 
 def solve(problem, start, near=False):
-    """Return x at the minimum and the Hessian there, from a start within all cones that may be near the minimum.
+    """Return x at the minimum and the Hessian there; the start is within all cones.
 
     Raises ConvergenceError.
     """
@@ -303,7 +306,7 @@ def solve(problem, start, near=False):
 
 
 def _follow_path(function, logs, start):
-    """Return x at the minimum and the Hessian there, by logarithms whose weights fall by decades."""
+    """Return x and the Hessian at the minimum, by logarithms whose weights fall by decades."""
     smallest, x = logs.weights.min(initial=np.inf), start
     smallest = smallest if len(logs.weights) else logs.positive_weight
     first = _newton_step(*function(logs, x)[1:])[0]
@@ -335,7 +338,7 @@ def _minimize(function, logs, x, goal, steps):
 
 
 def _evaluate(A, b, logs, x):
-    """Return ½ xᵀA x − bᵀx with logarithms, its gradient and its Hessian; infinity outside of the cones."""
+    """Return ½ xᵀA x − bᵀx with logarithms, gradient and Hessian; infinity outside of the cones."""
     k, weight = logs.positive, logs.positive_weight
     J = np.tensordot(x[logs.places], inertias.BASIS, 1) + logs.fixed
     try:
@@ -366,7 +369,7 @@ def _newton_step(gradient, hessian):
 
 
 def _solve_scaled(hessian, right):
-    """Return H⁻¹ times a vector or columns, the Hessian scaled by its diagonal because units differ."""
+    """Return H⁻¹ times a vector or columns; the diagonal scales H because units differ."""
     linalg = require("scipy.linalg", "identify")
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled = hessian * scale[:, None] * scale + REGULAR * np.eye(len(scale))

@@ -37,7 +37,8 @@ FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
 class Described(NamedTuple):
     """A robot as the text of a URDF, and what a URDF cannot say.
 
-    `options` of :func:`load_urdf` are floating_base, gravity, armature and locked_joints of an MJCF; none of a URDF.
+    `options` of :func:`load_urdf` are floating_base, gravity, armature and locked_joints of an
+    MJCF; none of a URDF.
     """
 
     text: str
@@ -56,19 +57,21 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
     armature and estimate_inertias, which the file has.
 
-    Joints that an equality couples are mimic joints; one without joint2 locks its joint at polycoef[0], unless locked_joints
-    has another position. Connect and weld are rigid closed loops. Names are the file's, or
-    ``body<number>`` and ``joint<number>``. A single free body is a floating base. Degrees of freedom are in the order of
-    :class:`RobotModel`, which need not be MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs:
-    a ModelWarning names them, and `RobotModel.omitted` has them.
+    Joints that an equality couples are mimic joints; one without joint2 locks its joint at
+    polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
+    loops. Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is a
+    floating base. Degrees of freedom are in the order of :class:`RobotModel`, which need not be
+    MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a
+    ModelWarning names them, and `RobotModel.omitted` has them.
 
     Raises
     ------
     UrdfError
         MuJoCo rejects the file.
     UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities other than that of a joint,
-        connect or weld, or armature of a free joint, a tendon, or an actuator elsewhere than at a hinge or slide.
+        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities
+        other than that of a joint, connect or weld, or armature of a free joint, a tendon, or an
+        actuator elsewhere than at a hinge or slide.
     """
     for name in OPTIONS:
         if name in options:
@@ -81,7 +84,8 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
 def loaded(described: Described, **options: Any) -> RobotModel:
     """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
 
-    Parameters beside the file, `armature` and `locked_joints` replace values of the joints that they name.
+    Parameters beside the file, `armature` and `locked_joints` replace values of joints that they
+    name.
     """
     armature = dict(described.options.get("armature", {}))
     if (beside := options.get("parameters")) is not None:
@@ -301,7 +305,8 @@ def _reject_unsupported(c):
             continue
         raise UnsupportedError(
             f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies of the robot nor the one "
-            'equality of a joint, and is not supported. A model without it (active="false") has more degrees of freedom.'
+            'equality of a joint, and is not supported. A model without it (active="false") has '
+            "more degrees of freedom."
         )
 
 

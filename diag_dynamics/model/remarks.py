@@ -91,21 +91,21 @@ def remarks_of(robot: Any) -> list[Remark]:
 
 
 def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
-    """Yield plugins of a simulator that couple joints or links, unless each coupled joint has a <mimic>."""
+    """Yield a simulator's plugins that couple joints or links, but for joints with a <mimic>."""
     mimics = {mimic.getparent().get("name") for mimic in robot.iterfind("joint/mimic")}
     for plugin in robot.iterfind("gazebo//plugin"):
         names = [plugin.get("name") or "", plugin.get("filename") or ""]
-        joints = {(one.text or "").strip() for tag in MIMIC for one in plugin.iterfind(tag)}
+        joints = {(element.text or "").strip() for tag in MIMIC for element in plugin.iterfind(tag)}
         is_coupling = any(part in "\n".join(names).lower() for part in COUPLING_PLUGINS)
         if is_coupling and not (joints and joints <= mimics):
             shown = short(next(filter(None, names)))
-            what = f"plugin {shown} of <gazebo> couples links or joints and is not modelled"
-            yield Remark("robot", robot.get("name") or "robot", what, COUPLING_REMEDY)
+            mistake = f"plugin {shown} of <gazebo> couples links or joints and is not modelled"
+            yield Remark("robot", robot.get("name") or "robot", mistake, COUPLING_REMEDY)
     for parameter in robot.iterfind("ros2_control/joint/param[@name='mimic']"):
         joint = parameter.getparent().get("name") or ""
         if joint not in mimics:
-            what = "parameter 'mimic' of <ros2_control> is not modelled"
-            yield Remark("joint", joint, what, "Give the joint a <mimic>.")
+            mistake = "parameter 'mimic' of <ros2_control> is not modelled"
+            yield Remark("joint", joint, mistake, "Give the joint a <mimic>.")
 
 
 def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:

@@ -244,7 +244,7 @@ def expanded(source: Any, arguments: Any) -> Any:
 
 
 def _only_defines(path: str) -> bool:
-    """Return whether a xacro file has elements of xacro, but none that calls a macro."""
+    """Return whether a file has elements of xacro that only define or include."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=True)
     elements = etree.parse(path, parser).getroot().iterchildren(etree.Element)
     names = {local_name(element) for element in elements if is_xacro(element)}

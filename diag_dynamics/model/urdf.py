@@ -212,7 +212,8 @@ def _add_joints(robot, reduced):
             etree.SubElement(copy, end, link=link)
         if link in parents:
             raise UrdfError(
-                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' and '{name}'; "
+                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' "
+                f"and '{name}'; "
                 f"{TREE} Remove the joint that closes it."
             )
         parents[link] = copy

@@ -485,7 +485,7 @@ class Simulation:
         return float(self._energies()[2])
 
     def _energies(self, state=None):
-        """Return kinetic, potential and elastic energy [J] of a state, by default the present one."""
+        """Return kinetic, potential and elastic energy [J], by default of the present state."""
         q, nu, theta, thetad = state or self._state()
         depth, stiffness, flexible = (
             self._beyond_limits(q),

@@ -85,7 +85,7 @@ def test_batch_equals_single_evaluations(dyn, threads, efforts):
 
 
 def forces(dyn, tau, frame="link"):
-    """Return friction, a wrench of the base, and one of the last link that depends on the efforts."""
+    """Return friction, a wrench of the base, and one of the last link, a function of efforts."""
     wrenches = {dyn.model.link_names[0]: np.ones(6), dyn.model.link_names[-1]: tau[..., :6]}
     return {"f_ext": wrenches, "friction": True, "frame": frame}
 

@@ -365,7 +365,7 @@ def test_mjcf_joints(mujoco):
 
 @pytest.mark.parametrize("joint", ["turn", "shift"])
 def test_equality_without_a_second_joint(mujoco, joint):
-    """It locks the joint where MuJoCo's constraint holds, whatever its ref; locked_joints has precedence."""
+    """It locks the joint where MuJoCo's constraint holds; locked_joints has precedence."""
     equality = f'<equality><joint joint1="{joint}" polycoef="0.3 5"/></equality>'
     text = changed(END, equality + END)
     model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)

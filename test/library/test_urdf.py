@@ -292,7 +292,7 @@ BROKEN = {
             joint("e", "revolute", "upper", "l"),
             joint("back", "revolute", "base", "l"),
         ),
-        "two joints, 'e' and 'back'; expected a tree. Describe a loop by <loop_joint>, <constraint>",
+        "two joints, 'e' and 'back'; expected a tree. Describe a loop by <loop_joint>",
     ),
     "ring": (description("r", *RING), "'a' is part of a loop"),
     "ring beside the tree": (arm(*RING), "'a' is part of a loop"),

@@ -133,7 +133,7 @@ def test_parameters_while_unconfigured(made):
 
 
 def test_unknown_names(made, tmp_path, capfd):
-    """The node warns of misspelt parameters; it lists unrelated names and ignores those of other nodes."""
+    """The node warns of misspelt parameters, and lists those that no node has."""
     file = tmp_path / "shared.yaml"
     file.write_text(
         "/**:\n  ros__parameters:\n    joint_timeouts: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"

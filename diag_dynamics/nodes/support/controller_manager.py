@@ -108,7 +108,9 @@ class ControllerSwitch:
         if future is not self._listing:
             return
         self._listing, take, self._take = None, self._take, None
-        self._states = {one.name: one.state for one in future.result().controller}
+        self._states = {
+            controller.name: controller.state for controller in future.result().controller
+        }
         if take:
             take(self._differences())
 

@@ -151,7 +151,7 @@ class MessageMaker:
         return values
 
     def matrix(self, topic, dynamics, state, with_inverse=False):
-        """Return one of topics.MATRICES at a RobotState: m, D and, if requested, ℓ; or M, c and g."""
+        """Return a message of topics.MATRICES at a RobotState: m, D, perhaps ℓ; or M, c, g."""
         values = matrix_fields(topic, dynamics, state, with_inverse)
         return self.make(topic, MATRICES[topic], state, self._texts[topic], values, (with_inverse,))
 

@@ -163,7 +163,7 @@ class TopicRows:
         )
 
     def _encode(self, values, state, key):
-        """Return messages of these values, with room for a prefix; those of a key have one layout."""
+        """Return messages of these values, with room for a prefix; a key has one layout."""
         stamps = {"header.stamp": state.newest}
         if self._topic == "state":
             stamps["oldest_stamp"] = state.oldest

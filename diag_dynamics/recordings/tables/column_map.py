@@ -167,7 +167,7 @@ _PARSERS = {
     "decimal": _checked(lambda value: value in (".", ","), "'.' or ','"),
     "skip": _checked(lambda value: type(value) is int and value >= 0, "a whole number from 0"),
 }
-"""By key: what returns a value or raises ValueError, and what is expected."""
+"""Parser of each key, which raises ValueError, and the text on its expected values."""
 _NUMBERS = {
     "scale": (
         partial(_parse_numbers, is_factor=True),
