@@ -10,6 +10,7 @@ loop of this period [s] would make a gain unstable, and names the largest gain t
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -76,8 +77,8 @@ def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
     return dynamics
 
 
-class Law:
-    """Control law in (ν, ε) for one robot.
+class Law(ABC):
+    """Control law in (ν, ε) for one robot; subclasses define `require_stable`.
 
     Use a law in one thread. The constructor compiles all that the law calls.
     It raises UnsupportedError for a floating base or another joint of several degrees of freedom.
@@ -96,6 +97,7 @@ class Law:
         tau += g
         return Command(tau, epsilon, g, nu, 0.5 * float(nu @ nu) + stored, rate)
 
+    @abstractmethod
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError if a gain is unstable at the positions q [rad, m] in a loop of a period [s] without delay."""
 
@@ -150,6 +152,9 @@ class GravityCompensation(Law):
         nu = self.dynamics.nu_from_qd(q, qd)
         return self._command(q, nu, 0.0 * nu, 0.0)
 
+    def require_stable(self, q: VectorLike, period: float) -> None:
+        """Accept every period: the law has no gain, and ε = 0 feeds nothing back."""
+
 
 class JointLaw(Law):
     """Law with a desired motion of the joints; subclasses define `_respond`."""
@@ -182,8 +187,8 @@ class JointLaw(Law):
         qdd_d = self._zero if desired_qdd is None else vector("desired_qdd", desired_qdd, names)
         return self._respond(q, qd, error, qd_d, qdd_d)
 
-    def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
-        raise NotImplementedError
+    @abstractmethod
+    def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command: ...
 
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
         """Return M q̈_r + C_s q̇_r + g and g [N m, N], by a Newton–Euler pass with two velocities."""

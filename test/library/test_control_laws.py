@@ -25,6 +25,7 @@ from controlled import (
 )
 from coupling import Coupled, with_payloads
 from described import subject
+from diag_dynamics.control.laws import Law
 from diag_dynamics.exceptions import InputError
 
 ROBOTS = pytest.mark.parametrize("robot", (PANDA, ARM, UR5, TREE), ids=lambda robot: robot.id)
@@ -172,6 +173,14 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
     with pytest.raises(InputError, match=key):
         unstable.require_stable(READY, period)
     assert growth(unstable, period, READY, qd, *target) > 1.5
+
+
+def test_laws_without_a_check_of_their_gains_are_refused():
+    """A subclass that does not define require_stable has no instances; a law without gains accepts every period."""
+    dyn = subject(ARM).dyn
+    with pytest.raises(TypeError, match="require_stable"):
+        type("Unchecked", (Law,), {})(dyn)
+    dd.GravityCompensation(dyn).require_stable(READY, 1.0)
 
 
 # --- Unknown payloads
