@@ -59,7 +59,7 @@ class InertiaWarning(ModelWarning):
 
 
 class LoopWarning(ModelWarning):
-    """A closed loop is nearly singular for its independent joints: results lose digits."""
+    """A closed loop is nearly singular for its independent joints, or at the start for a motor."""
 
 
 class LoopError(UrdfError):

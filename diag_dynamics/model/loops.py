@@ -17,10 +17,11 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import array_of, choice, listed, mapping, number, numbers, unit
-from diag_dynamics.exceptions import InputError, LoopError
+from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
 from diag_dynamics.model.flexible_links import Flexible, form_tables
 from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.mimic import Mimic
+from diag_dynamics.model.remarks import warn
 from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps import workspace as ws
@@ -47,6 +48,9 @@ COUPLINGS = "loops", "mimics", "flexible_links"
 MAX_STEP, MAX_STEPS = 0.3, 200
 """Largest correction of a joint by a step to the start, and the number of steps."""
 
+FIRST_DAMPING, NEAR = 1e-3, 1e-6
+"""Damping by the square of J's largest singular value, and the gap below which steps have none."""
+
 
 class LoopEnd(NamedTuple):
     """A frame on a link where a loop is closed: position [m] and roll, pitch, yaw [rad] in the link's frame."""
@@ -67,7 +71,8 @@ class Loop(NamedTuple):
     """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
 
     `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of freedom, chosen if it is empty.
-    `start` has positions [rad, m] near those in which the loop is first closed, by joint: they choose the branch.
+    `start` has positions [rad, m] near those in which loops are first closed, by joint: they choose the branch. Those of
+    all loops of a robot count for each of its loops.
     """
 
     name: str
@@ -316,6 +321,7 @@ def close(
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     cut = _Cut(tree)
+    start = cut.start(loops)
     linear = {
         name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]]))
         for name, one in mimics.items()
@@ -326,7 +332,7 @@ def close(
     ]
     for members, own in _merged(families):
         if own and not members:
-            cut.reject_open(own)
+            cut.reject_open(own, start)
         elif own:
             group = Group(
                 members, own, {f: one for f, one in (linear | curves).items() if f in members}, []
@@ -334,7 +340,7 @@ def close(
             for name in group.equations:
                 for kind in (result.curves, result.mimics, result.followers):
                     kind.pop(name, None)
-            _choose(cut, group, driven, result)
+            _choose(cut, group, driven, start, result)
             result.groups.append(group)
     return result
 
@@ -350,8 +356,10 @@ def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str],
     return merged
 
 
-def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
-    """Close a group at its start, and divide its joints into independent ones and followers."""
+def _choose(
+    cut: _Cut, group: Group, driven: Set[str], start_values: Array, result: Coupled
+) -> None:
+    """Close a group near start values, and divide its joints into independent ones and followers."""
     names = [name for name in cut.names if name in group.joints]
     title = f"{'loop' if len(group.loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in group.loops])}"
     if several := group.joints - set(names):
@@ -367,7 +375,7 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
         raise LoopError(text)
     for held, dependent in ((given, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
-        start = cut.start(group.loops)
+        start = start_values.copy()
         J, gap = cut.close(start, names, group, held, dependent)
         closures, apart = cut.closures(start, names, group, max(DEPENDENT, 10.0 * gap))
         if gap <= GAP and apart <= CLOSED:
@@ -390,7 +398,11 @@ def _choose(cut: _Cut, group: Group, driven: Set[str], result: Coupled) -> None:
     if given and len(given) != free:
         text = f"{title}: {len(given)} independent joints are given, {listed(sorted(given))}; it has {free}"
         raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
-    independent = _independent([J, *poses], names, free, given, driven)
+    independent = (
+        [name for name in names if name in given]
+        if given
+        else _independent(title, [J, *poses], names, free, driven)
+    )
     followers = [name for name in names if name not in independent]
     if not _ratio(J, names, followers) > couplings.NEARLY_SINGULAR:
         text = f"{title}: the start is singular for the independent joints {listed(independent)}."
@@ -411,27 +423,36 @@ def _ratio(J: Array, names: list[str], followers: list[str]) -> float:
 
 
 def _independent(
-    poses: list[Array], names: list[str], free: int, given: set[str], driven: Set[str]
+    title: str, poses: list[Array], names: list[str], free: int, driven: Set[str]
 ) -> list[str]:
-    """Return the independent joints: given ones, else the most driven ones, far from singular in all poses."""
-    options: Iterable[tuple[str, ...]] = [tuple(name for name in names if name in given)]
-    if not given:
-        options = (
-            combinations(names, free)
-            if math.comb(len(names), free) <= MAX_CHOICES
-            else [_pivots(poses[0], names, free, driven)]
-        )
+    """Return the most driven joints that are independent at the first pose, far from singular in all poses."""
+    options = (
+        list(combinations(names, free))
+        if math.comb(len(names), free) <= MAX_CHOICES
+        else [_pivots(J, names, free, driven) for J in poses]
+    )
+    ratios = {
+        option: [_ratio(J, names, [name for name in names if name not in option]) for J in poses]
+        for option in options
+    }
 
-    def quality(independent: tuple[str, ...]) -> tuple[bool, int, float]:
-        followers = [name for name in names if name not in independent]
-        ratios = [_ratio(J, names, followers) for J in poses]
-        return (
-            ratios[0] > couplings.NEARLY_SINGULAR,
-            len(driven.intersection(independent)),
-            min(ratios),
-        )
+    def quality(option: tuple[str, ...]) -> tuple[bool, int, float]:
+        is_regular = ratios[option][0] > couplings.NEARLY_SINGULAR
+        return is_regular, len(driven & set(option)), min(ratios[option])
 
-    return list(max(options, key=quality))
+    independent = max(options, key=quality)
+    motors = driven & set(independent)
+    for option in options:
+        others = driven & set(option)
+        if len(others) > len(motors) and max(ratios[option]) > couplings.NEARLY_SINGULAR:
+            chosen = listed(sorted(set(independent) - motors))
+            text = (
+                f"{title}: the start is a dead point of motor '{min(others - motors)}', in place of"
+            )
+            text += f" which passive joints are independent: {chosen}. Start at another pose."
+            warn(text, LoopWarning)
+            break
+    return list(independent)
 
 
 def _pivots(J: Array, names: list[str], free: int, driven: Set[str]) -> tuple[str, ...]:
@@ -491,9 +512,8 @@ class _Cut:
                 )
         return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
 
-    def reject_open(self, loops: Sequence[Loop], q: Array | None = None) -> None:
-        """Raise an error of the first loop that is open at q, by default the start."""
-        q = self.start(loops) if q is None else q
+    def reject_open(self, loops: Sequence[Loop], q: Array) -> None:
+        """Raise an error of the first loop that is open at q."""
         for loop in loops:
             phi = self._equations(q, [], Group(set(), [loop], {}, []))[0].reshape(-1, 3)
             gap, turn = np.linalg.norm(phi[0]), np.linalg.norm(phi - phi[0], axis=1).max()
@@ -509,9 +529,17 @@ class _Cut:
     def start(self, loops: Sequence[Loop]) -> Array:
         """Return positions of all joints: the start values of loops, otherwise 0."""
         q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
+        first: dict[str, Loop] = {}
         for loop in loops:
             for name in loop.start.keys() & self._q.keys():
-                q[self._q[name]] = loop.start[name]
+                other = first.setdefault(name, loop)
+                if abs(loop.start[name] - other.start[name]) > GAP:
+                    raise LoopError(
+                        f"start of '{name}' is {other.start[name]:g} in loop '{other.name}' and "
+                        f"{loop.start[name]:g} in loop '{loop.name}'; expected one value. "
+                        "Remove it from one of them."
+                    )
+                q[self._q[name]] = other.start[name]
         return q
 
     def moved(self, q: Array, names: list[str], directions: Array) -> list[Array]:
@@ -564,19 +592,36 @@ class _Cut:
     def close(
         self, q: Array, names: list[str], group: Group, held: set[str], dependent: float = RANK
     ) -> tuple[Array, float]:
-        """Move joints by the shortest way to where loops are closed; return J there, and the gap that remains.
+        """Move joints by damped steps (Levenberg-Marquardt) to where loops are closed.
 
-        Positions of `held` joints stay. No step is made along singular values below `dependent`, by the largest.
+        Return J there, and the gap that remains. Positions of `held` joints stay. No step is made
+        along singular values below `dependent`, by the largest.
         """
-        moves, best = np.array([name not in held for name in names]), np.inf
+        moves, columns = np.array([name not in held for name in names]), self._columns(names)
+        phi, J = self._equations(q, names, group)
+        gap = float(np.linalg.norm(phi))
+        damping = FIRST_DAMPING
         for _ in range(MAX_STEPS):
-            phi, J = self._equations(q, names, group)
-            gap = float(np.abs(phi).max())
-            if gap < 1e-14 or (gap < 1e-6 and gap > 0.5 * best):
+            if gap < 1e-14:
                 break
-            best = min(best, gap)
-            step = np.linalg.lstsq(J * moves, phi, rcond=dependent)[0] * moves
-            q[self._columns(names)] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
+            U, values, Vt = np.linalg.svd(J * moves, full_matrices=False)
+            kept = values > dependent * values[0]
+            values = values[kept]
+            factors = values / (values**2 + damping * values[:1] ** 2)
+            step = (factors * (phi @ U[:, kept])) @ Vt[kept]
+            moved = q.copy()
+            moved[columns] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
+            moved_phi, moved_J = self._equations(moved, names, group)
+            moved_gap = float(np.linalg.norm(moved_phi))
+            is_stalled = gap < NEAR and moved_gap > 0.5 * gap
+            if moved_gap < gap:
+                q[:] = moved
+                phi, J, gap = moved_phi, moved_J, moved_gap
+                damping = 0.0 if gap < NEAR else 0.1 * damping
+            else:
+                damping = 10.0 * max(damping, FIRST_DAMPING)
+            if is_stalled:
+                break
         return J, gap
 
     def closures(

@@ -17,6 +17,7 @@ import diag_dynamics as dd
 from diag_dynamics.model import loops as reader
 from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.simulation.simulation import potential_energy
+from diag_dynamics.yaml_files import read_yaml
 from point_masses import PointMasses, polynomial
 from robots import description, joint, link
 
@@ -363,6 +364,43 @@ def test_branches():
         < 0.5
         < closed(FollowerMotion(down), down.start)["j3"]
     )
+
+
+def test_start_far_from_closed():
+    """Undamped steps end 0.12 m apart."""
+    model = dd.load_urdf(WELDED, loops=[WELD | {"start": {}}])
+    coupler, end = (
+        dd.DiagonalDynamics(model).placement(model.start, name) for name in ("coupler", "end")
+    )
+    np.testing.assert_allclose(coupler @ [0.5, 0, 0, 1], end[:, 3], atol=1e-12)
+    np.testing.assert_allclose(coupler[:3, :3], end[:3, :3], atol=1e-12)
+
+
+def test_start_values_count_in_all_loops():
+    heel, toe = read_yaml(EXAMPLES / "leg.yaml", "leg")["loops"]
+    urdf, both = EXAMPLES / "leg.urdf", heel | {"start": heel["start"] | toe["start"]}
+    model = dd.load_urdf(urdf, loops=[toe | {"start": {}}, both])
+    expected = dd.load_urdf(urdf, loops=[heel, toe])
+    np.testing.assert_allclose(model.start, expected.start, atol=1e-12)
+    other = toe | {"start": toe["start"] | {"knee": -1.2}}
+    with pytest.raises(
+        dd.LoopError, match=r"'knee' is 1\.2 in loop 'heel' and -1\.2 in loop 'toe'"
+    ):
+        dd.load_urdf(urdf, loops=[heel, other])
+
+
+def test_motor_at_a_dead_point(monkeypatch):
+    """Crank and coupler are in line, and turn the rocker neither way."""
+    triangle = [(0.7, 0.5, 0.4), (0.4, 0.5, 0.7)]  # opposite: rocker; crank and coupler
+    crank, rocker = (np.arccos((a**2 + b**2 - c**2) / (2 * a * b)) for a, b, c in triangle)
+    start = {"j1": -crank, "j2": 0.0, "j3": rocker - np.pi}
+    bar = BAR | {"independent": [], "start": start}
+    assert dd.load_urdf(FOUR_BAR, loops=[bar]).followers  # without motors nothing to warn of
+    for choices in (reader.MAX_CHOICES, 0):
+        monkeypatch.setattr(reader, "MAX_CHOICES", choices)
+        with pytest.warns(dd.LoopWarning, match=r"'bar': .* dead point of motor 'j3', .*: j[12]\."):
+            model = dd.load_urdf(with_element(driven("j3")), loops=[bar])
+        assert "j3" in model.followers
 
 
 def parallelogram(angle):
