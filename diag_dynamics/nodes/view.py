@@ -70,8 +70,9 @@ REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED, 
 MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque, contact or load [s]."""
 
-REMOVAL_TIMEOUT, RETRY_PERIOD = 600.0, 5.0
-"""Time without a publisher after which a robot is removed, and until an unanswered request is repeated [s]."""
+REMOVAL_TIMEOUT, LOADING_TIMEOUT, RETRY_PERIOD = 10.0, 10.0, 5.0
+"""Time without a publisher after which a robot is removed, time without a model after which it gives way to another
+one, and time until an unanswered request is repeated [s]."""
 
 VECTORS = (
     "position",
@@ -149,7 +150,7 @@ class RobotSubscription:
         self.stream = RobotStream(
             self.namespace if is_usual else monitor, self._read, notifies=True
         )
-        self._subscriptions = {}
+        self._subscriptions, self._added_at = {}, time.monotonic()
         kinds = {
             "state": DiagonalizedState,
             "torque": ExternalTorque,
@@ -188,20 +189,27 @@ class RobotSubscription:
         return self._rejection or self._unreadable
 
     @property
+    def is_replaceable(self):
+        """Whether no robot was loaded within :data:`LOADING_TIMEOUT`."""
+        is_old = time.monotonic() - self._added_at > LOADING_TIMEOUT
+        return is_old and not self.stream.layout() and self._loader.loading is None
+
+    @property
     def has_gone(self):
-        """Whether the monitor has been away for :data:`REMOVAL_TIMEOUT`."""
-        return time.monotonic() - self._published_at > REMOVAL_TIMEOUT
+        """Whether the monitor has had no publisher for :data:`REMOVAL_TIMEOUT`."""
+        is_old = time.monotonic() - self._published_at > REMOVAL_TIMEOUT
+        return is_old and not self._publishers
 
     def update(self):
         """Request the monitor's parameters if they are unknown or may have changed; called once a second."""
         self._show_diagnostics()
         infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
         publishers, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
+        self._is_outdated |= publishers != self._publishers  # a monitor has started
+        self._publishers = publishers
         if not publishers:
             return
         self._published_at = now
-        self._is_outdated |= publishers != self._publishers  # a monitor has started
-        self._publishers = publishers
         is_due = self._requested_at is None or now - self._requested_at >= RETRY_PERIOD
         if is_due and self._is_outdated and self._client.service_is_ready():
             self._requested_at = now
@@ -466,7 +474,8 @@ class ViewNode(TableNode, Node):
             raise InputError(
                 f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}."
             )
-        self._robots, self._folders = {}, folders_of(values["mesh_folders"])
+        self._robots, self._replaced_at = {}, {}
+        self._folders = folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
         self._server = PageServer(self._streams, *address, values["rate"], values["tabs"], on_push)
         self._server.start()
@@ -496,11 +505,15 @@ class ViewNode(TableNode, Node):
         return [robot.stream for _, robot in sorted(self._robots.copy().items())]
 
     def _find_monitors(self):
-        """Find monitors. A robot whose monitor has gone stays for a time, with the age of its last state."""
-        for topic in topics_of(self, KIND):
-            monitor = topic.removesuffix(STATE)
-            if topic.endswith(STATE) and monitor not in self._robots and self._is_selected(monitor):
-                self._add_robot(monitor)
+        """Find monitors. A robot stays for :data:`REMOVAL_TIMEOUT` after its monitor has gone."""
+        topics = [topic for topic in topics_of(self, KIND) if topic.endswith(STATE)]
+        monitors = [topic.removesuffix(STATE) for topic in topics]
+        self._replaced_at = {
+            monitor: t for monitor, t in self._replaced_at.items() if monitor in monitors
+        }
+        new = [name for name in monitors if name not in self._robots and self._is_selected(name)]
+        for monitor in sorted(new, key=lambda name: self._replaced_at.get(name, 0.0)):
+            self._add_robot(monitor)
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
@@ -514,11 +527,16 @@ class ViewNode(TableNode, Node):
         return not wanted or bool(wanted & {monitor, monitor.rpartition("/")[0] or "/"})
 
     def _add_robot(self, monitor):
+        """Add a robot; of :data:`MAX_ROBOTS` it replaces one that was never loaded."""
         if len(self._robots) >= MAX_ROBOTS:
-            self.get_logger().warning(
-                f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True
-            )
-            return
+            idle = [name for name, robot in self._robots.items() if robot.is_replaceable]
+            if not idle:
+                self.get_logger().warning(
+                    f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True
+                )
+                return
+            self._robots.pop(idle[0]).destroy()
+            self._replaced_at[idle[0]] = time.monotonic()
         self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
 
     def _receive_diagnostics(self, message):

@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from diag_dynamics.msg import Contact, ExternalTorque, Load
+from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.srv import SetPayload
 from rclpy.serialization import serialize_message
 
@@ -219,6 +219,29 @@ def test_other_robots_are_found(peer, monitor, view):
         robots = {one["name"]: one["robot"] for one in get_json(view.node.address, "/robots")}
         assert robots == {"/arm": "panda", "/other": "ur5"}
         assert get_json(view.node.address, "/layout?robot=/other")["robot"] == "ur5"
+
+
+def test_publishers_without_a_robot_shut_no_robot_out(peer, start_view, monitor, monkeypatch):
+    """They give way to a monitor, and leave the list after their publisher."""
+    monkeypatch.setattr("diag_dynamics.nodes.view.LOADING_TIMEOUT", 0.0)
+    monkeypatch.setattr("diag_dynamics.nodes.view.MAX_ROBOTS", 3)
+    junk = peer.extra_node("junk", "/")
+    for k in range(4):
+        junk.create_publisher(DiagonalizedState, f"/a{k}/diag_dynamics/state", 1)
+    with (
+        start_view("-r", "__node:=crowded_view") as view,
+        start_monitor(peer, UR5, "/z"),
+    ):
+        assert len(get_json(view.node.address, "/robots")) == 3
+        peer.wait_until(lambda: "Showing robot 'ur5' of /z/" in view.output, "the robot")
+        peer.pass_time(3.0)  # a loaded robot stays
+        assert get_json(view.node.address, "/layout?robot=/z")["robot"] == "ur5"
+        peer.drop_node(junk)
+        monkeypatch.setattr("diag_dynamics.nodes.view.LOADING_TIMEOUT", 60.0)
+        monkeypatch.setattr("diag_dynamics.nodes.view.REMOVAL_TIMEOUT", 0.0)
+        peer.pass_time(1.5)
+        names = [one["name"] for one in get_json(view.node.address, "/robots")]
+        assert names == ["/arm", "/z"]
 
 
 def test_restart_of_the_monitor(peer, view):
