@@ -260,13 +260,15 @@ _WRENCH = {
     ),
     "external_wrench.max_force_deviation": Spec(
         10.0,
-        "Standard deviation of a force above which its direction counts as unobserved [N].",
+        "Standard deviation of a force above which its direction is unobserved [N]; "
+        "~/external_wrench is not published then.",
         1e-6,
         1e6,
     ),
     "external_wrench.max_torque_deviation": Spec(
         1.0,
-        "Standard deviation of a torque above which its direction counts as unobserved [N m].",
+        "Standard deviation of a torque above which its direction is unobserved [N m]; "
+        "~/external_wrench is not published then.",
         1e-6,
         1e6,
     ),

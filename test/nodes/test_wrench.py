@@ -13,7 +13,7 @@ from diag_dynamics.nodes.monitor.outputs import frame_token
 from nodes import PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, Motion
 
-HAND, FOREARM = "panda_hand", "panda_link4"
+HAND, WRIST = "panda_hand", "panda_link7"
 FORCE = np.array([8.0, -15.0, 11.0, 0.7, -1.2, 0.4])
 """Wrench on the hand, in its axes at its origin [N, N m]."""
 LIMITS = 10.0, 1.0
@@ -46,14 +46,14 @@ class Frames:
     def __init__(self, monitor):
         self.monitor, self.peer = monitor, monitor.peer
         self.hand = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
-        self.forearm = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench/{FOREARM}")
+        self.wrist = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench/{WRIST}")
         self.estimates = self.peer.topic(
             ExternalWrench, f"{monitor.name}/external_wrench_estimates"
         )
 
     def feed(self, *states):
         """Publish states and forget earlier messages; return the stamps."""
-        for topic in (self.hand, self.forearm, self.estimates):
+        for topic in (self.hand, self.wrist, self.estimates):
             topic.forget()
         stamps = []
         for q, qd, tau in states:
@@ -72,7 +72,7 @@ class Frames:
 def running(peer):
     """Start a monitor of the Panda with two frames."""
     values = TORQUE | {
-        "external_wrench.frames": f"[{HAND}, {FOREARM}]",
+        "external_wrench.frames": f"[{HAND}, {WRIST}]",
         "robot_description": ARM.path,
     }
     with Monitor(peer, "/wrench", outputs=["state"], **values) as monitor:
@@ -129,21 +129,35 @@ def test_weights_of_the_noise(frames):
 def test_no_wrench_without_a_result(frames):
     """A controller receives nothing; the estimates say so, with zeros."""
     state = pushed(FORCE)(0)
-    with frames.monitor.having(**EVERY):
+    with frames.monitor.having(**WIDE, **EVERY):
         frames.feed(*[state] * 10)
         frames.feed(*[(*state[:2], None)] * 3)
-    assert not frames.hand.messages and not frames.forearm.messages
-    for one in frames.at(HAND) + frames.at(FOREARM):
+    assert not frames.hand.messages and not frames.wrist.messages
+    for one in frames.at(HAND) + frames.at(WRIST):
         assert not one.valid and not vector(one.wrench).any() and not np.any(one.covariance)
         assert not one.unobserved and one.chi_square == 0.0
-    assert len(frames.at(HAND)) == len(frames.at(FOREARM)) == 3
-    frames.feed(*[state] * 2)
+    assert len(frames.at(HAND)) == len(frames.at(WRIST)) == 3
+    with frames.monitor.having(**WIDE):
+        frames.feed(*[state] * 2)
     assert frames.hand.messages and frames.at(HAND)[0].valid
+
+
+def test_no_wrench_with_unobserved_directions(frames):
+    """A zero there would be no measurement. Estimates name the directions, log and diagnostics the loss."""
+    begin = len(frames.monitor.reports)
+    frames.feed(*[pushed(FORCE)(0)] * 10)
+    assert not frames.hand.messages and not frames.wrist.messages
+    for frame in (HAND, WRIST):
+        assert [bool(one.unobserved) for one in frames.at(frame) if one.valid].count(True) >= 4
+    key = "wrenches with unobserved directions"
+    frames.monitor.wait_for_report(lambda report: report.count(key), key, begin)
+    assert "No external wrench at panda_hand" in frames.monitor.process.output
 
 
 def test_default_rate(frames):
     """Without a parameter the rate is at most 250 Hz."""
-    frames.feed(*[pushed(FORCE)(0)] * 21)
+    with frames.monitor.having(**WIDE):
+        frames.feed(*[pushed(FORCE)(0)] * 21)
     stamps = [nanoseconds(one.header.stamp) for one in frames.at(HAND)]
     assert set(np.diff(stamps)) == set(np.diff(frames.hand.stamps)) == {4_000_000}
 
@@ -151,24 +165,23 @@ def test_default_rate(frames):
 def test_rates(frames):
     """Each topic has a rate of its own, which all frames share."""
     rates = {"max_rate.external_wrench": 100.0, "max_rate.external_wrench_estimates": 50.0}
-    with frames.monitor.having(**rates):
+    with frames.monitor.having(**rates, **WIDE):
         frames.feed(*[pushed(FORCE)(0)] * 101)
     assert (
-        set(np.diff(frames.hand.stamps)) == {5 * STEP}
-        and frames.hand.stamps == frames.forearm.stamps
+        set(np.diff(frames.hand.stamps)) == {5 * STEP} and frames.hand.stamps == frames.wrist.stamps
     )
     assert set(np.diff([nanoseconds(one.header.stamp) for one in frames.at(HAND)])) == {10 * STEP}
-    assert len(frames.at(HAND)) == len(frames.at(FOREARM))
+    assert len(frames.at(HAND)) == len(frames.at(WRIST))
 
 
 def test_frames_of_a_running_node(frames):
     """The first frame has the topic without a name; links of another robot are an error."""
     name = "external_wrench.frames"
-    with frames.monitor.having(**{name: [FOREARM, HAND]}, **WIDE):
+    with frames.monitor.having(**{name: [WRIST, HAND]}, **WIDE):
         hand = frames.peer.topic(WrenchStamped, f"{frames.monitor.name}/external_wrench/{HAND}")
         frames.feed(*[pushed(FORCE)(0)] * 400)
         np.testing.assert_allclose(vector(hand.messages[-1].wrench), FORCE, rtol=1e-6)
-        assert frames.hand.messages[-1].header.frame_id == FOREARM and not frames.forearm.messages
+        assert frames.hand.messages[-1].header.frame_id == WRIST and not frames.wrist.messages
     result = frames.monitor.set_parameters({name: ["tool0"]})
     assert not result.successful
     assert (

@@ -135,7 +135,8 @@ class TorqueWatch:
     `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe the
     last one of this interval of reports. `is_judged` is whether there are thresholds of collisions,
     `covariance` the noise of m r, None if it is unknown. `load` is a LoadWatch or None. `contact_torque`
-    is m r without that load; detectors and forces are about it.
+    is m r without that load; detectors and forces are about it. `withheld_wrenches` counts external
+    wrenches that are not published in this interval.
     """
 
     def __init__(self, dynamics, observation, link):
@@ -219,6 +220,7 @@ class TorqueWatch:
     def start_interval(self):
         """Start a report interval."""
         self._count, self._valid, self._largest = 0, 0, 0.0
+        self.withheld_wrenches = 0
         self.cause = self.contact_cause = ""
 
     def accept_state(self, state):
@@ -274,6 +276,8 @@ class TorqueWatch:
         values = {"collisions": self._alarm.count}
         values |= {"contacts": self._contact.count} if self._contact else {}
         values["states without result"] = self._count - self._valid
+        if self.withheld_wrenches:
+            values["wrenches with unobserved directions"] = self.withheld_wrenches
         if self._valid:
             values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
         if self.seen.valid:

@@ -297,7 +297,16 @@ class MonitorNode(TableNode, Node):
             ),
         )
         if robot.settings.frames:
-            self._outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)
+            withheld = self._outputs.publish_wrenches(
+                state.newest, robot.wrench, robot.encoder, state
+            )
+            watch.withheld_wrenches += len(withheld)
+            if withheld:
+                self.get_logger().warning(
+                    f"No external wrench at {plain(', '.join(withheld))}: the joints do not observe "
+                    "all directions (docs/external-wrench.md).",
+                    throttle_duration_sec=5.0,
+                )
         if watch.load:
             self._publish_load(robot, state)
         if alarm:

@@ -108,7 +108,12 @@ class Outputs:
         )
 
     def publish_wrenches(self, stamp, estimate, encoder, state):
-        """Publish the external wrench at each frame, which `estimate` returns, None without a result."""
+        """Publish the external wrench at each frame, which `estimate` returns, None without a result.
+
+        Return the subscribed frames at which a direction is not observed. These have no
+        WrenchStamped, since a controller would take a zero for a measurement.
+        """
+        withheld = []
         heard = {
             frame for frame, publisher in self._frames.items() if publisher.get_subscription_count()
         }
@@ -120,12 +125,13 @@ class Outputs:
         )
         for frame in self._frames if in_detail else heard:
             found = estimate(frame)
-            if (
-                frame in heard and found
-            ):  # a controller must not receive a wrench that nothing has measured
+            if frame in heard and found and found.observed.all():
                 self._frames[frame].publish(encoder.external_wrench(frame, found, state))
+            elif frame in heard and found:
+                withheld.append(frame)
             if in_detail:
                 estimates.publish(encoder.external_wrench_estimates(frame, found, state))
+        return withheld
 
     def _due(self, topic, stamp):
         limit = self._limits.get(topic)
