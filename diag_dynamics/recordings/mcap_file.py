@@ -31,6 +31,7 @@ FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
 """Kinds of records; those from `PRIVATE` on are not of the format."""
 COMPRESSIONS = {"": "zlib", "zstd": "zstandard", "lz4": "lz4.frame"}
 MAX_SIZE = 1 << 30  # maximum size of a chunk, a message, a declaration and a summary [bytes]
+UNWRITTEN = bytes(512)  # a sector at the end of a chunk that a crash left empty
 RUN = 1 << 20  # records outside of chunks are read in parts of this size [bytes]
 LAST_TIME = (1 << 63) - 1  # latest log time that int64 holds [ns]
 UNDECLARED, SKIPPED = -2, -1
@@ -143,6 +144,8 @@ class McapFile:
                 self._lose(
                     f"byte {at}", f"{what}: {stop - at} bytes (`mcap recover` may find more)"
                 )
+                if opcode == CHUNK and size <= MAX_SIZE:
+                    self._add_part(Part(at, end - at))
                 return
             if opcode == CHUNK:
                 self._add_part(Part(at, end - at))
@@ -174,18 +177,31 @@ class McapFile:
         return end or part.size
 
     def _read_content(self, part):
-        """Return the records of a part; None if it is damaged."""
+        """Return the records of a part, those before the cut if it is cut; None if it is damaged."""
         try:
             with open(self._path, "rb") as file:
                 file.seek(part.at)
                 raw = file.read(min(part.size, MAX_SIZE))
-            return _decompress(raw, part.size) if part.is_chunk else raw
+            return self._unpack(part, raw) if part.is_chunk else raw
         except InputError:  # a package is missing
             raise
         except Exception as error:
             lost = f"{part.count} messages" if part.count else f"{part.size} bytes"
             self._lose(str(part), f"{describe_error(error)}: {lost}")
             return None
+
+    def _unpack(self, part, raw):
+        """Return the records of a chunk, whose CRC is checked unless its end is missing."""
+        library, chunk = _read_chunk(raw, part.size)
+        if len(raw) < part.size:  # found and named by _scan
+            return _decompress_begin(library, chunk)
+        try:
+            return _decompress(chunk)
+        except Exception:
+            if not raw.endswith(UNWRITTEN):
+                raise
+            self._lose(str(part), "its end is empty: all records there")
+            return _decompress_begin(library, chunk)
 
     def _read_messages(self, part, places):
         """Return the messages of a part; None if there are none."""
@@ -244,9 +260,9 @@ def _read_heads(content, starts):
     return np.ndarray((max(0, len(content) - 30),), "V31", content, 0, (1,))[starts].view(HEAD)
 
 
-def _decompress(raw, size):
-    """Return the records of a chunk, whose CRC is checked."""
-    if len(raw) < size or _RECORD.unpack_from(raw) != (CHUNK, size - 9):
+def _read_chunk(raw, size):
+    """Return the library of the compression of a chunk, and the chunk."""
+    if len(raw) < 9 or _RECORD.unpack_from(raw) != (CHUNK, size - 9):
         raise DamageError("the bytes are not a chunk")
     chunk = Chunk.read(ReadDataStream(BytesIO(raw[9:])))
     name, length = chunk.compression, chunk.uncompressed_size
@@ -257,7 +273,24 @@ def _decompress(raw, size):
         name == "zstd" and library.frame_content_size(chunk.data) not in sizes
     ):
         raise DamageError(f"{length} bytes is not the uncompressed size")
+    return library, chunk
+
+
+def _decompress(chunk):
+    """Return the records of a whole chunk."""
     stream, count = get_chunk_data_stream(chunk, validate_crc=True)
-    if count != length:
-        raise DamageError(f"it has {count} bytes of records; expected {length}")
+    if count != chunk.uncompressed_size:
+        raise DamageError(f"it has {count} bytes of records; expected {chunk.uncompressed_size}")
     return stream.read(count)
+
+
+def _decompress_begin(library, chunk):
+    """Return the records of a chunk before the first byte that is missing."""
+    data, length = chunk.data, chunk.uncompressed_size
+    if data.endswith(UNWRITTEN):
+        data = data.rstrip(b"\0")
+    if chunk.compression == "zstd":
+        return library.ZstdDecompressor().stream_reader(data).read(length)
+    if chunk.compression == "lz4":
+        return library.LZ4FrameDecompressor().decompress(data, length)
+    return data

@@ -300,6 +300,19 @@ def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
         assert set(numbers) <= set(range(25)) and (len(numbers) == 25 or findings), at
 
 
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+@pytest.mark.parametrize("is_cut", [True, False])
+def test_mcap_whose_only_chunk_has_no_end(tmp_path, compression, is_cut):
+    """The states before the cut are read, or before what a crash left unwritten."""
+    path = write_mcap(tmp_path / "x.mcap", numbered(4000), compression, chunk_size=1 << 22)
+    content = path.read_bytes()
+    half = content[: len(content) // 2]
+    path.write_bytes(half if is_cut else half.ljust(len(content), b"\0"))
+    numbers, findings = read(path)
+    assert numbers == list(range(len(numbers))) and 1000 < len(numbers) < 3000
+    assert unread(findings)
+
+
 HUGE = st.sampled_from([b"\xff" * 8, b"\0" * 8, b"\xff\xff\xff\x7f\0\0\0\0", b"\xff" * 7 + b"\x7f"])
 
 
