@@ -7,6 +7,7 @@ import bz2
 import gzip
 import lzma
 import random
+import re
 import sys
 import zipfile
 from decimal import Decimal
@@ -790,6 +791,18 @@ def test_iso_times_without_seconds_and_in_headers(written):
     assert read(written(text)).stamp.tolist() == [
         (1_699_999_980 + 60 * k) * 10**9 for k in range(3)
     ]
+
+
+@pytest.mark.parametrize("time", ["05/13/2024 2:03:07 PM", "13.05.2024 14:03:07", "14:03:07.5"])
+def test_times_of_another_form(written, time):
+    """The error has examples that are read, and a column map that reads the rows as they are."""
+    text = f"t,q1,qd1\n{time},1,0\n{time},1,0\n"
+    with pytest.raises(dd.InputError, match=f"such as '{time}'; expected .* ISO 8601") as caught:
+        read(written(text))
+    for example in re.findall(r"'(20.*?)'", str(caught.value)):
+        assert len(read(written(f"t,q1,qd1\n{example},1,0\n"))) == 1
+    assert "`time: null` and `rate: HZ`" in str(caught.value)
+    assert len(read(written(text), {"time": None, "rate": 100.0})) == 2
 
 
 def test_texts_that_are_no_times(written):

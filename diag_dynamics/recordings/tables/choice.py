@@ -213,7 +213,10 @@ def _require_type(key, column):
     valid, expected = column.numeric and not column.moments, "numbers in one or two dimensions"
     if key == "time":
         valid = (column.numeric or column.moments) and not column.width
-        expected = "numbers or ISO 8601 times"
+        expected = (
+            "numbers, or times in ISO 8601 such as '2024-05-13T14:03:07.25' or '2024-05-13 "
+            "14:03:07+02:00'. Convert the column, or set `time: null` and `rate: HZ` in a column map"
+        )
     elif key == "names":
         valid, expected = not column.numeric and not column.width, "texts"
     if not valid:
