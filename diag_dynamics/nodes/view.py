@@ -32,7 +32,7 @@ from diag_dynamics.nodes.support.diagnostics import (
     counted,
     shortened,
 )
-from diag_dynamics.nodes.support.graph import topics_of
+from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.page.forces import ForceOptions
@@ -40,7 +40,7 @@ from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
-from diag_dynamics.page.stream import Received, RobotStream, compile_frames
+from diag_dynamics.page.stream import SEVERITY, Received, RobotStream, compile_frames
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import observation_of
 from diag_dynamics.parameters.robots import model_of
@@ -135,6 +135,8 @@ class RobotSubscription:
     ----------
     monitor, namespace : str
     stream : RobotStream
+    difference : str
+        Why the robot differs from the monitor's; empty if it does not.
     """
 
     def __init__(self, node, monitor, folders):
@@ -180,13 +182,13 @@ class RobotSubscription:
             False,
             (),
         )
-        self._diagnostics, self._rejection, self._unreadable = {}, "", ""
+        self._diagnostics, self._faults, self.difference = {}, {}, ""
         self.stream.set_waiting(f"waiting for the parameters of {monitor}")
 
     @property
     def fault(self):
         """Why the robot or its states cannot be shown; empty if nothing is wrong."""
-        return self._rejection or self._unreadable
+        return "; ".join(self._faults.values())
 
     @property
     def is_replaceable(self):
@@ -204,17 +206,23 @@ class RobotSubscription:
         """Request the monitor's parameters if they are unknown or may have changed; called once a second."""
         self._show_diagnostics()
         infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
-        publishers, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
-        self._is_outdated |= publishers != self._publishers  # a monitor has started
-        self._publishers = publishers
-        if not publishers:
+        endpoints, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
+        self._is_outdated |= endpoints != self._publishers  # a monitor has started
+        self._publishers = endpoints
+        if not endpoints:
             return
         self._published_at = now
+        if self._values is None:
+            self._set_fault("parameters", self._explain_missing_parameters())
+        elif not self._values["robot_description"] and not self._description:
+            self._set_fault("description", self._explain_missing_description())
         is_due = self._requested_at is None or now - self._requested_at >= RETRY_PERIOD
         if is_due and self._is_outdated and self._client.service_is_ready():
             self._requested_at = now
             request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
-            request.add_done_callback(lambda future: attempt(self._receive_parameters, future))
+            request.add_done_callback(
+                lambda future: self._try("parameters", self._receive_parameters, future)
+            )
 
     def set_diagnostics(self, statuses):
         """Show statuses of this robot's nodes."""
@@ -242,7 +250,7 @@ class RobotSubscription:
         }
         statuses = sorted(
             (about for _, about in self._diagnostics.values()),
-            key=lambda one: (-one["level"], one["name"]),
+            key=lambda one: (-SEVERITY[one["level"]], one["name"]),
         )
         self.stream.set_diagnostics(statuses)
 
@@ -259,9 +267,55 @@ class RobotSubscription:
             kind, name, callback, NEWEST, raw=True
         )
 
+    # --- Faults ---
+
+    def _set_fault(self, source, text):
+        """Show and log why something failed; an empty text removes the fault."""
+        if text == self._faults.get(source, ""):
+            return
+        self._faults = {name: old for name, old in self._faults.items() if name != source}
+        if text:
+            self._faults[source] = text = shortened(text)
+            self._node.get_logger().error(text)
+        self.stream.set_error(self.fault)
+
+    def _try(self, source, action, *arguments):
+        """Return the result of an action, None if it fails; the fault stays until an action has a result."""
+        result, fault = attempt(action, *arguments)
+        if fault:
+            self._set_fault(source, f"{source} of {self.monitor}: {fault.reason}")
+        elif result is not None:
+            self._set_fault(source, "")
+        return result
+
+    def _explain_missing_parameters(self):
+        """Return why the monitor's parameters do not come; empty if they may."""
+        topic, service = f"{self.monitor}/state", f"{self.monitor}/get_parameters"
+        names, _ = publishers(self._node, self._subscriptions["state"], KIND)
+        others = [name for name in names if name not in (self.monitor, NOT_YET_KNOWN)]
+        if others:
+            return (
+                f"publisher of {topic} is {', '.join(others)}; expected {self.monitor}. "
+                "The page requires the model of a monitor."
+            )
+        if time.monotonic() - self._added_at > LOADING_TIMEOUT:
+            return f"{service} has no answer; expected the model's parameters. Restart the monitor."
+        return ""
+
+    def _explain_missing_description(self):
+        """Return why the description does not come; empty if it may."""
+        subscription = self._subscriptions["robot_description"]
+        names, problems = publishers(self._node, subscription, "std_msgs/msg/String")
+        if problems:
+            return "; ".join(problems.values())
+        if self._count and not names:
+            return f"{self._topic} has no publisher; expected one. Start robot_state_publisher."
+        return ""
+
     # --- The model ---
 
     def _receive_description(self, message):
+        self._set_fault("description", "")
         self._description = message.data
         self._load()
 
@@ -277,6 +331,7 @@ class RobotSubscription:
         defaults = {name: MONITOR[name].default for name in (*SHARED, *OBSERVED)}
         self._values = defaults | {"robot_description": ""} | known
         self._load()
+        return self._values
 
     def _load(self):
         """Load the robot as the monitor has it, unless it is loaded already."""
@@ -292,20 +347,22 @@ class RobotSubscription:
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):
-        """Return the dynamics, scene, meshes and ForceOptions of a robot; in a thread."""
+        """Return dynamics, scene, meshes and ForceOptions of a robot, and why it differs from the monitor's.
+
+        It is called in a thread.
+        """
         source = (
             description if values["robot_description"] else description.encode(errors="replace")
         )
         with handle_warnings(lambda text: None):  # the monitor logs them
-            text = read_source(source).text
+            text, difference = read_source(source).text, ""
             try:
                 model = model_of(text, values)
-            except InputError:
+            except InputError as error:  # as for a file of another machine
                 if not values["parameters_file"]:
                     raise
-                model = model_of(
-                    text, values | {"parameters_file": ""}
-                )  # a file of another machine
+                model = model_of(text, values | {"parameters_file": ""})
+                difference = f"the page shows the model without parameters_file: {error}"
         meshes = MeshLibrary(
             [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
         )
@@ -314,23 +371,26 @@ class RobotSubscription:
             ForceOptions.of(observation_of(values), values, model),
         )
         compile_frames(dynamics, forces)
-        return dynamics, scene_of(model, text, meshes), meshes, forces
+        return dynamics, scene_of(model, text, meshes), meshes, forces, shortened(difference)
 
     def _take_robot(self, loaded, *_):
-        if isinstance(loaded, Exception):
-            self._rejection = shortened(
-                f"the page cannot show the robot of {self.monitor}: {loaded}"
-            )
-            self.stream.set_waiting(self._rejection)
-            self._node.get_logger().error(self._rejection)
+        if self._try("robot", self._show_robot, loaded) is None:
             self._loaded, self._is_outdated = None, True  # try again
-            return
-        self.stream.set_robot(*loaded)
-        name, missing = loaded[0].model.name, loaded[2].missing
-        self._rejection = ""
-        self._node.get_logger().info(f"Showing robot '{name}' of {self.monitor}.")
-        for why in list(missing.values())[:3]:
-            self._node.get_logger().warning(f"Robot '{name}' lacks a mesh: {shortened(why)}")
+
+    def _show_robot(self, loaded):
+        """Show a loaded robot and return its model; raise the error of its loading."""
+        if isinstance(loaded, Exception):
+            raise loaded
+        *robot, difference = loaded
+        dynamics, _, meshes, _ = robot
+        self.stream.set_robot(*robot, difference)
+        name, log, self.difference = dynamics.model.name, self._node.get_logger(), difference
+        log.info(f"Showing robot '{name}' of {self.monitor}.")
+        for why in list(meshes.missing.values())[:3]:
+            log.warning(f"Robot '{name}' lacks a mesh: {shortened(why)}")
+        if difference:
+            log.warning(f"Robot '{name}' differs from the monitor's: {difference}")
+        return dynamics.model
 
     # --- States ---
 
@@ -341,13 +401,7 @@ class RobotSubscription:
 
     def _read(self, dynamics):
         """Return the newest state as :class:`~diag_dynamics.page.stream.Received`; called in the page's thread."""
-        received, fault = attempt(self._read_state, dynamics)
-        if fault:
-            self._unreadable = f"the page cannot read states of {self.monitor}: {fault.reason}"
-            self._node.get_logger().error(self._unreadable, throttle_duration_sec=5.0)
-        elif received:
-            self._unreadable = ""
-        return received
+        return self._try("states", self._read_state, dynamics)
 
     def _read_state(self, dynamics):
         if "state" not in self._newest:
@@ -550,7 +604,8 @@ class ViewNode(TableNode, Node):
                 robot.set_diagnostics(statuses)
 
     def _report(self):
-        faults = [robot.fault for robot in self._robots.values() if robot.fault]
+        robots = self._robots.values()
+        faults = [text for robot in robots for text in (robot.fault, robot.difference) if text]
         shown = {
             "address": self.address,
             "tabs": self._server.streams,

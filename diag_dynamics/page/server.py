@@ -257,6 +257,9 @@ class PageServer:
         try:
             with suppress(OSError):  # the reader has left
                 await self._send(ws, request, robot, news, min(self._rate, max(0.1, hz)))
+        except Exception as error:
+            logger.exception("The stream of robot %s ended.", plain(robot.name))
+            await ws.close(code=4500, message=plain(f"internal error: {error!r}").encode()[:120])
         finally:
             robot.listeners.discard(wake)
             self._news.discard(news)

@@ -20,6 +20,9 @@ from diag_dynamics.page.layout import links_of_dofs, thresholds_of
 STALE = 1.0
 """Age of the last state above which a robot is not alive [s]."""
 
+SEVERITY, ERROR = (0, 2, 3, 1), 3
+"""Severity of each level of diagnostics, of which STALE is 3, and that of an error."""
+
 RATE_PERIOD = 0.5
 """Shortest time over which the rate of states is measured [s]."""
 
@@ -89,6 +92,7 @@ class RobotStream:
         self._forces = NO_FORCES
         self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
         self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
+        self._error = self._diagnosed_error = self._difference = ""
         self._counted, self._since = 0, 0.0
 
     def notify(self):
@@ -96,8 +100,11 @@ class RobotStream:
         for listener in tuple(self.listeners):
             listener()
 
-    def set_robot(self, dynamics, scene=None, meshes=None, forces=NO_FORCES):
-        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on."""
+    def set_robot(self, dynamics, scene=None, meshes=None, forces=NO_FORCES, difference=""):
+        """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on.
+
+        `difference` is why it differs from the monitor's robot, if it does.
+        """
         with self._lock:
             self._dynamics, self._scene, self._meshes, self._forces = (
                 dynamics,
@@ -110,7 +117,12 @@ class RobotStream:
                 None,
                 end_effector_link(dynamics.model),
             )
+            self._difference = difference
             self._lay_out((), ())
+
+    def set_error(self, reason):
+        """Set the reason for which robot or states will not come; empty: they may."""
+        self._error = reason
 
     def set_waiting(self, reason):
         """Set the reason why no state comes; the last state stays, with its age."""
@@ -118,12 +130,13 @@ class RobotStream:
 
     def set_diagnostics(self, statuses):
         """Set the newest diagnostics, a list of dicts: level, name, message and values of each."""
-        worst = max(statuses, key=lambda status: status["level"], default={"level": 0})
+        worst = max(statuses, key=lambda status: SEVERITY[status["level"]], default={"level": 0})
         with self._lock:
             self._worst = ""
             if worst["level"]:
                 name = worst["name"].partition(": ")[2] or worst["name"]
                 self._worst = f"{name}: {worst['message']}"
+            self._diagnosed_error = self._worst if SEVERITY[worst["level"]] == ERROR else ""
             if (text := json.dumps(statuses)) != self._diagnostics[1]:
                 self._diagnostics = self._diagnostics[0] + 1, text
 
@@ -150,7 +163,10 @@ class RobotStream:
             return self._meshes.data(sha) if self._meshes else None
 
     def about(self):
-        """Return name, robot, whether it is alive, age and rate of its states and why there is none, for JSON."""
+        """Return name, robot, whether it is alive, age and rate of its states, for JSON.
+
+        `waiting` is why there is no state, `error` why none will come, `difference` that of :meth:`set_robot`.
+        """
         with self._lock:
             self._refresh()
             age = time.monotonic() - self._last.received if self._last else None
@@ -163,6 +179,8 @@ class RobotStream:
             return {
                 **{"name": self.name, "robot": robot, "alive": alive},
                 **{"age": age, "rate": self._rate, "waiting": waiting},
+                "error": self._error or (self._diagnosed_error if age is None else ""),
+                "difference": self._difference,
             }
 
     def _lay_out(self, limits, points):

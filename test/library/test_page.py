@@ -374,6 +374,13 @@ def test_why_no_state_comes():
         ]
     )
     assert stream.about()["waiting"] == "joint states: rejected: no joint 'elbow'"
+    assert stream.about()["error"] == ""
+    error = {"level": 2, "name": "/arm/monitor: model", "message": "rejected"}
+    stale = {"level": 3, "name": "/arm/monitor: loops", "message": "no states"}
+    stream.set_diagnostics([stale, error])
+    assert stream.about()["error"] == "model: rejected"
+    stream.set_error("no description")
+    assert stream.about()["error"] == "no description"
     stream.set_waiting("waiting for robot_description")
     assert stream.about()["waiting"] == "waiting for robot_description"
 

@@ -241,6 +241,15 @@ def test_streams_that_are_rejected(address, query, code):
     assert (found, "expected" in reason or "hz" in reason) == (code, True)
 
 
+def test_a_stream_that_fails_names_the_error(serve):
+    """The page shows it as an error."""
+    arm = Robot(PANDA)
+    arm.serve()
+    address = serve(arm.stream)
+    arm.stream.read = arm.stream.newest = lambda _: 1 / 0
+    assert rejected(address) == (4500, "internal error: ZeroDivisionError('division by zero')")
+
+
 @pytest.mark.parametrize(
     ("hz", "served"), [(10, 10.0), (1000, 50.0), ("nan", 0.1), (-1, 0.1), ("1e999", 50.0)]
 )

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.srv import SetPayload
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
+from std_msgs.msg import String
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.nodes.view import MessageReader
-from nodes import PANDA, UR5, Monitor, S, nanoseconds, robot
+from nodes import LATCHED, PANDA, UR5, Monitor, S, nanoseconds, robot
 from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 
 FIELDS = {name: name for name in ("nu", "epsilon", "coriolis", "gravity", "effort")} | {
@@ -172,8 +174,10 @@ def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
         state = peer.publisher(type(message), "/arm/diag_dynamics/state")
         state.publish(message)
         peer.wait_until(lambda: "nu has 7 entries; expected 8" in view.output, "an error")
+        stream.next(HEARTBEAT, lambda beat: "nu has 7 entries" in beat["error"])
         monitor.serves(panda, 1)
         frame_of(stream, monitor.now)
+        stream.next(HEARTBEAT, lambda beat: not beat["error"])
 
 
 def test_it_only_reads(peer, monitor, view):
@@ -219,6 +223,50 @@ def test_other_robots_are_found(peer, monitor, view):
         robots = {one["name"]: one["robot"] for one in get_json(view.node.address, "/robots")}
         assert robots == {"/arm": "panda", "/other": "ur5"}
         assert get_json(view.node.address, "/layout?robot=/other")["robot"] == "ur5"
+
+
+def error_of(view, name):
+    """Return the error of a robot on the page."""
+    (robot,) = (one for one in get_json(view.node.address, "/robots") if one["name"] == name)
+    return robot["error"]
+
+
+def test_what_will_never_come_is_an_error(peer, view):
+    """Parameters of a player, a description that is not latched, and one that the page rejects."""
+    player = peer.extra_node("player", "/")
+    player.create_publisher(DiagonalizedState, "/played/diag_dynamics/state", 1)
+    described = peer.extra_node("describer", "/")
+    with Monitor(peer, "/empty"):
+        described.create_publisher(String, "/empty/robot_description", 1)  # not latched
+        peer.pass_time(3.0)
+        assert "/played/diag_dynamics/state is /player; expected" in error_of(view, "/played")
+        assert "QoS of /describer" in error_of(view, "/empty")
+        peer.drop_node(described)
+        publisher = peer.publisher(String, "/empty/robot_description", LATCHED)
+        publisher.publish(String(data="<robot"))
+        peer.pass_time(3.0)
+        assert "robot of /empty/diag_dynamics: " in error_of(view, "/empty")
+        publisher.publish(String(data=XACRO.replace("$(arg side)_", "")))
+        peer.pass_time(3.0)
+        assert error_of(view, "/empty") == ""
+        peer.node.destroy_publisher(publisher)
+    peer.drop_node(player)
+
+
+def test_a_robot_without_its_parameters_file(peer, view, panda, tmp_path):
+    """Page and diagnostics say that a file of the monitor's machine is missing here."""
+    path = tmp_path / "arm.yaml"
+    path.write_text("{}")
+    reports = peer.topic(DiagnosticArray, "/diagnostics")
+    with Monitor(peer, "/far", robot_description=panda.path, parameters_file=str(path)) as monitor:
+        path.unlink()
+        peer.pass_time(3.0)
+        with stream_of(view, "/far") as stream:
+            difference = stream.next(HEARTBEAT)["difference"]
+    assert "without parameters_file" in difference and str(path) in difference
+    messages = [one.message for report in reports.messages for one in report.status]
+    assert difference in " ".join(messages)
+    monitor.process.stop()
 
 
 def test_publishers_without_a_robot_shut_no_robot_out(peer, start_view, monitor, monkeypatch):

@@ -8,11 +8,12 @@ import { store, stored } from "./colours.js";
 import { el, resized, say, toggle } from "./dom.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
+import { severity } from "./health.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
 const BEFORE = 4; // plots before the list of collisions on a live page
-const LEVELS = ["good", "warn", "bad", "bad"];
+const LEVELS = ["good", "warn", "bad", "warn"];
 
 export class Cards {
   constructor(shared) {
@@ -155,7 +156,7 @@ export class Cards {
   }
 
   diagnosed(list) {
-    const order = [...list].sort((a, b) => b.level - a.level);
+    const order = [...list].sort((a, b) => severity(b) - severity(a));
     const rows = order.map(({ level, name, message, values }) => {
       const detail = Object.entries(values ?? {});
       const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: message }));

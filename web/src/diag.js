@@ -69,7 +69,7 @@ export function readOnly(app, errors) {
       return { from: force.arrow.position.toArray(), tip, ellipsoid: force.ellipsoid.visible };
     },
     get missing() {
-      return app.stage.scene?.robot?.missing ?? 0;
+      return app.stage.scene?.robot?.failures.length ?? 0;
     },
     // Of robots beside the chosen one: time of the state drawn, place, colours.
     get others() {

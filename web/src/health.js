@@ -6,6 +6,9 @@
 import { FLAGS } from "./layout.js";
 import { span } from "./format.js";
 
+// Of a status, in the order OK, STALE, WARN, ERROR.
+export const severity = (status) => [0, 2, 3, 1][status?.level ?? 0];
+
 const OLD = 1.0; // [s] without a new state, from which on the page is stale
 
 export class Health {
@@ -15,6 +18,8 @@ export class Health {
     this.arrived = -Infinity; // of the last frame, by performance.now()
     this.robots = null;
     this.why = "";
+    this.error = ""; // with which the server ended the stream
+    this.failure = ""; // of the page itself
     this.worst = null; // of the diagnostics: {level, text}; null while all are well
     this.collision = ""; // what the diagnostics say of a collision; empty without one
   }
@@ -23,9 +28,9 @@ export class Health {
     const collisions = list.filter(({ name, message }) => /(^|: )external torque$/.test(name) && message.startsWith("collision"));
     this.collision = collisions[0]?.message ?? "";
     const others = list.filter((one) => !collisions.includes(one)); // a collision has a note of its own
-    const worst = others.reduce((most, one) => (one.level > (most?.level ?? 0) ? one : most), null);
+    const worst = others.reduce((most, one) => (severity(one) > severity(most) ? one : most), null);
     const text = worst && [worst.name.replace(/^[^:]*: /, ""), worst.message].filter(Boolean).join(": "); // without its node
-    this.worst = worst && { level: worst.level > 1 ? "bad" : "warn", text };
+    this.worst = worst && { level: severity(worst) > 2 ? "bad" : "warn", text };
   }
 
   get silence() {
@@ -44,6 +49,8 @@ export class Health {
 
   #judged(flags, { paused = false, report = false, rate = NaN } = {}) {
     if (report) return { level: "recording", word: "Recording", says: "", notes: this.notes(flags) };
+    const error = this.connection === "lost" ? this.error : this.heart?.error;
+    if (error) return { level: "bad", word: "Error", says: error, notes: [], dim: true };
     if (this.connection === "lost") {
       return { level: "bad", word: "Disconnected", says: `retrying (${this.why})`, notes: [], dim: true };
     }
@@ -69,7 +76,9 @@ export class Health {
     if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no joint torques" });
     else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque invalid" });
     if (flags & FLAGS.receiveTime) notes.push({ level: "warn", text: "reception times, no stamps" });
-    if (flags & FLAGS.otherModel) notes.push({ level: "warn", text: "model differs from the monitor's" });
+    const difference = this.heart?.difference || (flags & FLAGS.otherModel ? "model differs from the monitor's" : "");
+    if (difference) notes.push({ level: "warn", text: difference });
+    if (this.failure) notes.push({ level: "bad", text: `the page failed: ${this.failure}` });
     return notes;
   }
 }

@@ -28,7 +28,7 @@ export class Live {
       diagnostics: (json) => app.diagnosed(json),
       heartbeat: (json) => this.#beat(json),
       lost: (why, status) => {
-        Object.assign(health, { connection: "lost", why, heart: null });
+        Object.assign(health, { connection: "lost", why, heart: null, error: status === 500 ? why : "" });
         app.update();
         if (status === 404) this.#list();
       },

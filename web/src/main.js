@@ -8,10 +8,16 @@ import { Live } from "./live.js";
 import { Report } from "./report.js";
 
 const errors = [];
-addEventListener("error", (event) => errors.push(String(event.message)));
-addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
+let app = null;
+function record(text) {
+  if (errors.includes(text)) return; // as of each drawing
+  errors.push(text);
+  if (app) app.health.failure = text;
+}
+addEventListener("error", (event) => record(String(event.message)));
+addEventListener("unhandledrejection", (event) => record(String(event.reason)));
 
 const block = document.getElementById("report");
-const app = new App(document.body, { report: Boolean(block), errors });
+app = new App(document.body, { report: Boolean(block), errors });
 const source = block ? new Report(app, block) : new Live(app);
 app.begin(source);

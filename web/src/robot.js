@@ -19,7 +19,7 @@ export class Robot extends Group {
     this.layout = layout;
     this.byName = new Map();
     this.meshes = new Map();
-    this.missing = 0;
+    this.failures = []; // of meshes
     this.pending = 0;
     const placements = layout.tree.placements(layout.scene.rest ?? [], 0) ?? [];
     const box = new Box3().setFromPoints(placements.map((placement) => new Vector3(...placement.slice(12, 15))));
@@ -50,8 +50,8 @@ export class Robot extends Group {
     this.meshes
       .get(sha)
       .then((geometry) => put(group, geometry, placed(origin)))
-      .catch(() => {
-        this.missing++;
+      .catch((error) => {
+        this.failures.push(error.message);
         if (!group.children.length) this.#standIn(group, link);
       })
       .finally(() => {

@@ -39,11 +39,11 @@ export class Stage {
     this.marksNote = el("div", { class: "marks" });
     this.forceNote = el("div", { class: "marks force" });
     this.loadNote = el("div", { class: "marks" });
-    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote, this.forceNote, this.loadNote);
+    this.missing = el("div", { class: "marks force" });
+    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote, this.forceNote, this.loadNote, this.missing);
     this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
-    this.missing = el("small", { class: "missing", hidden: true });
-    this.node = el("div", { class: "stage" }, this.head, this.missing, this.legend, this.banner, this.hint);
+    this.node = el("div", { class: "stage" }, this.head, this.legend, this.banner, this.hint);
     try {
       this.scene = new Scene3D(this.node, { load: (sha) => app.source.mesh(sha), changed: () => this.#missing() });
       this.fleet = new Fleet(app, this.scene);
@@ -84,13 +84,12 @@ export class Stage {
     return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
   }
 
-  // Shows the number of missing meshes.
+  // Shows how many meshes are missing, and why.
   #missing() {
-    const named = Object.keys(this.layout?.scene.missing ?? {}).length;
-    const count = named + (this.scene?.robot?.missing ?? 0);
-    this.missing.hidden = !count;
-    say(this.missing, count === 1 ? "1 mesh is missing" : `${count} meshes are missing`);
-    this.missing.title = Object.entries(this.layout?.scene.missing ?? {}).map(([name, why]) => `${name}: ${why}`).join("\n");
+    const reasons = [...new Set([...Object.values(this.layout?.scene.missing ?? {}), ...(this.scene?.robot?.failures ?? [])])];
+    const count = Object.keys(this.layout?.scene.missing ?? {}).length + (this.scene?.robot?.failures.length ?? 0);
+    say(this.missing, count ? `${count === 1 ? "1 mesh is" : `${count} meshes are`} missing: ${reasons[0]}` : "");
+    this.missing.title = reasons.join("\n");
   }
 
   setLayout(layout) {

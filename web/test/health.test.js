@@ -30,6 +30,22 @@ test("before the first state", () => {
   assert.deepEqual(seen(health), ["bad", "Disconnected", "retrying (refused)"]);
 });
 
+test("what will never come is an error with its reason", () => {
+  const health = new Health();
+  Object.assign(health, { connection: "open", heart: { waiting: "waiting", error: "the robot cannot be loaded" } });
+  assert.deepEqual(seen(health), ["bad", "Error", "the robot cannot be loaded"]);
+  Object.assign(health, healthy(), { heart: { error: "states have other joints" } }); // though a state is shown
+  assert.deepEqual(seen(health), ["bad", "Error", "states have other joints"]);
+  Object.assign(health, { connection: "lost", heart: null, error: "internal error" });
+  assert.deepEqual(seen(health), ["bad", "Error", "internal error"]);
+  assert.deepEqual(seen(Object.assign(healthy(), { failure: "undefined" })), ["good", "Live", "", "the page failed: undefined"]);
+});
+
+test("a robot that differs from the monitor's", () => {
+  const health = Object.assign(healthy(), { heart: { difference: "without parameters_file" } });
+  assert.deepEqual(seen(health, FLAGS.otherModel), ["warn", "Live", "", "without parameters_file"]);
+});
+
 test("live, paused, stale, and a recording", () => {
   const health = healthy();
   assert.deepEqual(seen(health, 0, { rate: 199.6 }), ["good", "Live", "200 Hz"]);
@@ -59,6 +75,8 @@ test("the worst status colours the verdict, without the name of its node", () =>
   assert.equal(seen(health)[0], "bad");
   health.setDiagnostics([status(1, "rates", "")]);
   assert.deepEqual([health.worst, seen(health)[0]], [{ level: "warn", text: "rates" }, "warn"]);
+  health.setDiagnostics([status(3, "torque", "no states"), status(2, "model", "refused")]); // stale is no error
+  assert.equal(health.worst.text, "model: refused");
   health.setDiagnostics([status(0, "rates", "well")]);
   assert.deepEqual([health.worst, seen(health)[0]], [null, "good"]);
 });
