@@ -10,8 +10,9 @@ from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.intake import Batch
-from diag_dynamics.recordings.tables import open_reader, open_table
+from diag_dynamics.recordings.tables import is_dataset, open_reader, open_table
 from diag_dynamics.recordings.tables.template import write_template
+from diag_dynamics.recordings.units import excess_as_radians
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
 
@@ -48,7 +49,12 @@ class TableSource:
             f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, and are rejected; the "
             f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} in a column map."
         )
-        return [beyond] * (self._beyond > 0) + (self._table.notes if self._table else [])
+        radians = (
+            "positions are taken for radians, which the dataset does not state. If they are in "
+            "degrees, set scale: {position: deg} in a column map."
+        )
+        notes = [beyond] * (self._beyond > 0) + [radians] * self._is_of_unknown_unit
+        return notes + (self._table.notes if self._table else [])
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
@@ -68,9 +74,28 @@ class TableSource:
         """Yield batches of messages in the order of the rows."""
         if self.names:
             self.names.check_recording(_names(self._open(model)), model)
+        if self._is_of_unknown_unit:
+            self._reject_other_units(model)
         self._table = self._open(model)
         for columns in self._table.pieces():
             yield self._make_batch(columns)
+
+    @property
+    def _is_of_unknown_unit(self):
+        """Whether neither the dataset nor the map states the unit of positions."""
+        return is_dataset(self._path) and not self._columns.scale.get("position")
+
+    def _reject_other_units(self, model):
+        """Raise an InputError if positions of a dataset exceed limits of the robot as radians."""
+        map_name, table = self.names.map_name if self.names else str, self._open(model)
+        pieces, names = list(table.pieces()), [map_name(name) for name in table.joints]
+        stamps = np.concatenate([np.zeros(0, np.int64), *(piece.stamp for piece in pieces)])
+        position = np.concatenate([np.zeros((0, len(names))), *(one.position for one in pieces)])
+        if excess := excess_as_radians(model, names, stamps, position):
+            raise InputError(
+                f"'{self._path}': the unit of positions is not stated, and as radians {excess}. "
+                "State it in a column map: `scale: {position: deg}`, or `scale: {position: rad}`."
+            )
 
     def write_column_map(self, path, joints):
         """Write a column map to fill in to a new file; `joints` are the model's, or empty."""

@@ -36,6 +36,7 @@ MIN_WITHIN, SLACK = (
     0.99,
     0.2,
 )  # fraction of values within the limits as degrees, and slack of these [rad]
+MAX_BEYOND = 0.01  # fraction of rows beyond a limit that casts no doubt on a unit
 MIN_TRAVEL, NEAR = (
     0.01,
     1.2,
@@ -139,6 +140,32 @@ class RejectedUnits:
             f"{what} seem to be in degrees: most exceed the limits of the joints, but not as degrees. In a table, set "
             f"scale: {{{units}}} in a column map (docs/recordings.md); messages must have radians (REP 103)"
         )
+
+
+def excess_as_radians(model, names, stamps, position):
+    """Return how positions (T, n) of joints exceed limits of a robot as radians; empty if they do not.
+
+    `stamps` are in ns. Single rows beyond a limit are no excess.
+    """
+    joints = joints_of(model)
+    slides = dict(zip(model.dof_names, sliding_dofs(model), strict=True))
+    elapsed = np.diff(stamps) / SECOND
+    for k, name in enumerate(names):
+        if name not in joints.names or slides[name] or not len(stamps):
+            continue
+        j, q = joints.names.index(name), position[:, k]
+        with np.errstate(all="ignore"):
+            speed = np.abs(np.diff(q)) / np.where(elapsed > 0.0, elapsed, np.nan)
+        lower, upper = joints.lower[j] - SLACK, joints.upper[j] + SLACK
+        is_beyond = ((q < lower) | (q > upper)) & (name not in joints.continuous)
+        if np.mean(is_beyond) > MAX_BEYOND:
+            largest = q[np.argmax(np.where(is_beyond, np.abs(q), 0.0))]
+            bounds = f"{joints.lower[j]:.4g} … {joints.upper[j]:.4g}"
+            return f"'{name}' would be at {largest:.4g} rad, outside of {bounds}"
+        limit = joints.velocity[j]
+        if limit > 0.0 and np.mean(speed > limit) > MAX_BEYOND:
+            return f"'{name}' would move at {np.nanmax(speed):.4g} rad/s, beyond {limit:.4g}"
+    return ""
 
 
 def _are_degrees(values, lower, upper):

@@ -193,6 +193,38 @@ def test_units_and_names_are_never_guessed(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("center", "size", "what"),
+    [(0.0, 5.0, "'panda_joint1' would be at"), (1.0, 1.5, "'panda_joint2' would be at")],
+)
+def test_degrees_that_stay_small(tmp_path, arm, center, size, what):
+    """Limits of the robot cast doubt on radians; the error states what is read."""
+    phase = np.arange(200)[:, None] / FPS + np.arange(7)
+    q = (center + size * np.sin(phase)).astype(np.float32)
+    features = {name: FEATURES[name] for name in ("observation.state", "observation.velocity")}
+    root = write_dataset(tmp_path / "small", "v2.1", [[q, size * np.cos(phase)]], features)
+    with pytest.raises(dd.InputError, match=f"{what}.*`scale: {{position: deg}}`"):
+        dd.read_recording(root, arm)
+    scale = {"position": "deg", "velocity": "deg/s"}
+    recording = dd.read_recording(root, arm, {"scale": scale})
+    np.testing.assert_allclose(recording.q, np.deg2rad(q.astype(float)), rtol=1e-12)
+    assert len(dd.read_recording(root, arm, {"scale": {"position": "rad"}})) > 0
+
+
+def test_velocities_of_degrees_that_stay_small(tmp_path, arm, motion):
+    """Positions within limits that move too fast are not taken for radians, others with a note."""
+    middle = 0.5 * (arm.lower + arm.upper)
+    phase = 3.0 * np.arange(200)[:, None] / FPS + np.arange(7)
+    features = {"observation.state": FEATURES["observation.state"]}
+    states = (middle + 1.2 * np.sin(phase)).astype(np.float32)
+    root = write_dataset(tmp_path / "fast", "v2.1", [[states]], features)
+    with pytest.raises(dd.InputError, match=r"'panda_joint1' would move at 3\.\d+ rad/s, beyond 2"):
+        dd.read_recording(root, arm)
+    slow = write_dataset(tmp_path / "slow", "v2.1", [[motion[0][0]]], features)
+    recording = dd.read_recording(slow, arm, parameters={"missing_velocity": "estimate"})
+    assert any("taken for radians" in one.text for one in recording.findings)
+
+
 def test_damaged_datasets_are_named(dataset, arm):
     info = dataset / "meta" / "info.json"
     for path in dataset.glob("data/**/*"):
