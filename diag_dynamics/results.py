@@ -166,8 +166,7 @@ class Evaluation:
         energy = np.empty((len(Q), len(model.link_names)))
         own = model.new_workspace()
         if not evaluation.link_energies(own.robot, model.links, Q, QD, energy):
-            name = "qd" if self.nu.ndim == 1 else "QD"
-            raise InputError(f"{name} is too large: the kinetic energy of a link overflows.")
+            raise InputError("qd is too large: the kinetic energy of a link overflows.")
         return read_only(energy[0] if self.nu.ndim == 1 else energy)
 
     power = _number_with_tau(

@@ -59,14 +59,14 @@ class Arguments:
                 vectors[name] = checks.vector(name, x, names, finite=False)
         return States(q, vectors)
 
-    def many(self, Q: Any, number: int | None, **vectors: Any) -> States:
+    def many(self, q: Any, number: int | None, **vectors: Any) -> States:
         """Return the arguments of many states, for a number of threads or all processors."""
-        Q, names = checks.rows("Q", Q, self._model.coordinate_names), self._model.dof_names
+        q, names = checks.rows("q", q, self._model.coordinate_names), self._model.dof_names
         for name, x in vectors.items():
             is_zero = x is self.zero
-            vectors[name] = x[None] if is_zero else checks.rows(name.upper(), x, names, len(Q))
+            vectors[name] = x[None] if is_zero else checks.rows(name, x, names, len(q))
         number = threads.cores() if number is None else checks.whole("threads", number)
-        return States(Q, vectors, number)
+        return States(q, vectors, number)
 
     def states(self, q: Any, number: int | None, **vectors: Any) -> States:
         """Return the arguments of one state, or of many if q has rows."""

@@ -244,7 +244,7 @@ class DiagonalDynamics:
             raise InputError(
                 "q is missing; expected positions, because the friction of this model depends on load or followers."
             )
-        rates = rows("QD", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
+        rates = rows("qd", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
         return self._caller.friction(States(rates, {"qd": rates}))
 
     def mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:

@@ -234,12 +234,12 @@ WRONG = {
     "one state": (lambda d: d.evaluate([0, 0], STATE), "qd has shape (1, 2), expected (2,)"),
     "columns": (
         lambda d: d.evaluate([[0, 0, 0]], STATE),
-        "Q has shape (1, 3), expected (T, 2)",
+        "q has shape (1, 3), expected (T, 2)",
     ),
-    "rates": (lambda d: d.evaluate(STATE, STATE * 2), "QD has shape (2, 2), expected (1, 2)"),
+    "rates": (lambda d: d.evaluate(STATE, STATE * 2), "qd has shape (2, 2), expected (1, 2)"),
     "efforts": (
         lambda d: d.evaluate(STATE, STATE, [0, 0]),
-        "TAU has shape (2,), expected (1, 2)",
+        "tau has shape (2,), expected (1, 2)",
     ),
     "ragged": (lambda d: d.evaluate([[0, 0], [1]], STATE), "q is not a vector of numbers"),
     "half a thread": (lambda d: d.bias(STATE, STATE, threads=1.5), "threads is 1.5"),

@@ -138,12 +138,12 @@ WRONG = [
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": "x"}), "q is not a vector of numbers"),
     (
         lambda d: d.evaluate({"shoulder": Z, "elbow": [0]}, [Z, Z]),
-        "Q has not as many entries",
+        "q has not as many entries",
     ),
     # masked entries
     (lambda d: d.mass_matrix(masked(Z)), "q has 1 masked entries"),
     (lambda d: d.evaluate(masked(Z), Z), "q has 1 masked entries"),
-    (lambda d: d.evaluate(masked([Z]), [Z]), "Q has 1 masked entries"),
+    (lambda d: d.evaluate(masked([Z]), [Z]), "q has 1 masked entries"),
 ]
 
 
