@@ -96,7 +96,7 @@ class Motions:
                 dd.JointTracking(self.dyn, 20.0, 10.0),
             )
             contact = dd.ContactLimiter(self.dyn, self.points, RATE)
-            energy = dd.EnergyLimiter(self.dyn, bound or 1.0, RATE)
+            energy = dd.EnergyLimiter(self.dyn, bound or 1.0, rate=RATE)
             q, qd, _ = goal(0.0)
             options = {
                 "step": PERIOD,
@@ -113,7 +113,7 @@ class Motions:
                 if kind == "contact":
                     command = contact.filter(q, qd, asked, PERIOD)
                 elif kind == "energy":
-                    command = energy.filter(q, asked)
+                    command = energy.filter(q, qd, asked, PERIOD)
                 times.append(time.perf_counter() - begun)
                 usages.append(self.dyn.contact(q, qd, self.points).usage.max())
                 errors.append(asked.error)

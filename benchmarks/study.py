@@ -467,16 +467,14 @@ def energies(label, x):
 
     def measure(kind, force):
         observer, clock = dd.DisturbanceObserver(dyn, 50.0, effort="held"), iter(range(10000))
-        total = dd.EnergyLimiter(dyn, bound, 100.0) if np.isfinite(bound) else None
-        joints = dd.JointEnergyLimiter(dyn, SHARE * bound, 100.0) if "joints" in kind else None
+        share = SHARE * bound if "joints" in kind else np.inf
+        limiter = dd.EnergyLimiter(dyn, bound, share, 100.0)
 
         def limited(q, qd, to):
             nonlocal tau
             seen = observer.update(PERIOD * next(clock), q, qd, tau)
             external = seen.residual if "observer" in kind and seen.valid else None
-            command = law.command(q, qd, *to)
-            command = joints.filter(q, qd, command, PERIOD, external) if joints else command
-            tau = (total.filter(q, command, external) if total else command).tau
+            tau = limiter.filter(q, qd, law.command(q, qd, *to), PERIOD, external).tau
             return tau
 
         def push(t, q):

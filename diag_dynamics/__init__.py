@@ -28,7 +28,7 @@ _NAMES = {
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
     "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter "
-    "JointEnergyLimiter PositionRepulsion",
+    "PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "control.tank": "EnergyTank",
@@ -67,7 +67,6 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.limits import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
     from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
-    from diag_dynamics.control.limits import JointEnergyLimiter as JointEnergyLimiter
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.load import LoadEstimator as LoadEstimator
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver

@@ -22,7 +22,8 @@ for _ in range(2000):
     t = simulation.time
     target, rate = middle + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t) * np.ones(model.nv)
     command = law.command(simulation.q, simulation.qd, target, rate)
-    command = saturation.filter(limiter.filter(simulation.q, command))
+    command = limiter.filter(simulation.q, simulation.qd, command, simulation.step_size)
+    command = saturation.filter(command)
     simulation.advance(command.tau)
     largest = max(largest, 0.5 * float(simulation.nu @ simulation.nu))
 print(

@@ -42,23 +42,19 @@ class Efforts:
             compensated,
             values["max_state_age"],
         )
-        self._springs = self.energy_limiter = self.joint_energy_limiter = self.tank = (
-            self.contact_limiter
-        ) = None
+        self._springs = self.energy_limiter = self.tank = self.contact_limiter = None
         if margin := values["limit_margin"]:
             springs = values["limit_stiffness"], values["limit_damping"]
             self._springs = limits.PositionRepulsion(dynamics, margin, *springs)
-        if limit := values["energy_limit"]:
-            self.energy_limiter = limits.EnergyLimiter(dynamics, limit, values["energy_rate"])
-        if any(values["joint_energy_limit"]):
-            limit = by_dof(
-                "joint_energy_limit",
-                values["joint_energy_limit"],
-                self._names,
-                np.full(model.nv, np.inf),
-            )
-            self.joint_energy_limiter = limits.JointEnergyLimiter(
-                dynamics, limit, values["energy_rate"]
+        joint_limit = by_dof(
+            "joint_energy_limit",
+            values["joint_energy_limit"],
+            self._names,
+            np.full(model.nv, np.inf),
+        )
+        if values["energy_limit"] or any(values["joint_energy_limit"]):
+            self.energy_limiter = limits.EnergyLimiter(
+                dynamics, values["energy_limit"] or np.inf, joint_limit, values["energy_rate"]
             )
         if capacity := values["tank_energy"]:
             self.tank = EnergyTank(dynamics, capacity, values["energy_rate"], not compensated)
@@ -91,10 +87,8 @@ class Efforts:
         if self._springs:
             command = self._springs.filter(q, qd, command)
         unlimited, period = command, self._elapsed(state.newest) or FIRST_PERIOD
-        if self.joint_energy_limiter:
-            command = self.joint_energy_limiter.filter(q, qd, command, period, external)
         if self.energy_limiter:
-            command = self.energy_limiter.filter(q, command, external)
+            command = self.energy_limiter.filter(q, qd, command, period, external)
         if self.tank:
             self.tank.measure(q, *self._held[:1], held=len(self._held) == 1)
             self._held = []

@@ -23,6 +23,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps import kinematics
+from diag_dynamics.sweeps.limits import project
 
 HEAVY = 0.9
 """Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
@@ -42,58 +43,36 @@ def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
     return tuple(name for name, is_true in zip(names, mask.tolist(), strict=True) if is_true)
 
 
-def braked(nu: Array, epsilon: Array, excess: float) -> Array:
-    """Return ε [J^½/s] less an excess of its power along ν [W]; ε itself without one, and at rest."""
-    square = float(nu @ nu)
-    return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon
-
-
 class EnergyLimiter:
-    """Kinetic-energy limiter, a filter on any law's command: ε ← ε − ν max(0, νᵀε − αh)/|ν|², h = K_max − K.
+    """Limiter of the kinetic energy and of its shares by joint, a filter on any law's command.
 
-    The command alone then moves the robot with dK/dt ≤ αh: K stays below K_max, and returns to it at the rate α from above.
-    As νᵀC = 0 (Lemma 7.1) the filter needs no dynamics but ν. It removes power along ν and never adds any. External forces
-    of the power P let K rise to K_max + P/α, unless an estimate of them is passed on.
+    In total joint rates K = ½|ν|², so that K ≤ K_max is a ball and ½ν_k² ≤ K_k a box. Efforts last for a cycle of length h,
+    at whose end ν₊ = ν + h(ε − C). The filter clips ν₊ to the box and scales it to the ball of the energies
 
-    The limit is K_max > 0 [J], the rate α > 0 [1/s]. A loop of period h [s] needs αh < 1.
+        ½ν_k² + min(αh, 1)(K_k − ½ν_k²)   and   K + min(αh, 1)(K_max − K),
+
+    and converts the change of ν₊ back to efforts. K stays below K_max, at any period, and returns to it at the rate α from
+    above. External forces of the power P let K rise to K_max + P/α, unless an estimate of them is passed on.
+
+    The limits are K_max > 0 [J] and, by degree of freedom, K_k > 0 [J], inf for none; the rate is α > 0 [1/s]. ν_k is the
+    rate of joint k and of all that it induces further out, not q̇_k.
     """
 
-    def __init__(self, dynamics: DiagonalDynamics, limit: float, rate: float) -> None:
-        self.dynamics = actuated(dynamics)
-        self.limit, self.rate = positive("limit", limit, "[J]"), positive("rate", rate, "[1/s]")
-        dynamics.compile("tau_from_epsilon")
-
-    def filter(
-        self, q: VectorLike, command: Command, external: VectorLike | None = None
-    ) -> Command:
-        """Return the command at the positions q [rad, m], or one of less power."""
-        nu, square = command.nu, float(command.nu @ command.nu)
-        power = float(nu @ command.epsilon)
-        if external is not None:
-            power += float(nu @ vector("external", external, self.dynamics.model.dof_names))
-        epsilon = braked(nu, command.epsilon, power - self.rate * (self.limit - 0.5 * square))
-        if epsilon is command.epsilon:
-            return command
-        tau = command.tau + self.dynamics.tau_from_epsilon(q, epsilon - command.epsilon)
-        return command._replace(tau=tau, epsilon=epsilon)
-
-
-class JointEnergyLimiter:
-    """Limiter of ½ν_k² of each joint, a filter on any law's command: ν_k(ε_k − C_k) ≤ αh_k, h_k = K_k − ½ν_k².
-
-    The constraints decouple. C_k stays in, because νᵀC = 0 holds for the sum alone. The filter predicts
-    ν_k + h(ε_k − C_k) at the end of a cycle of length h and clips it to ½ν_k² + αh h_k, so that joints at rest are limited,
-    too. An EnergyLimiter after it keeps the limits.
-
-    ν_k is the rate of joint k and of all that it induces further out, not q̇_k: ½ν_k² are the shares of the kinetic
-    energy. The limits are K_k > 0 [J], inf for none, by degree of freedom; the rate is that of EnergyLimiter.
-    """
-
-    def __init__(self, dynamics: DiagonalDynamics, limit: Gain, rate: float) -> None:
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        limit: float = math.inf,
+        joint_limit: Gain = math.inf,
+        rate: float = 50.0,
+    ) -> None:
         self.dynamics, names = actuated(dynamics), dynamics.model.dof_names
-        self.limit = per_name("limit", limit, names, "a number > 0 [J]", lambda x: x > 0.0)
+        self.limit = math.inf if limit == math.inf else positive("limit", limit, "[J]")
+        self.joint_limit = per_name(
+            "joint_limit", joint_limit, names, "a number > 0 [J]", lambda x: x > 0.0
+        )
         self.rate = positive("rate", rate, "[1/s]")
         dynamics.compile("tau_from_epsilon", "coriolis_bracket")
+        project.compile()
 
     def filter(
         self,
@@ -111,12 +90,9 @@ class JointEnergyLimiter:
         flow = command.epsilon - self.dynamics.coriolis_bracket(q, qd, nu)
         if external is not None:
             flow += vector("external", external, self.dynamics.model.dof_names)
-        ahead, share = nu + h * flow, 0.5 * nu * nu
-        bound = np.sqrt(2.0 * (share + min(self.rate * h, 1.0) * (self.limit - share)))
-        change = np.clip(ahead, -bound, bound) - ahead
-        if not change.any():
+        change = np.empty_like(flow)
+        if not project(nu, flow, h, self.limit, self.joint_limit, self.rate, change):
             return command
-        change /= h
         tau = command.tau + self.dynamics.tau_from_epsilon(q, change)
         return command._replace(tau=tau, epsilon=command.epsilon + change)
 

@@ -12,7 +12,6 @@ import numpy as np
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import positive, vector
 from diag_dynamics.control.laws import Command, actuated
-from diag_dynamics.control.limits import braked
 from diag_dynamics.control.references import nearest
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.sweeps import classical
@@ -113,9 +112,10 @@ class EnergyTank:
 
     def _braked(self, nu: Array, epsilon: Array, rate: float) -> Array:
         """Return ε of the power that x covers above its reserve."""
-        power = float(nu @ epsilon)
+        power, square = float(nu @ epsilon), float(nu @ nu)
         excess = power - rate * (self.energy - RESERVE * self.capacity)
-        return braked(nu, epsilon, min(excess, max(power, 0.0) + rate * float(nu @ nu)))
+        excess = min(excess, max(power, 0.0) + rate * square)
+        return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon
 
     def _drift(
         self, q: VectorLike, qd: VectorLike, command: Command, h: float, external: VectorLike | None

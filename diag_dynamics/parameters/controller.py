@@ -130,7 +130,7 @@ _WHILE_UNCONFIGURED = {
         "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none.",
     ),
     "energy_rate": Spec(
-        50.0, "Rate alpha towards energy limits [1/s]; below 1 / period of states.", 1e-6
+        50.0, "Rate alpha towards energy limits [1/s], at most 1 / period in effect.", 1e-6
     ),
     "tank_energy": Spec(
         0.0,

@@ -164,8 +164,7 @@ def test_unactuated_robots_are_refused(robot, key):
         (dd.JointRegulation, (1.0, 1.0)),
         (partial(dd.AdaptiveTracking, rate=1.0), (dyn.model.link_names[-1], 1.0, 1.0)),
         (dd.PoseRegulation, (dyn.model.link_names[-1], 1.0, 1.0, 1.0)),
-        (dd.EnergyLimiter, (1.0, 1.0)),
-        (dd.JointEnergyLimiter, (1.0, 1.0)),
+        (dd.EnergyLimiter, (1.0,)),
         (dd.EnergyTank, (1.0, 1.0)),
         (dd.PositionRepulsion, (0.1, 1.0)),
     ):

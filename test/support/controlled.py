@@ -16,9 +16,15 @@ PANDA = robots.robot("panda_description/urdf/panda.urdf")
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 TREE = RANDOM["geared_tree_10"]
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
+Z1 = robots.robot("z1_description/urdf/z1.urdf")._replace(locked_joints={"jointGripper": -0.5})
 FRAMES = {PANDA.id: "panda_hand", ARM.id: "panda_hand", UR5.id: "tool0", TREE.id: "link_11"}
 POINT = np.array([0.03, -0.05, 0.1])
 READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
+START = {
+    ARM.id: READY,
+    UR5.id: np.array([0.0, -1.2, 1.2, -0.6, 0.5, 0.0]),
+    Z1.id: np.array([0.0, 1.2, -1.0, 0.3, 0.2, 0.0]),
+}
 ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
 
 
@@ -68,3 +74,32 @@ def frictionless(model, q, qd=None, step=1e-3):
     nothing = np.zeros(model.nv)
     options = {"damping": nothing, "friction": nothing, "effort_limits": False, "limits": False}
     return dd.Simulation(model, q, qd, step=step, **options)
+
+
+class Sampled:
+    """A robot at rest, without friction, whose efforts last for a cycle: classical Runge–Kutta steps by Pinocchio."""
+
+    def __init__(self, oracle, q, step=2.5e-4):
+        self.oracle, self.q, self.qd, self._step = oracle, np.array(q), np.zeros(len(q)), step
+
+    def advance(self, tau, period):
+        """Apply an effort for a period [s]."""
+        count = round(period / self._step)
+        h = period / count
+
+        def acceleration(q, qd):
+            return self.oracle.forward_dynamics(q, qd, tau)
+
+        for _ in range(count):
+            q, qd = self.q, self.qd
+            a = acceleration(q, qd)
+            b = acceleration(q + 0.5 * h * qd, qd + 0.5 * h * a)
+            c = acceleration(q + 0.5 * h * qd + 0.25 * h * h * a, qd + 0.5 * h * b)
+            d = acceleration(q + h * qd + 0.5 * h * h * b, qd + h * c)
+            self.q = q + h * qd + h * h / 6.0 * (a + b + c)
+            self.qd = qd + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+
+    @property
+    def kinetic_energy(self):
+        """K [J]."""
+        return 0.5 * self.qd @ self.oracle.mass_matrix(self.q) @ self.qd

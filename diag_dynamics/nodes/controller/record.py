@@ -3,6 +3,7 @@
 
 """The controller's reports: its status message, and law, commands and inputs on /diagnostics."""
 
+import math
 from collections import Counter
 
 from diag_dynamics.control.laws import PoseError
@@ -182,8 +183,8 @@ def status_message(loop, sent):
     message.dof_names, message.state_age = list(model.dof_names), sent.age
     message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
     message.energy, message.energy_limited = loop.energy, sent.energy_limited
-    message.energy_limit_valid = limiter is not None
-    message.energy_limit = limiter.limit if limiter else 0.0
+    message.energy_limit_valid = limiter is not None and math.isfinite(limiter.limit)
+    message.energy_limit = limiter.limit if message.energy_limit_valid else 0.0
     message.contact_limited = sent.contact_limited
     if (bound := loop.efforts.contact_limiter) and bound.seen and command is not None:
         message.contact_valid, message.contact_link = True, bound.seen.link
