@@ -19,7 +19,7 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.nodes.support.topics import NODES
-from launches import LAUNCH_FILES, launched
+from launches import LAUNCH_FILES, actions_of, launched
 from robots import robot_path
 
 ROOT = Path(__file__).parents[2]
@@ -243,7 +243,9 @@ def test_the_example_for_ros2_control_fits_together():
     example = yaml.safe_load(
         (ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8")
     )
-    parameters = {node: section["ros__parameters"] for node, section in example.items()}
+    parameters = {
+        node.removeprefix("/**/"): section["ros__parameters"] for node, section in example.items()
+    }
     own, joints = parameters["diag_dynamics_controller"], parameters["effort_controller"]["joints"]
     assert own["command_joints"] == joints
     assert set(joints) == set(
@@ -251,6 +253,7 @@ def test_the_example_for_ros2_control_fits_together():
     )
     assert set(own) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
     assert own["robot_compensates_gravity"] in (False, True)
+    assert all(node.startswith("/**/") for node in example)  # in any namespace
 
 
 TIME = {"use_sim_time": True}
@@ -297,7 +300,7 @@ LAUNCHED = {
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("file", LAUNCH_FILES)
+@pytest.mark.parametrize("file", sorted({*LAUNCH_FILES} - {"ros2_control"}))
 def test_launches_give_parameters(file):
     """Executables, names, namespaces and parameters of the nodes exist; without arguments params_file decides."""
     arguments, expected = LAUNCHED[file]
@@ -313,3 +316,26 @@ def test_launches_give_parameters(file):
     assert {executable: node.parameters for executable, node in nodes.items()} == expected
     for node in launched(file).values():
         assert not node.files and "robot_description" not in node.parameters
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("namespace", ["", "left/arm"])
+def test_ros2_control_activates_efforts_last(namespace):
+    """The node follows the inactive effort controller, which is activated when the node is active."""
+    steps = actions_of("ros2_control", **({"namespace": namespace} if namespace else {}))
+    manager, states, efforts, controller, switch = steps
+    assert [manager.executable, states.executable, efforts.executable] == [
+        "ros2_control_node",
+        "spawner",
+        "spawner",
+    ]
+    assert states.arguments[0] == "joint_state_broadcaster"
+    assert efforts.arguments[:2] == ["effort_controller", "--inactive"]
+    assert controller.name == NODES["controller"]
+    assert {step.namespace for step in (manager, states, efforts, controller)} == {namespace}
+    assert (efforts.starts_after, controller.starts_after) == (states, efforts)
+    assert switch.starts_after == (controller, "active")
+    assert switch.cmd[2:5] == ["switch_controllers", "--activate", "effort_controller"]
+    assert switch.cmd[-1] == "/".join(["", *filter(None, [namespace]), "controller_manager"])
+    assert Path(manager.parameters[0]).samefile(ROOT / "config" / "effort_controllers.yaml")
+    assert len(actions_of("ros2_control", activate="false")) == 4

@@ -51,14 +51,33 @@ def perform(path, context):
     return [node for action in actions for node in action(context) or ()]
 
 
+def on_process_exit(target_action, on_exit):
+    """Stand for OnProcessExit after a process without error."""
+    action = on_exit(SimpleNamespace(returncode=0), None)
+    action.starts_after = target_action
+    return action
+
+
+def on_state_transition(target_lifecycle_node, goal_state, entities):
+    """Stand for OnStateTransition, of one action."""
+    (action,) = entities
+    action.starts_after = (target_lifecycle_node, goal_state)
+    return action
+
+
 STAND_INS = {
     "launch": module("launch", LaunchDescription=list),
     "launch.actions": module(
         "launch.actions",
         DeclareLaunchArgument=declare,
+        EmitEvent=SimpleNamespace,
+        ExecuteProcess=SimpleNamespace,
         IncludeLaunchDescription=include,
         OpaqueFunction=lambda function: function,
+        RegisterEventHandler=lambda handler: handler,
     ),
+    "launch.event_handlers": module("launch.event_handlers", OnProcessExit=on_process_exit),
+    "launch.events": module("launch.events", Shutdown=SimpleNamespace),
     "launch.launch_description_sources": module(
         "launch.launch_description_sources", PythonLaunchDescriptionSource=lambda path: path
     ),
@@ -67,18 +86,28 @@ STAND_INS = {
         LaunchConfiguration=lambda name: lambda configurations: configurations[name],
     ),
     "launch_ros": module("launch_ros"),
-    "launch_ros.actions": module("launch_ros.actions", Node=SimpleNamespace),
+    "launch_ros.actions": module(
+        "launch_ros.actions", LifecycleNode=SimpleNamespace, Node=SimpleNamespace
+    ),
+    "launch_ros.event_handlers": module(
+        "launch_ros.event_handlers", OnStateTransition=on_state_transition
+    ),
     "launch_ros.parameter_descriptions": module(
         "launch_ros.parameter_descriptions", ParameterValue=parameter_value
     ),
 }
 
 
-def launched(name, **arguments):
-    """Return the nodes that a launch file starts, by executable; `files` and `parameters` are apart."""
+def actions_of(name, **arguments):
+    """Return the nodes and processes that a launch file starts, in turn."""
     context = SimpleNamespace(launch_configurations=arguments.copy())
     with mock.patch.dict(sys.modules, STAND_INS):
-        nodes = perform(str(FOLDER / f"{name}.launch.py"), context)
+        return perform(str(FOLDER / f"{name}.launch.py"), context)
+
+
+def launched(name, **arguments):
+    """Return the nodes that a launch file starts, by executable; `files` and `parameters` are apart."""
+    nodes = actions_of(name, **arguments)
     for node in nodes:
         node.files = [one for one in node.parameters if isinstance(one, str)]
         node.parameters = {
