@@ -98,8 +98,8 @@ class Supervisor:
             return None
         if not now:
             return "use_sim_time, but nothing on /clock yet"
-        where = f"{-age:.6g} s in the future" if age < 0.0 else f"{age:.6g} s old"
-        return f"the state is {where}, expected no more than max_state_age = {self.max_age:g} s"
+        where = "in the future" if age < 0.0 else "too old"
+        return f"the state is {where}: {abs(age):.6g} s; expected at most max_state_age = {self.max_age:g} s"
 
     def valid(self, now, carried=True):
         """Accept a valid state at a time [ns]; `carried`: efforts have reached gravity compensation.

@@ -176,6 +176,11 @@ class StateAssembler:
         """Joints that never arrived."""
         return self._joints_where(self._own["known"] == 0)
 
+    def unknown_names(self, ignored=()):
+        """Return names in messages that no joint of the robot, or in `ignored`, has."""
+        joints = {*self.names, *ignored}
+        return [name for name in self.arrived if self._map_name(name) not in joints]
+
     @property
     def estimated(self):
         """Joints whose velocities are estimated from their positions."""
@@ -466,9 +471,11 @@ class StateAssembler:
         """Count outcomes and events of messages."""
         for code, name in codes.COUNTS.items():
             self.counts[name] += int((outcome["code"] == code).sum())
-        foreign = np.flatnonzero(outcome["code"] == codes.FOREIGN)
-        if len(foreign):
-            self.last_foreign = names[layout[foreign[-1]]]
+        foreign = [names[layout[k]] for k in np.flatnonzero(outcome["code"] == codes.FOREIGN)]
+        empty = foreign.count(())
+        self.counts["empty"] += empty
+        self.counts["foreign"] -= empty
+        self.last_foreign = next(filter(None, reversed(foreign)), self.last_foreign)
         for event, name in codes.EVENTS.items():
             rows = np.flatnonzero(outcome["events"] & event)
             self.counts[name] += len(rows)

@@ -104,7 +104,7 @@ TEXTS = {
     STAMP_FROM_PAST: "{name}: stamp {first:.6f} s older than the one before",
     JUMP: "{step} in {third:g} s, expected a step of no more than {fourth:g} at velocities of {fifth:g} and {sixth:g} "
     "(plausibility.jump)",
-    INTERLEAVED: "{step}, {third:g} s after another source's message: two sources publish this joint in turns",
+    INTERLEAVED: "two sources publish {name} in turns: {step}, {third:g} s after another source's message",
     FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (plausibility.velocity)",
     STALE_JOINT: "{name} is older than {first:g} s",
     OPEN_LOOP: "{name} cannot be closed at these positions, or is singular there",
@@ -112,7 +112,7 @@ TEXTS = {
 }
 """Texts of rejections, with the numbers of an OUTCOME."""
 
-STEP = "{name}: position went from {first:.9g} to {second:.9g}"
+STEP = "{name}: position jumped from {first:.9g} to {second:.9g}"
 
 STUCK_TEXTS = {
     STUCK_STILL: "has a velocity, but a constant position",

@@ -24,21 +24,21 @@ from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, text_of
-from diag_dynamics.nodes.support.diagnostics import (
-    ERROR,
-    OK,
-    WARN,
-    Diagnostics,
-    Status,
-    counted,
-    shortened,
-    steady,
-)
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
 from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.nodes.support.requests import read_state
+from diag_dynamics.nodes.support.statuses import (
+    ERROR,
+    OK,
+    STALE,
+    WARN,
+    Status,
+    problem_status,
+    without_numbers,
+)
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.shared import check_entries, payloads_of
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
@@ -107,7 +107,8 @@ def simulation_status(plant, paused, failure):
         "payloads": counted(simulation.model.payloads),
     }
     if failure:
-        return Status("simulation", ERROR, f"stopped: {failure}", values)
+        values["failure"], text = failure, f"stopped: {failure}"
+        return Status("simulation", ERROR, without_numbers(text), values, text)
     return (
         Status("simulation", WARN, "paused", values)
         if paused
@@ -131,7 +132,7 @@ def pace_status(pace, lockstep, waits, time_values, problems):
         problems = [*problems, "lockstep: waiting for a command"]
     elif report.dropped > 0.0 or report.overruns > MAX_OVERRUNS * report.ticks:
         problems = [*problems, "too slow: ticks skipped"]
-    return Status("pace", WARN if problems else OK, "; ".join(problems) or "on schedule", values)
+    return problem_status("pace", problems, "on schedule", values)
 
 
 class CommandsReport:
@@ -150,17 +151,15 @@ class CommandsReport:
             "brakes": "closed" if drives.braked else "open",
             **dict(sorted(counts.items())),
         }
-        rejected = []
+        problems = []
         for what, part in (("command", drives), ("wrench", pushes)):
             if part.last_rejection:
                 values[f"last rejected {what}"] = part.last_rejection
             if any(key in part.counts and "rejected" in key for key in recent):
-                rejected.append(steady(part.last_rejection))
-        problems = [f"rejected: {'; '.join(rejected)}"] if rejected else []
-        problems += [f"no command for {drives.timeout:g} s"] if drives.phase == TIMED_OUT else []
-        return Status(
-            "commands", WARN if problems else OK, "; ".join(problems) or drives.phase, values
-        )
+                problems.append(f"rejected: {part.last_rejection}")
+        if drives.phase == TIMED_OUT:
+            problems.append(f"no command for command_timeout = {drives.timeout:g} s")
+        return problem_status("commands", problems, drives.phase, values)
 
 
 class SimulatorNode(TableNode, Node):
@@ -323,7 +322,6 @@ class SimulatorNode(TableNode, Node):
             self._measure_and_publish()
         except DiagDynamicsError as error:
             self._failure = shortened(str(error))
-            self.get_logger().error(f"The simulation has stopped: {self._failure}")
             return False
         return True
 
@@ -368,9 +366,7 @@ class SimulatorNode(TableNode, Node):
             self._log_rejected(WRENCHES, error)
 
     def _log_rejected(self, topic, error):
-        reason = shortened(str(error))
-        self.get_logger().debug(f"rejected on {topic}: {reason}")
-        self.get_logger().warning(f"Rejected on {topic}: {reason}", throttle_duration_sec=5.0)
+        self.get_logger().debug(f"rejected on {topic}: {shortened(str(error))}")
 
     # --- Outputs
 
@@ -485,7 +481,7 @@ class SimulatorNode(TableNode, Node):
 
     def _report(self):
         if self._plant is None:
-            return [Status("simulation", WARN, "loading the robot")]
+            return [Status("simulation", STALE, "loading the robot")]
         lockstep = self.values["lockstep"]
         waits = lockstep and self._moving and self._lockstep.waits(self.time.steady())
         return [

@@ -24,16 +24,10 @@ from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
-from diag_dynamics.nodes.support.diagnostics import (
-    OK,
-    WARN,
-    Diagnostics,
-    Status,
-    counted,
-    shortened,
-)
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.statuses import OK, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States

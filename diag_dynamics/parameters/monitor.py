@@ -48,6 +48,10 @@ RATES |= {"contact": 50.0, "markers": 20.0, "load": 20.0}
 """Default maximum rate of each topic [Hz]; 0: every state."""
 
 _FIXED = {
+    "joint_names": Spec(
+        [""],
+        "Joint of a name in joint_states that is not the robot's, each as name=joint; one * in both: ur_*=*.",
+    ),
     "odom_twist_frame": Spec(
         "child",
         "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.",

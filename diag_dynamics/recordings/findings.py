@@ -22,6 +22,7 @@ WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no
 TEXTS = {
     "incomplete": None,
     "foreign": None,
+    "empty": "messages without names of joints",
     WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
     "positions jumped": None,
     "mimic disagreement": None,
@@ -110,8 +111,7 @@ def _name_texts(intake, counts):
     if not missing:
         foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"
         return {"incomplete": incomplete, "foreign": foreign}
-    map_name = intake.names.map_name if intake.names else str
-    others = [name for name in intake.assembler.arrived if map_name(name) not in own]
+    others = intake.assembler.unknown_names()
     maps, lock = propose_maps(others, missing), "Lock a joint that the recording lacks: "
     entries = ",".join(f"{name}=0" for name in missing)
     lock += f"--set locked_joints={entries}" if len(missing) <= FEW else "--set 'locked_joints=*'"

@@ -38,7 +38,7 @@ class _Inputs:
 
     def _rejected(self, cause, message):
         self.counts[f"{self._kind} rejected: {cause}"] += 1
-        self.last_rejection = message
+        self.last_rejection = f"{cause}: {message}"
         return RejectedError(cause, message)
 
 

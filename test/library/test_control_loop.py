@@ -159,7 +159,7 @@ def test_states_without_stamps_or_with_an_old_joint_are_rejected(strong):
             stamp + MS,
         )
         assert (loop.supervisor.phase == phases.HOLDING) == late
-        assert not late or "0.025 s old" in loop.supervisor.reason
+        assert not late or "too old: 0.025 s" in loop.supervisor.reason
 
 
 def test_the_energy_limit_holds_under_a_push(strong):

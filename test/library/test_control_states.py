@@ -483,8 +483,8 @@ def test_the_ramp_of_a_clock_that_stood_still_goes_on():
 def test_texts_of_the_age():
     supervisor = Supervisor(max_age=0.02, hold_time=0.5)
     assert supervisor.age_problem(S, S + 20 * MS) is supervisor.age_problem(S, S - 20 * MS) is None
-    assert "0.021 s old" in supervisor.age_problem(S, S + 21 * MS)
-    assert "is 0.021 s in the future" in supervisor.age_problem(S, S - 21 * MS)
+    assert "is too old: 0.021 s" in supervisor.age_problem(S, S + 21 * MS)
+    assert "is in the future: 0.021 s" in supervisor.age_problem(S, S - 21 * MS)
     assert "nothing on /clock" in supervisor.age_problem(S, 0)
 
 

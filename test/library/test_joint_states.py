@@ -272,7 +272,7 @@ def test_the_text_of_a_displaced_robot_has_both_positions():
         assembler.accept_values(
             ("hip",), 1, k * MS, [np.array([position]), np.zeros(1), np.zeros(0)], 0
         )
-    assert assembler.last_texts == {"positions jumped": "joint 'hip': position went from 0 to 2"}
+    assert assembler.last_texts == {"positions jumped": "joint 'hip': position jumped from 0 to 2"}
 
 
 def test_long_messages_fill_no_memory():

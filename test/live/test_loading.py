@@ -16,7 +16,7 @@ from diag_dynamics.srv import Diagonalize
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
-from diag_dynamics.nodes.support.diagnostics import OK
+from diag_dynamics.nodes.support.statuses import OK
 from diag_dynamics.numerics.progress import RULE
 from nodes import LATCHED, PANDA, Monitor, Truth, description, robot
 from processes import Process

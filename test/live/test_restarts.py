@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN
+from diag_dynamics.nodes.support.statuses import OK, STALE, WARN
 from nodes import MAX_AGE, OUTPUTS, PANDA, Reports, Truth, nanoseconds, robot
 from processes import node_process
 

@@ -13,7 +13,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.monitor.watches import EnergyWatch
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN
+from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN
 from diag_dynamics.parameters.monitor import Settings, Thresholds
 from diag_dynamics.parameters.robots import model_of
 from joint_state_readers import DEFAULTS
@@ -30,6 +30,8 @@ KEYS = {
         "stale joints",
         "publishers of /reports/joint_states",
     },
+    "joints": {"missing joints", "unknown names"},
+    "efforts": set(),
     "model": {"robot", "degrees of freedom", "total mass [kg]", "mimic joints", "locked joints"},
     "numerical health": {
         "|nu.C| / (|nu| |C|)",
@@ -86,7 +88,7 @@ def test_every_entry(monitor, panda, sample):
         report.values["stale joints"] == "0"
     )  # stamps of another time say nothing about their age
     report = monitor.next_report()
-    assert (report.level, report.message) == (STALE, "no joint states")
+    assert (report.level, report.message) == (WARN, "no joint states")
 
 
 # --- energies

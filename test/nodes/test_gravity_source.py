@@ -13,7 +13,7 @@ import pytest
 from sensor_msgs.msg import Imu
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.diagnostics import OK, WARN
+from diag_dynamics.nodes.support.statuses import OK, WARN
 from nodes import MS, PANDA, Monitor, S, joint_state, robot
 from pushed import GAIN, Motion, feed, subscribed
 
@@ -87,7 +87,7 @@ def test_orientation_and_timeout(peer):
         assert monitor.next_report().entries["gravity"].level == OK
         peer.pass_time(1.1)
         assert monitor.gravity() is None
-        assert "s old" in monitor.next_report().entries["gravity"].message
+        assert "is old" in monitor.next_report().entries["gravity"].message
         monitor.send(orientation=TILT)
         np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-9)
 
@@ -136,7 +136,7 @@ def test_wrong_messages_are_faults(peer):
         for send, text in (
             ({"frame": "camera", "orientation": TILT}, "'camera' is not a link"),
             ({"frame": "panda_hand", "orientation": TILT}, "no joint state yet"),
-            ({"force": (0.0, 0.0, 1.0)}, "linear_acceleration is 1"),
+            ({"force": (0.0, 0.0, 1.0)}, "linear_acceleration"),
         ):
             monitor.send(**send)
             assert monitor.gravity() is None
@@ -180,7 +180,7 @@ def test_frame_of_tf(peer):
         stamp.sec = peer.now() // S - 5
         peer.pass_time(1.1)
         assert monitor.gravity() is None
-        assert "the transform is" in monitor.next_report().entries["gravity"].message
+        assert "the transform" in monitor.next_report().entries["gravity"].message
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.diagnostics import OK, WARN
+from diag_dynamics.nodes.support.statuses import OK, WARN
 from nodes import LATCHED, PANDA, Monitor, description, robot
 from pushed import GAIN, TORQUE, Motion, feed, subscribed
 
@@ -74,10 +74,7 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     assert 0.0 < deviation.x < 0.05 and last.payload.m == 0.0
     report = monitor.next_report()
     assert report.entries["load"].level == OK
-    assert (
-        report.entries["load"].message
-        == f"load {last.mass:.3g} ± {last.mass_deviation:.2g} kg at '{HAND}'"
-    )
+    assert report.entries["load"].message == f"load at '{HAND}'"
     assert "Picked up: load" in monitor.process.output
     # a push on the load is a collision
     q, qd, tau = zip(*map(LOADED, range(900, 1100)), strict=True)

@@ -16,7 +16,7 @@ from controllers import Controller
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.monitor.watches import numerical_health
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN
+from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
 from diag_dynamics.page.frames import coriolis_work
 from linkages import (
     BASE,

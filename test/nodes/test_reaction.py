@@ -16,7 +16,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.support import controller_manager
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK
+from diag_dynamics.nodes.support.statuses import ERROR, OK
 from nodes import LATCHED, PANDA, Monitor, robot
 from pushed import GAIN, Motion, feed, subscribed
 
@@ -144,7 +144,7 @@ def test_efforts_that_are_not_measured(monitor, peer, first, factor, text):
     report = monitor.next_report()
     assert "collision" not in report.entries["external torque"].message
     note = f"all efforts are {text}, but gravity requires"
-    assert note in report.entries["joint states"].message
+    assert note in report.entries["efforts"].message
     moving = [(q + 1e-9 * number, qd, efforts) for number in range(3)]
     assert feed(monitor, moving)[-1].valid == (text == "commands")
     peer.node.destroy_publisher(commands)

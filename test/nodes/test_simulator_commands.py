@@ -75,7 +75,7 @@ def test_silence_then_a_command(arm):
     arm.peer.wait_until(driven, "the last joint to turn")
     assert np.abs(moved[-1][: last - 2]).max() < 0.2 * abs(moved[-1][last])
     report = arm.wait_for_report(
-        lambda r: "no command for 0.3 s" in said(r, "commands"), "the time-out"
+        lambda r: "no command for command_timeout = 0.3 s" in said(r, "commands"), "the time-out"
     )
     assert number(report, "commands timed out") > number(before, "commands timed out")
     arm.peer.wait_until(lambda: not rates(arm.next_state()).any(), "the brakes to hold")

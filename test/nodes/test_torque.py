@@ -12,7 +12,7 @@ from rclpy.exceptions import ParameterException
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import AlarmThresholds
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN
+from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
 from diag_dynamics.parameters.files import parameters_of
 from nodes import MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, TORQUE, Motion, feed, subscribed
@@ -178,7 +178,8 @@ def test_alarms(monitor, panda, free):
         assert list(first.joint_collision) == [name == "panda_joint2" for name in panda.names]
         entries = monitor.reports[count].entries
         cause = f"panda_joint2 {first.external_torque[1]:.3g} N m > 20"
-        assert set(entries) == {TORQUE} and entries[TORQUE].message == f"collision: {cause}"
+        assert set(entries) == {TORQUE} and entries[TORQUE].message == "collision: panda_joint2"
+        assert monitor.reports[count].values["detectors"] == cause
         assert last_line(monitor) == f"Collision: {cause}."
         assert monitor.reports[count].count("collisions") == before + 1
 
@@ -218,8 +219,9 @@ def test_contact_thresholds(monitor, panda, free):
         assert list(found[0].contact_torque_threshold) == [12.0] * len(panda.names)
         report = monitor.next_report()
         assert report.entries[TORQUE].level == OK and report.count("contacts") == before + 1
-        assert report.entries[TORQUE].message.startswith("contact: panda_joint2 1")
-        assert last_line(monitor).startswith("Contact: panda_joint2 1")
+        assert report.entries[TORQUE].message == "contact: panda_joint2"
+        assert report.values["detectors"].startswith("panda_joint2 1")
+        assert "Contact: panda_joint2 1" in monitor.process.output
         found = feed(monitor, [free] * 5)
         assert monitor.next_report().entries[TORQUE].message == "no collision"
 
@@ -244,10 +246,11 @@ def test_touched_link(monitor, panda, free):
         assert found[-1].touched_link == expected.link != ""
         assert found[-1].touched_link_confidence == pytest.approx(expected.confidence)
         assert found[2].touched_link == "" and found[2].touched_link_confidence == 0.0
-        message = monitor.reports[count].entries[TORQUE].message
+        report = monitor.reports[count]
         first = next(m for m in found if m.collision)
-        assert message.startswith(
-            f"collision: {first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint"
+        assert report.message == f"collision: {first.touched_link}"
+        assert report.values["detectors"].startswith(
+            f"{first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint"
         )
         assert last_line(monitor).startswith(
             f"Collision: {first.touched_link} ({first.touched_link_confidence:.2f}): "

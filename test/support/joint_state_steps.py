@@ -44,6 +44,7 @@ OUTCOMES = (
     "published",
     "incomplete",
     "foreign",
+    "empty",
     "followers only",
     "awaiting velocity",
     "before odometry",

@@ -52,7 +52,7 @@ NAME_CASES = [
         case(
             f"foreign: {names}",
             whole(),
-            step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign"),
+            step(joint_state(names, [NAN] * 5, stamp=(-1, 0)), "foreign" if names else "empty"),
         )
         for names in ((), ("lid",), ("lid", "wheel"))
     ),
@@ -367,7 +367,7 @@ def _step_case(position, velocities, periods, explained):
         1 + periods,
         position,
         "jump",
-        f"'{name}': position went from 0 to",
+        f"'{name}': position jumped from 0 to",
         "plausibility.jump",
         velocity=after,
     )

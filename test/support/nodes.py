@@ -270,6 +270,7 @@ OUTCOMES = (
     "published",
     "incomplete",
     "foreign",
+    "empty",
     "followers only",
     "before the model",
     "before odometry",

@@ -5,6 +5,7 @@
 
 import time
 from array import array
+from collections import Counter
 from functools import partial
 
 import numpy as np
@@ -30,7 +31,12 @@ from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
-from diag_dynamics.nodes.controller.lifecycle import ACTIVE, INACTIVE, SUCCESS, ManagedNode
+from diag_dynamics.nodes.controller.lifecycle import (
+    ACTIVE,
+    INACTIVE,
+    SUCCESS,
+    ManagedNode,
+)
 from diag_dynamics.nodes.controller.record import (
     Record,
     problems_of_limits,
@@ -43,18 +49,12 @@ from diag_dynamics.nodes.support.controller_manager import ACTIVE as RUNNING
 from diag_dynamics.nodes.support.controller_manager import NOT_LOADED, ControllerActivity
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import (
-    ERROR,
-    WARN,
-    Diagnostics,
-    Status,
-    counted,
-    shortened,
-)
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
 from diag_dynamics.nodes.support.runner import Stop
+from diag_dynamics.nodes.support.statuses import ERROR, WARN, Status
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
@@ -100,7 +100,7 @@ class ControllerNode(ManagedNode):
         self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
-        self._logged_phase = None  # of the supervisor
+        self._reported_phase = None  # of the supervisor
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -330,9 +330,6 @@ class ControllerNode(ManagedNode):
         now, last = self.time.now(), self._last_time
         if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
-            self.get_logger().warning(
-                f"The clock went back by {(last - now) * 1e-9:.6g} s.", throttle_duration_sec=5.0
-            )
             self._states.forget()
             self._states.forget_clock()
         self._last_time = now
@@ -390,30 +387,20 @@ class ControllerNode(ManagedNode):
             return
         if not sent.silent:
             self._send(sent.effort)
-        self._log_phase()
+        self._report_phase()
         if sent.lost:
             self._record.refuse("targets aborted", sent.lost)
-            self.get_logger().warning(plain(sent.lost), throttle_duration_sec=1.0)
+            self.get_logger().warning(shortened(sent.lost), throttle_duration_sec=1.0)
         self._record.command(now, sent, self._loop, self.values["max_state_age"])
         if self._status.get_subscription_count() and self._status_limit.due(now):
             self._status.publish(status_message(self._loop, sent))
         self._trajectories.update()
 
-    def _log_phase(self):
-        """Log the begin of a hold, of a ramp, and of the law after one of them."""
-        supervisor, log, before = self._loop.supervisor, self.get_logger(), self._logged_phase
-        self._logged_phase = phase = supervisor.phase
-        if phase == before:
-            return
-        if phase == HOLDING:
-            text = f"Holding gravity: {supervisor.reason}."
-            log.warning(shortened(text), throttle_duration_sec=1.0)
-        elif phase == RAMPING_DOWN:
-            log.error(shortened(f"Ramping down: {supervisor.reason}."))
-        elif before == RAMPING_DOWN:
-            log.warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
-        elif before == HOLDING:
-            log.info(f"Resumed: mode {self._loop.mode}.", throttle_duration_sec=1.0)
+    def _report_phase(self):
+        """Report at once that a hold or a ramp begins."""
+        before, self._reported_phase = self._reported_phase, self._loop.supervisor.phase
+        if self._reported_phase > (before or 0) and self._reported_phase in (HOLDING, RAMPING_DOWN):
+            self._diagnostics.publish([self._control_status(Counter())])
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
@@ -473,7 +460,7 @@ class ControllerNode(ManagedNode):
             raise InputError(f"the controller is {self.phase}. Activate it first.")
         self._loop.switch(mode)
         self._trajectories.update()
-        self.get_logger().debug(f"mode {mode} requested")
+        self.get_logger().info(f"Mode {mode}, by service.")
         return f"mode {mode}"
 
     # --- Diagnostics
@@ -506,18 +493,18 @@ class ControllerNode(ManagedNode):
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
             return (
-                status._replace(level=ERROR, message=f"{status.message}; {reason}")
+                status._replace(level=ERROR, message=f"{status.message}; {reason}", is_logged=True)
                 if reason
                 else status
             )
         if reason:
-            return Status("control", ERROR, reason, values)
+            return Status("control", ERROR, reason, values, is_logged=True)
         waiting = self.phase == INACTIVE and not self._loop
+        message = "no robot yet" if waiting else f"{self.phase}; no commands"
         if self._loader.loading is not None:
-            return Status("control", WARN, f"{self.phase}; loading a robot_description", values)
-        return Status(
-            "control", WARN, "no robot yet" if waiting else f"{self.phase}; no commands", values
-        )
+            message = f"{self.phase}; loading a robot_description"
+        is_logged = self._loop is None  # what the node waits for
+        return Status("control", WARN, message, values, is_logged=is_logged)
 
     def _listeners(self):
         """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
@@ -534,7 +521,7 @@ class ControllerNode(ManagedNode):
         elif self.values["check_time"] and "not compared" in self._order_known:
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
-            problems.append(f"other publishers on {topic}: {others}")
+            problems.append(f"other nodes publish {topic}")
         problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
         return problems, {
             "subscribers": receivers,

@@ -7,21 +7,20 @@ import math
 from collections import Counter
 
 from diag_dynamics.control.laws import PoseError
-from diag_dynamics.control.limits import HEAVY
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
 from diag_dynamics.control.tank import RESERVE
 from diag_dynamics.msg import ControllerStatus
-from diag_dynamics.nodes.support.diagnostics import (
+from diag_dynamics.nodes.support.diagnostics import counted, shortened
+from diag_dynamics.nodes.support.messages import doubles, to_time
+from diag_dynamics.nodes.support.statuses import (
     ERROR,
     OK,
     WARN,
     Status,
-    counted,
-    shortened,
-    steady,
+    problem_status,
+    without_numbers,
 )
-from diag_dynamics.nodes.support.messages import doubles, to_time
 
 ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""
@@ -49,7 +48,7 @@ class Record:
     def refuse(self, key, reason):
         """Count a rejection, or a target that was aborted."""
         self.counts[key] += 1
-        self._last_refusal = reason
+        self._last_refusal = f"{key}: {reason}"
 
     def command(self, now, sent, loop, max_gap):
         """Count a command sent at a time [ns]; a gap beyond `max_gap` [s] is a stall."""
@@ -87,23 +86,21 @@ class Record:
         supervisor, mode = loop.supervisor, f"mode {loop.mode}"
         if supervisor.phase == IN_FORCE:
             if supervisor.cause:
-                ramp = f"choose a mode to go on after the ramp: {steady(supervisor.cause)}"
-                return Status("control", WARN, f"{mode}; {ramp}", values)
+                return _fault(
+                    f"{mode}; choose a mode to go on after the ramp: ", supervisor.cause, values
+                )
             if recent["holds"]:
                 values["last hold"] = self._last_hold
-                return Status(
-                    "control", WARN, f"{mode}; held gravity: {steady(self._last_hold)}", values
-                )
+                return _fault(f"{mode}; held gravity: ", self._last_hold, values)
             if supervisor.starting:
                 return Status("control", WARN, f"{mode}; taking up the load, damped", values)
             return Status("control", OK, mode, values)
         values["reason"] = supervisor.reason
-        reason = steady(supervisor.reason)
         if loop.state is None:
-            return Status("control", WARN, f"no commands: {reason}", values)
+            return _fault("no commands: ", supervisor.reason, values)
         if supervisor.phase == RAMPING_DOWN:
-            return Status("control", ERROR, f"ramping down: {reason}", values)
-        return Status("control", WARN, f"holding gravity: {reason}", values)
+            return _fault("ramping down: ", supervisor.reason, values, ERROR)
+        return _fault("holding gravity: ", supervisor.reason, values)
 
     def problems_of_contact(self):
         """Yield the problem of a contact energy above its bound since the last report."""
@@ -123,7 +120,7 @@ class Record:
             problems = ["gaps between commands beyond max_state_age", *problems]
         self._largest_gap, self._smallest_scale = 0.0, 1.0
         good = "limited" if recent["commands limited"] else "within limits"
-        return Status("commands", WARN if problems else OK, "; ".join(problems) or good, values)
+        return problem_status("commands", problems, good, values)
 
     def input_status(self, recent, values, problems):
         """Return the status of states, targets and time; `problems` are those of time."""
@@ -133,11 +130,18 @@ class Record:
         refused = sum(n for key, n in recent.items() if "rejected" in key or "aborted" in key)
         if self._last_refusal:
             values["last rejection"] = self._last_refusal
+        if recent["clock went back"]:
+            problems = [*problems, "the clock went back"]
+        is_logged = not problems  # by what rejects, or as the reason of a hold
         if refused:
-            problems = [f"rejected: {steady(self._last_refusal)}", *problems]
-        return Status(
-            "inputs", WARN if problems else OK, "; ".join(problems) or "nothing rejected", values
-        )
+            problems = [self._last_refusal, *problems]
+        return problem_status("inputs", problems, "nothing rejected", values, is_logged)
+
+
+def _fault(text, reason, values, level=WARN):
+    """Return the status of a law that is not in force, or was not, for a reason."""
+    message = text + without_numbers(reason)
+    return Status("control", level, message, values, text + reason)
 
 
 def problems_of_limits(efforts):
@@ -145,7 +149,7 @@ def problems_of_limits(efforts):
     if efforts.tank and efforts.tank.energy < -RESERVE * efforts.tank.capacity:
         yield "the energy tank is overdrawn (late states, effort_rate or a push)"
     if heavy := efforts.heavy:
-        yield f"gravity requires more than {HEAVY:.0%} of the effort limit of {shortened(', '.join(heavy))}"
+        yield f"gravity nearly reaches the effort limit of {shortened(', '.join(heavy))}"
     if slow := efforts.slow:
         yield f"effort_rate is too low to hold {shortened(', '.join(slow))} before the robot sinks"
 

@@ -11,7 +11,8 @@ from diag_dynamics.collision.detector import RELEASE, AlarmDetector, Alarms, Ala
 from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.diagnostics import OK, STALE, WARN, Status, counted, steady
+from diag_dynamics.nodes.support.diagnostics import counted
+from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status, without_numbers
 from diag_dynamics.wire.fields import CollisionThresholds, ContactThresholds
 
 
@@ -106,7 +107,7 @@ class LoadWatch:
         """Return the status of the load."""
         load = self.estimate
         if not load.valid:
-            return Status("load", STALE, steady(load.reason))
+            return Status("load", STALE, without_numbers(load.reason))
         values = {
             "mass [kg]": f"{load.mass:.4g}",
             "standard deviation of mass [kg]": f"{load.mass_deviation:.2g}",
@@ -115,7 +116,7 @@ class LoadWatch:
         if load.is_significant:
             values["centre of mass [m]"] = " ".join(f"{x:.3f}" for x in load.center)
         return Status(
-            "load", OK, self.describe() if load.is_load else f"no load at '{self.link}'", values
+            "load", OK, f"{'load' if load.is_load else 'no load'} at '{self.link}'", values
         )
 
 
@@ -140,7 +141,8 @@ class TorqueWatch:
     """
 
     def __init__(self, dynamics, observation, link):
-        self._origin, self._is_reported = None, False
+        self._origin, self._collision = None, ""  # message while a collision lasts
+        self._reported_count = 0
         self._alarm = self._contact = None
         self.start_interval()
         self.use(dynamics, observation, link)
@@ -257,7 +259,7 @@ class TorqueWatch:
             self._contact.accept_state(stamps, seen, torque, r, rates, self._touched_row)
             if self._contact.on:
                 self.contact_cause = self._contact.cause()
-        return self.seen.collision and not self._is_reported
+        return self.seen.collision and not self._collision
 
     def _touched_row(self):
         """Return `touched` as a result of one row."""
@@ -270,7 +272,11 @@ class TorqueWatch:
 
     def report(self, without_effort):
         """Return the status of this interval, given the names of joints without effort."""
-        self._is_reported = bool(self.cause)
+        if not self.cause:
+            self._collision = ""
+        elif not self._collision or self._alarm.count != self._reported_count:
+            self._collision = f"collision: {without_numbers(self.cause)}"
+        self._reported_count = self._alarm.count
         if not self._count:
             return Status("external torque", STALE, "no states since the last report")
         values = {"collisions": self._alarm.count}
@@ -282,19 +288,17 @@ class TorqueWatch:
             values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
         if self.seen.valid:
             values["|r| [J^0.5/s]"] = f"{self.seen.norm:.6g}"
-        level, message = WARN, f"collision: {self.cause}"
-        if not self.cause and self._valid:
-            level, message = (
-                OK,
-                "no collision" if self.is_judged else "observer runs without thresholds",
-            )
-            message = f"contact: {self.contact_cause}" if self.contact_cause else message
-            if without_effort:
-                level, message = (
-                    WARN,
-                    f"{message}; joints without effort: {counted(without_effort)}",
-                )
-        elif not self.cause:
-            lacking = without_effort and f"joints without effort: {counted(without_effort)}"
-            message = lacking or steady(self.seen.reason)
-        return Status("external torque", level, message, values)
+        if cause := self.cause or self.contact_cause:
+            values["detectors"] = cause
+        if self.cause:
+            return Status("external torque", WARN, self._collision, values, is_logged=True)
+        lacking = without_effort and f"joints without effort: {counted(without_effort)}"
+        if not self._valid:
+            message = lacking or without_numbers(self.seen.reason)
+            return Status("external torque", WARN, message, values)
+        message = "no collision" if self.is_judged else "observer runs without thresholds"
+        if self.contact_cause:
+            message = f"contact: {without_numbers(self.contact_cause)}"
+        if lacking:
+            return Status("external torque", WARN, f"{message}; {lacking}", values)
+        return Status("external torque", OK, message, values)

@@ -10,8 +10,8 @@ from sensor_msgs.msg import Imu
 from diag_dynamics.checks import unit
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.nodes.support.clocks import steady_clock
-from diag_dynamics.nodes.support.diagnostics import OK, WARN, Status
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.statuses import problem_status
 from diag_dynamics.nodes.support.tf import Transforms, unit_quaternion
 from diag_dynamics.rotations import from_quaternion
 
@@ -49,11 +49,7 @@ class GravitySource:
         if self._robot is None or self._robot is not self._current() or self._up is None:
             return f"{source} is unknown: {self._fault or 'no message'}"
         age = self._time.steady() - self._received
-        return (
-            f"{source} is {age:.3g} s old; {self._fault or 'no message'}"
-            if age > self._timeout
-            else ""
-        )
+        return f"{source} is old: {self._fault or 'no message'}" if age > self._timeout else ""
 
     def accept_imu(self, message):
         """Use the bytes of a sensor_msgs/Imu."""
@@ -116,7 +112,9 @@ class GravitySource:
         problem, values = self._problem(), {}
         if self._robot is not None and self._up is not None:
             values["up in the axes of the root link"] = " ".join(f"{x:.4f}" for x in self._up)
-        return [Status("gravity", WARN if problem else OK, problem or "direction is known", values)]
+        if self._fault:
+            values["fault"] = self._fault
+        return [problem_status("gravity", [problem] * bool(problem), "direction is known", values)]
 
 
 def _transforms(node):

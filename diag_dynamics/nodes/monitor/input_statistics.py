@@ -5,16 +5,8 @@
 
 from collections import Counter
 
-from diag_dynamics.nodes.support.diagnostics import (
-    ERROR,
-    OK,
-    STALE,
-    WARN,
-    Status,
-    counted,
-    shortened,
-    steady,
-)
+from diag_dynamics.nodes.support.diagnostics import counted, shortened
+from diag_dynamics.nodes.support.statuses import ERROR, STALE, WARN, Status, problem_status
 
 OVERLOAD = "skipped: overload"
 PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state
@@ -40,6 +32,7 @@ class InputStatistics:
         self._steady = steady
         self.counts, self._reported = Counter(), Counter()
         self.last_rejection, self._last_stamp = "", None
+        self.is_foreign = False  # whether no recent message had a joint of the robot
         self._start_interval()
 
     def _start_interval(self):
@@ -52,7 +45,7 @@ class InputStatistics:
     def count_rejected(self, what, cause, text):
         """Count a message as "rejected" or "odometry rejected"."""
         self.counts[f"{what}: {cause}"] += 1
-        self.last_rejection = shortened(text)
+        self.last_rejection = shortened(f"{cause}: {text}")
 
     def count_published(self, what, stamp):
         """Count a state with a stamp [ns]."""
@@ -67,6 +60,8 @@ class InputStatistics:
         """Return the status since the last report, with values and problems of the graph."""
         counts = self.counts + (_counts_of(robot) if robot else Counter())
         recent, self._reported = counts - self._reported, counts
+        if recent["received"]:
+            self.is_foreign = recent["foreign"] + recent["empty"] == recent["received"]
         elapsed = max(self._steady() - self._start, 1e-3)
         values = values | {"input rate [Hz]": f"{recent['received'] / elapsed:.4g}"}
         values["output rate [Hz]"] = f"{sum(recent[one] for one in PUBLISHED) / elapsed:.4g}"
@@ -79,42 +74,39 @@ class InputStatistics:
         problems = self._problems(robot, recent) + problems
         for source, offset in unsynchronized(robot):
             values[f"clock minus stamps of {source} [s]"] = f"{offset:.3f}"
-            problems.append(f"stamps of {source} are of another clock, so their age is unknown")
+            problems.append(
+                f"stamps of {source} are of another clock, so their age is unknown. Play bags with --clock and "
+                "set use_sim_time, or synchronize the clocks of the hosts"
+            )
         if robot:
             values |= _joint_values(robot.assembler, now)
         values |= dict(sorted(counts.items()))
         if self.last_rejection:
             values["last rejection"] = self.last_rejection
-        level, message = (WARN, "; ".join(problems)) if problems else _summary(robot, recent)
-        level = ERROR if recent["rejected: open loop"] else level
-        return Status("joint states", level, message, values)
+        if not problems and not any(recent[outcome] for outcome in PUBLISHED):
+            return Status("joint states", *_silence(recent), values)
+        status = problem_status("joint states", problems, "publishing", values)
+        return status._replace(level=ERROR) if recent["rejected: open loop"] else status
 
     def _problems(self, robot, recent):
         problems, texts = [], robot.assembler.last_texts if robot else {}
         if any(one.startswith(("rejected", "odometry rejected")) for one in recent):
-            problems.append(f"messages rejected: {steady(self.last_rejection)}")
+            problems.append(f"messages rejected: {self.last_rejection}")
         for key, text in WARNINGS.items():
             if recent[key]:
-                problems.append(text + steady(texts.get(key, "")))
-        if robot and recent["received"]:
-            missing, stuck = robot.assembler.missing, robot.assembler.stuck_text
-            problems += [stuck] if stuck else []
-            problems += [f"joints without data: {', '.join(missing)}"] if missing else []
+                problems.append(text + texts.get(key, ""))
+        if robot and recent["received"] and (stuck := robot.assembler.stuck_text):
+            problems.append(stuck)
         return problems
 
 
-def _summary(robot, recent):
-    if any(recent[one] for one in PUBLISHED):
-        return OK, "publishing"
+def _silence(recent):
+    """Return level and text of an interval without a state and without a problem."""
     if recent["awaiting velocity"]:
         return WARN, "no velocity estimate yet"
-    if robot and recent["foreign"] and robot.assembler.last_foreign:
-        name = shortened(robot.assembler.last_foreign[0])
-        return (
-            STALE,
-            f"no joint states of this robot; messages contain other joints, for example '{name}'",
-        )
-    return STALE, "no joint states"
+    if recent["received"]:
+        return STALE, "no complete state of this robot"
+    return WARN, "no joint states"
 
 
 def _counts_of(robot):
@@ -127,7 +119,6 @@ def _joint_values(assembler, now):
         now = assembler.newest  # of the same clock
     values = {
         "stamps": STAMPS[assembler.in_step],
-        "missing joints": counted(assembler.missing),
         "stale joints": counted(assembler.stale(now)),
         "joints without effort": counted(assembler.without_effort),
         "joints with estimated velocity": counted(assembler.estimated),

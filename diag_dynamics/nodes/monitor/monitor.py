@@ -16,8 +16,14 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedErro
 from diag_dynamics.joint_states.assembler import Rejected
 from diag_dynamics.nodes.monitor.commands import EffortCommands
 from diag_dynamics.nodes.monitor.gravity import GravitySource
-from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics, unsynchronized
-from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, Refused, model_status
+from diag_dynamics.nodes.monitor.input_statistics import OVERLOAD, InputStatistics
+from diag_dynamics.nodes.monitor.joint_coverage import joint_coverage
+from diag_dynamics.nodes.monitor.monitored_robot import (
+    MonitoredRobot,
+    Refused,
+    joint_map,
+    model_status,
+)
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs, frame_tokens
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
@@ -25,13 +31,15 @@ from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import MAX_NAMES, WARN, Diagnostics, counted, shortened
-from diag_dynamics.nodes.support.graph import clock_notes, publishers, warn_of_time
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
+from diag_dynamics.nodes.support.graph import clock_notes, publishers, topics_of
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
+from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
 from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
+from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.text import plain
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
@@ -56,6 +64,7 @@ class MonitorNode(TableNode, Node):
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
         check_entries(self.values)
+        joint_map(self.values)  # reject wrong entries before a robot is loaded
         self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
         self._commands = EffortCommands(self)
@@ -137,10 +146,6 @@ class MonitorNode(TableNode, Node):
             )
             return
         self._refused = Refused(description, reason)
-        kept = f"; robot '{plain(self._robot.model.name)}' stays" if self._robot else ""
-        self.get_logger().error(
-            f"robot_description rejected{kept}: {reason}", throttle_duration_sec=0.5
-        )
 
     def _put_in_force(self, robot):
         if self._robot:
@@ -149,12 +154,10 @@ class MonitorNode(TableNode, Node):
         self._reaction.end()
         self._revision = robot.revision
         log, name = self.get_logger(), plain(robot.model.name)
-        for link in map(plain, robot.unapplied()):
-            log.warning(f"The payload on '{link}' is not applied: robot '{name}' has no such link.")
         if robot.without_rotors:
             log.info(
-                f"Joints without rotor inertia: {plain(', '.join(robot.without_rotors[:MAX_NAMES]))}. Their energies and "
-                "alarms are wrong. Set armature, or parameters_file (docs/identification.md)."
+                f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}. If so, set armature "
+                "(docs/identification.md)."
             )
         if robot.torque and (alarming := robot.torque.alarming):
             count = np.isfinite(alarming.limits[:-2]).sum()
@@ -203,6 +206,7 @@ class MonitorNode(TableNode, Node):
     def _serve(self, robot, message):
         """Publish the state that a joint state completes."""
         now = self.time.now()
+        robot.first_received = robot.first_received or self._received
         found = robot.assembler.accept(message, now)
         if isinstance(found, Rejected):
             self._reject("rejected", *found)
@@ -246,9 +250,6 @@ class MonitorNode(TableNode, Node):
     def _reject(self, what, cause, text):
         self._statistics.count_rejected(what, cause, text)
         self.get_logger().debug(f"{what}: {cause}: {self._statistics.last_rejection}")
-        self.get_logger().warning(
-            f"Rejected: {self._statistics.last_rejection}", throttle_duration_sec=5.0
-        )
 
     def _publish(self, robot, state, what):
         """Evaluate a state, publish it where there are subscribers, and watch it."""
@@ -391,12 +392,12 @@ class MonitorNode(TableNode, Node):
 
     def _report(self):
         robot = self._robot
-        warn_of_time(self, self._statistics.counts["received"], unsynchronized(robot))
         states = self._statistics.report(robot, self.time.now(), *self._notes())
         if robot is None:
-            states = states._replace(level=WARN, message=f"no robot yet; {states.message}")
+            states = states._replace(level=STALE, message="no robot yet")
         statuses = [
             states,
+            *self._joint_reports(),
             model_status(robot, self._revision, self._refused, self._loader.loading),
             numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
@@ -418,19 +419,35 @@ class MonitorNode(TableNode, Node):
             problems += wrong.values()
             if kind is JointState and self._robot:
                 problems += self._overlap(subscription.topic_name, sorted({*names} - {*wrong}))
+                problems += [] if names else [self._absence(subscription.topic_name)]
         values, wrong = clock_notes(self)
-        if self._robot and (problem := self._robot.effort_problem(self._commands)):
-            problems.append(problem)
         return notes | values, problems + wrong
 
+    def _joint_reports(self):
+        """Return the statuses of joints without data and of efforts; none without a robot."""
+        if (robot := self._robot) is None:
+            return []
+        first, model = robot.first_received, robot.model
+        elapsed = None if first is None else self.time.steady() - first
+        ignored = (*model.fixed_joints, *model.locked_joints)
+        problem = robot.effort_problem(self._commands)
+        return [
+            joint_coverage(robot.assembler, ignored, elapsed, self._statistics.is_foreign),
+            Status("efforts", WARN if problem else OK, problem or "not contradicted by gravity"),
+        ]
+
+    def _absence(self, topic):
+        """Return the problem that nothing publishes the topic of joint states."""
+        others = topics_of(self, "sensor_msgs/msg/JointState")
+        elsewhere = f"; joint states are on {listed(others)}. Remap joint_states" if others else ""
+        return f"{topic} has no publisher{elsewhere}"
+
     def _overlap(self, topic, names):
-        """Return, and log, the problem that nodes of these names publish the same joints."""
+        """Return the problem that nodes of these names publish the same joints."""
         joints = self._robot.assembler.overlapping_joints()
         if len(names) < 2 or not joints:
             return []
-        problem = (
+        return [
             f"more than one of these nodes publishes '{shortened(joints[0])}' on {topic}: "
             f"{', '.join(names)}. Stop one of them, or remap its topic"
-        )
-        self.get_logger().warning(problem, throttle_duration_sec=60.0)
-        return [problem]
+        ]

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
@@ -19,10 +20,12 @@ from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch, LoopWatch
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, WARN, Status, counted
+from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
+from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.contact import contact_points
 from diag_dynamics.parameters.shared import payloads_of
+from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.sweeps import evaluation, workspace
 
 POSES = 20
@@ -73,13 +76,16 @@ class MonitoredRobot:
         self.description, self._source = description, _kept(description)
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
-        self.assembler = StateAssembler(joints_of(model), settings.inputs, self.base)
+        self.assembler = StateAssembler(
+            joints_of(model), settings.inputs, self.base, joint_map(settings.values)
+        )
         self._links = LinkPositions(model)
         self.energy = EnergyWatch(model, settings.thresholds)
         self.contact = ContactWatch()
         self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = (
             None
         )
+        self.first_received = None  # steady time of the first joint state [s]
         self._moved = 0  # jumps of positions that the watches know of
         self._stands_still = False  # whether the last two states have the same positions
         self.use(model, settings, revision)
@@ -214,8 +220,8 @@ class MonitoredRobot:
         if load <= MIN_LOAD:
             return ""
         return (
-            f"all efforts are {names}, but gravity requires {load:.3g} N m or N more: the brakes "
-            "hold the robot, or the driver does not measure efforts (effort_available)"
+            f"all efforts are {names}, but gravity requires others: the brakes hold the robot, or "
+            "the driver does not measure efforts (effort_available)"
         )
 
     def report(self):
@@ -338,6 +344,12 @@ class MonitoredRobot:
         ]
 
 
+def joint_map(values):
+    """Return the function of the parameter `joint_names` that maps names; None without entries."""
+    entries = assignments("joint_names", values["joint_names"], kind=str)
+    return JointNames(entries, "parameter 'joint_names'").map_name if entries else None
+
+
 def _values_by(options):
     """Return the options of joint states without those that change no values."""
     return options._replace(stuck_timeout=0.0, odom_timeout=0.0)
@@ -411,7 +423,7 @@ def model_status(robot, revision, refused, loading):
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
             "topics serialized by rclpy": counted(sorted(robot.encoder.unlike)),
-            "joints without rotor inertia": counted(robot.without_rotors),
+            "joints that may lack rotor inertia": counted(robot.without_rotors),
         }
         if model.flexible_joints:
             rigid = [
@@ -420,13 +432,11 @@ def model_status(robot, revision, refused, loading):
             values["flexible joints taken as rigid"] = counted(rigid)
     if refused:
         return Status("model", ERROR, f"robot_description rejected: {refused.reason}", values)
+    if robot is None and loading is not None:
+        return Status("model", STALE, "loading the robot_description", values)
     if robot is None:
-        return Status(
-            "model",
-            WARN,
-            f"{'waiting for' if loading is None else 'loading'} the robot_description",
-            values,
-        )
+        text = "waiting for the robot_description"
+        return Status("model", WARN, text, values, is_logged=True)
     if unapplied := robot.unapplied():
         return Status("model", WARN, f"payloads on unknown links: {', '.join(unapplied)}", values)
     another = "; loading another robot_description" if loading is not None else ""

@@ -11,8 +11,9 @@ from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.controller_manager import ControllerSwitch
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, Status, shortened
+from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.publishing import connected, latched
+from diag_dynamics.nodes.support.statuses import ERROR, OK, Status
 
 RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
 """Time without a response after which diagnostics report an error, and without a result until ~/collision is false [s]."""
@@ -144,5 +145,5 @@ class Reaction:
             message = message or self._controllers.problem()
         if not self._client.service_is_ready():
             message = "the service is not available"
-        level = ERROR if message else OK
-        return [Status("reaction", level, f"'{self._service}': {message or 'ready'}", values)]
+        level, text = ERROR if message else OK, f"'{self._service}': {message or 'ready'}"
+        return [Status("reaction", level, text, values, is_logged=bool(self._failure))]

@@ -11,7 +11,8 @@ from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.joint_types import places, single_joints
-from diag_dynamics.nodes.support.diagnostics import ERROR, OK, STALE, WARN, Status, counted
+from diag_dynamics.nodes.support.diagnostics import counted
+from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status, problem_status
 from diag_dynamics.page.frames import coriolis_work
 from diag_dynamics.parameters.monitor import share_thresholds
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
@@ -231,7 +232,7 @@ class LoopWatch:
         try:
             energies, now = self._balance.energies(state.position, state.velocity, rates)
         except (DiagDynamicsError, np.linalg.LinAlgError) as error:
-            return Status("loops", ERROR, str(error))
+            return problem_status("loops", [str(error)], "", {})._replace(level=ERROR)
         measured = counted(
             [name for name, rate in zip(now.names, rates, strict=True) if np.isfinite(rate)]
         )

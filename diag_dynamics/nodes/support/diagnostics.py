@@ -3,20 +3,14 @@
 
 """The entries of a node on /diagnostics, once a second."""
 
-import re
-from collections.abc import Mapping
 from contextlib import suppress
-from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, Status, StatusLog
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.text import plain
-
-OK, WARN, ERROR, STALE = (
-    getattr(DiagnosticStatus, level) for level in ("OK", "WARN", "ERROR", "STALE")
-)
 
 PERIOD = 1.0
 
@@ -25,15 +19,6 @@ MAX_NAMES = 8
 
 MAX_LENGTH = 1000
 """Characters that a message or a value has at most."""
-
-
-class Status(NamedTuple):
-    """One entry: its name after the node's, level, message, and values by key."""
-
-    name: str
-    level: bytes
-    message: str
-    values: Mapping = {}
 
 
 def counted(names):
@@ -46,21 +31,10 @@ def shortened(text, most=MAX_LENGTH):
     return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
 
 
-_MEASURED = re.compile(
-    r"'[^']*'|= [^\s,;]+|(?<![\w/.^])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
-)
-
-
-def steady(text):
-    """Return a text without measured numbers, so that a message stays the same while a fault lasts.
-
-    Numbers of parameters (``name = number``) and within names stay.
-    """
-    return _MEASURED.sub(lambda found: found[0] if found[0][0] in "'=" else "…", text)
-
-
 class Diagnostics:
     """Publishes what `report` returns, a list of :class:`Status`, once a second of steady time.
+
+    The node's log has the begin and the end of each fault, see :class:`StatusLog`.
 
     `robot` returns the model in force, whose name is that of the hardware, or None.
     """
@@ -68,7 +42,7 @@ class Diagnostics:
     def __init__(self, node, report, robot):
         self._node, self._report, self._robot = node, report, robot
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._compiled = ""
+        self._compiled, self._log = "", StatusLog()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD, self._tick, clock=steady_clock())
         set_progress_callback(self._report_compiling)
@@ -86,11 +60,11 @@ class Diagnostics:
             self.publish([Status("compiling", OK, "compiling", {"what": text})])
 
     def publish(self, statuses):
-        """Publish statuses at once."""
+        """Publish statuses at once, and log the faults that begin or end."""
         array = DiagnosticArray()
         model = self._robot()
         hardware = shortened(model.name) if model else ""
-        for name, level, message, values in statuses:
+        for name, level, message, values, *_ in statuses:
             status = DiagnosticStatus(
                 level=level, name=shortened(f"{self._name}: {name}"), message=shortened(message)
             )
@@ -102,3 +76,11 @@ class Diagnostics:
             array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
+        log = self._node.get_logger()
+        for level, text in self._log.lines(statuses, self._node.time.steady()):
+            if level == ERROR:
+                log.error(shortened(text))
+            elif level == WARN:
+                log.warning(shortened(text))
+            else:
+                log.info(shortened(text))

@@ -62,23 +62,5 @@ def clock_notes(node, publishes=False):
     if len(names) > 1:
         problems.append(f"several nodes publish {topic}, so time jumps: {counted(names)}")
     if not publishes and not node.get_clock().now().nanoseconds:
-        problems.append(f"use_sim_time is set, but {topic} has no messages")
+        problems.append(f"use_sim_time is set, but {topic} has no messages. Play bags with --clock")
     return {f"publishers of {topic}": counted(names)}, problems
-
-
-def warn_of_time(node, received, foreign):
-    """Warn once of joint states without simulated time, and of `foreign` inputs: name, and clock less stamp [s]."""
-    log = node.get_logger()
-    if received and not node.get_clock().now().nanoseconds:
-        topic = node.resolve_topic_name(CLOCK)
-        log.warning(
-            f"use_sim_time is set, but nothing publishes {topic}. Play bags with --clock.",
-            once=True,
-        )
-    for what, offset in foreign[:1]:
-        side = "behind" if offset > 0.0 else "ahead of"
-        log.warning(
-            f"Stamps of {what} are {abs(offset):.3f} s {side} this node's clock. Play bags with --clock and set "
-            "use_sim_time, or synchronize the clocks of the hosts.",
-            once=True,
-        )

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Statuses of /diagnostics: texts without measured numbers, and the lines of the log about them."""
+
+import pytest
+
+from diag_dynamics.nodes.support.statuses import (
+    ERROR,
+    OK,
+    STALE,
+    WARN,
+    Status,
+    StatusLog,
+    without_numbers,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("position of joint 'joint 1' is 12.5, expected 3", "position of joint 'joint 1'"),
+        (
+            "the state is too old: 0.034 s, expected at most max_age = 0.02 s",
+            "the state is too old",
+        ),
+        ("no command for command_timeout = 0.5 s", "no command for command_timeout = 0.5 s"),
+        ("target.pose.position is [nan, -1e-05, 2]", "target.pose.position"),
+        ("stamp of panda_link0 is 17.5 s behind /robot1/clock", "stamp of panda_link0"),
+        ("position of 'a' is nan, expected a number", "position of 'a' is nan, expected a number"),
+    ],
+)
+def test_messages_have_no_measured_numbers(text, expected):
+    """A message ends before the first of them; numbers of parameters and in names stay."""
+    assert without_numbers(text) == expected == without_numbers(expected)
+
+
+def lines_of(*events):
+    """Return time, level and text of the lines about a status `x`, of events: time, level, message."""
+    log = StatusLog(period=10.0)
+    return [
+        (time, *line)
+        for time, level, message in events
+        for line in log.lines([Status("x", level, message, log=f"{message} 7")], time)
+    ]
+
+
+def every_second(*phases):
+    """Return events of phases: level, message and number of seconds."""
+    statuses = [phase[:2] for phase in phases for _ in range(phase[2])]
+    return [(float(time), *status) for time, status in enumerate(statuses)]
+
+
+@pytest.mark.parametrize(
+    ("phases", "expected"),
+    [
+        ([(OK, "fine", 99)], []),
+        ([(STALE, "no state", 99)], []),
+        ([(OK, "fine", 3), (WARN, "bad", 50)], [(3.0, WARN, "x: bad 7")]),
+        (
+            [(WARN, "bad", 20), (OK, "fine", 30)],
+            [(0.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)")],
+        ),
+        (
+            [(WARN, "bad", 3), (OK, "fine", 30)],
+            [(0.0, WARN, "x: bad 7"), (10.0, OK, "x: fine (after 3 s)")],
+        ),
+        (
+            [(WARN, "bad", 3), (WARN, "worse", 30)],
+            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: worse 7")],
+        ),
+        (
+            [(WARN, "bad", 3), (WARN, "worse", 3), (WARN, "bad", 30)],
+            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: bad 7; before: worse 7")],
+        ),
+        (
+            [(WARN, "bad", 20), (OK, "fine", 1), (WARN, "bad", 30)],
+            [(0.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)"), (21.0, WARN, "x: bad 7")],
+        ),
+        (
+            [(WARN, "bad", 3), (ERROR, "fatal", 3), (WARN, "bad", 24)],
+            [(0.0, WARN, "x: bad 7"), (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
+        ),
+        (
+            [(WARN, "bad", 1), (OK, "fine", 1)] * 4 + [(OK, "fine", 30)],
+            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: bad 7 (3 times in 10 s); ended")],
+        ),
+    ],
+)
+def test_lines_of_a_log(phases, expected):
+    """One at the begin and one at the end, a rise of the level at once, else one in ten seconds."""
+    assert lines_of(*every_second(*phases)) == expected
+
+
+def test_end_of_a_short_fault():
+    """A fault of less than a second has a line when it begins, and none when it ends."""
+    events = [(0.0, WARN, "bad"), (0.9, OK, "fine"), (10.0, OK, "fine"), (11.0, OK, "fine")]
+    assert lines_of(*events) == [(0.0, WARN, "x: bad 7")]
+
+
+def test_fault_that_the_node_has_logged():
+    """Its begin has no second line; its end has one."""
+    log, fault = StatusLog(period=10.0), Status("x", WARN, "hit", is_logged=True)
+    assert log.lines([fault], 0.0) == log.lines([fault], 5.0) == []
+    assert log.lines([Status("x", OK, "free")], 12.0) == [(OK, "x: free (after 12 s)")]
+
+
+def test_statuses_have_lines_of_their_own():
+    """A line about one status does not delay that about another one."""
+    log = StatusLog()
+    assert log.lines([Status("a", WARN, "bad")], 0.0) == [(WARN, "a: bad")]
+    both = [Status("a", WARN, "bad"), Status("b", ERROR, "bad")]
+    assert log.lines(both, 1.0) == [(ERROR, "b: bad")]

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the console says of joints that are misnamed, missing or dead: one line within two seconds."""
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from nodes import PANDA, Monitor, joint_state, robot
+
+ARM = robot(PANDA)
+FINGER = "panda_finger_joint1"
+ALL = f"joints without data: {', '.join(ARM.names)}"
+ODD = {
+    "misnamed": (
+        [name.replace(FINGER, f"{FINGER}_x") for name in ARM.names],
+        f"joints without data: {FINGER}; unknown names arrive: {FINGER}_x. Set joint_names to "
+        f"['{FINGER}_x={FINGER}']",
+    ),
+    "prefix": (
+        [f"UR2024_{name}" for name in ARM.names],
+        f"{ALL}; unknown names arrive: UR2024_panda_joint1, ",
+    ),
+    "missing": ([name for name in ARM.names if name != FINGER], f"joints without data: {FINGER}"),
+    "empty": ([], f"{ALL}; all joint states are empty"),
+}
+
+
+def send(monitor, names, seconds, effort=None):
+    """Publish joint states of these names at 10 Hz."""
+    for _ in range(round(10 * seconds)):
+        q, qd, tau, _ = ARM.samples[0]
+        count = len(names)
+        values = (q[:count], 0.0 * qd[:count], (tau if effort is None else effort * tau)[:count])
+        monitor.publish(joint_state(names, *values, monitor.tick()))
+        monitor.peer.pass_time(0.1)
+
+
+def lines(monitor, status):
+    """Return the lines of warnings about a status."""
+    start = f"[WARN] [diag_dynamics]: {status}: "
+    found = [line for line in monitor.process.output.splitlines() if line.startswith(start)]
+    return [line.removeprefix(start) for line in found]
+
+
+@pytest.mark.parametrize("fault", ODD)
+def test_joints_without_data(peer, fault):
+    """One warning names them, what arrives instead, and the parameter that maps it."""
+    names, text = ODD[fault]
+    with Monitor(peer, f"/{fault}", outputs=[], robot_description=ARM.path) as monitor:
+        send(monitor, names, 2.0)
+        assert len(lines(monitor, "joints")) == 1 and lines(monitor, "joints")[0].startswith(text)
+        send(monitor, names, 30.0)
+        assert len(lines(monitor, "joints")) == 1
+        report = monitor.next_report()
+        assert report.entries["joints"].message == lines(monitor, "joints")[0]
+        assert report.count("empty") == (320 if fault == "empty" else 0)
+        if fault == "prefix":
+            assert lines(monitor, "joints")[0].endswith(". Set joint_names to ['UR2024_*=*']")
+
+
+def test_names_are_mapped(peer):
+    """With the parameter that the line proposes, states are published."""
+    entries = {"joint_names": '["UR2024_*=*"]', "robot_description": ARM.path}
+    with Monitor(peer, "/mapped", outputs=["state"], **entries) as monitor:
+        send(monitor, ODD["prefix"][0], 2.0)
+        assert len(monitor.topics["state"].messages) == 20
+        assert monitor.topics["state"].messages[0].dof_names == list(ARM.names)
+        assert lines(monitor, "joints") == []
+
+
+def test_publisher_that_leaves(peer):
+    """A line names the topic, and others that have joint states; the end has one, too."""
+    with Monitor(peer, "/arm", outputs=[], robot_description=ARM.path) as monitor:
+        send(monitor, ARM.names, 15.0)
+        peer.node.destroy_publisher(monitor.feeder)
+        other = peer.publisher(JointState, "/left/joint_states")
+        peer.pass_time(2.0)
+        (line,) = lines(monitor, "joint states")
+        assert line.startswith("/arm/joint_states has no publisher; joint states are on ")
+        assert "/left/joint_states" in line and line.endswith(". Remap joint_states")
+        peer.node.destroy_publisher(other)
+        monitor.feeder = peer.publisher(JointState, "/arm/joint_states")
+        send(monitor, ARM.names, 15.0)
+        assert "[INFO] [diag_dynamics]: joint states: publishing (after " in monitor.process.output
+
+
+def test_efforts_that_gravity_contradicts(peer):
+    """Efforts of zero have a line within two seconds, whatever else is wrong."""
+    with Monitor(peer, "/weak", outputs=[], robot_description=ARM.path) as monitor:
+        send(monitor, ARM.names, 2.0, effort=0.0)
+        (line,) = lines(monitor, "efforts")
+        assert line.startswith("all efforts are 0, but gravity requires others")
