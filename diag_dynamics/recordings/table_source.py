@@ -3,6 +3,9 @@
 
 """Tables as batches of joint states, as a driver would have sent them."""
 
+import re
+from contextlib import suppress
+
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
@@ -63,9 +66,17 @@ class TableSource:
         )
 
     def joints(self, model):
-        """Return the robot's names of all joints in rows, as a set."""
-        map_name = self.names.map_name if self.names else str
-        return {map_name(name) for names in _names(self._open(model)) for name in names}
+        """Return the robot's names of all joints in rows, as a set.
+
+        Fewer numbered columns than joints are of the first joints, if these carry all others.
+        """
+        map_name, table = self.names.map_name if self.names else str, None
+        for count in (None, *_leading_counts(model)):
+            if table is None:
+                with suppress(InputError):
+                    table = self._open(model, count)
+        table = table or self._open(model)  # raises the error of all joints
+        return {map_name(name) for names in _names(table) for name in names}
 
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
@@ -101,9 +112,9 @@ class TableSource:
         """Write a column map to fill in to a new file; `joints` are the model's, or empty."""
         write_template(path, open_reader(self._path, self._columns), joints)
 
-    def _open(self, model):
-        """Return the table, whose joints have any of the names that the map leads to."""
-        joints = single_joints(model)
+    def _open(self, model, count=None):
+        """Return the table, whose joints, the first `count`, have any name that the map leads to."""
+        joints = single_joints(model)[:count]
         if self.names:
             joints = [name for joint in joints for name in self.names.unmap_joint(joint)]
         return open_table(self._path, self._columns, tuple(joints))
@@ -145,6 +156,34 @@ class TableSource:
             self._first_beyond = f"{self._table.unit} {columns.rows[k]}, of {columns.time[k]:g} s"
         self._beyond += int(beyond.sum())
         return stamp, np.where(beyond, -1, sec), nanosec
+
+
+def _leading_counts(model):
+    """Yield how many of the first joints are a chain that carries all others.
+
+    Names of these have no numbers, or those of their order.
+    """
+    joints = single_joints(model)
+    bodies = [model.first_body(name) for name in joints]
+    for count in range(len(joints) - 1, 0, -1):
+        numbers = [re.findall(r"\d+", name)[-1:] for name in joints[:count]]
+        is_chain = all(
+            body in _carriers(model, last)
+            for last in bodies[count - 1 :]
+            for body in bodies[:count]
+        )
+        is_ordered = len({int(*one) - k for k, one in enumerate(numbers) if one}) < 2
+        if is_chain and is_ordered and all(numbers) == any(numbers):
+            yield count
+
+
+def _carriers(model, body):
+    """Return a body and those that carry it, as a set."""
+    carriers = set()
+    while body > 0:
+        carriers.add(body)
+        body = int(model.bodies["parent"][body])
+    return carriers
 
 
 def _names(table):

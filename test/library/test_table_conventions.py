@@ -303,6 +303,36 @@ def test_a_quantity_without_a_separator_names_no_joint(tmp_path):
         read(write(tmp_path, {"t": [1], "qd": [1]}), joints=("d",))
 
 
+@pytest.mark.parametrize(
+    ("parents", "names"),
+    [
+        ((0, 1, 2, 3), ("pan", "lift", "wrist", "finger")),
+        ((0, 1, 2, 3), ("arm_1", "arm_2", "arm_3", "finger_1")),
+        ((0, 1, 2, 0), ("pan", "lift", "wrist", "other_arm")),
+        ((0, 1, 2, 3), ("torso", "arm_1", "arm_2", "arm_3")),
+    ],
+)
+def test_numbers_of_fewer_joints_are_those_that_carry_the_others(tmp_path, parents, names):
+    """What else they may be is an error; `locked_joints` has the joints without columns."""
+    columns = {f"q{k}": cells("position", joint) for k, joint in enumerate(JOINTS, 1)}
+    path = write(tmp_path, {"t": [0.1 * row for row in range(ROWS)], **columns})
+    inertia = (0.1, 0, 0, 0.1, 0, 0.1)
+    parts = [robots.link("l0")]
+    for k, (parent, name) in enumerate(zip(parents, names, strict=True), 1):
+        parts += [robots.link(f"l{k}", 1.0, (0, 0.1, 0), inertia)]
+        parts += [robots.joint(name, "revolute", f"l{parent}", f"l{k}", (0, 1, 0))]
+    options = {"parameters": LOOSE | {"locked_joints": ["*=0.5"]}}
+    urdf = robots.description("some", *parts)
+    if names[-1] in ("other_arm", "arm_3"):
+        with pytest.raises(dd.InputError, match="no columns are recognized as positions"):
+            dd.read_recording(path, urdf, **options)
+        return
+    recording = dd.read_recording(path, urdf, **options)
+    assert recording.model.locked_joints == {names[-1]: 0.5}
+    assert recording.model.dof_names == names[:3]
+    np.testing.assert_allclose(recording.q, np.array(TRUTH[0])[1:], rtol=0, atol=1e-12)
+
+
 def test_joints_with_other_numbers_are_an_error(tmp_path):
     with pytest.raises(dd.InputError, match="columns have numbers, and the joints others: j2, j1"):
         read(write(tmp_path, {"t": [1], "q1": [1], "q2": [2]}), joints=("j2", "j1"))
