@@ -488,7 +488,7 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
 
 @pytest.mark.full
 def test_force_on_the_touched_link(chromium, serve):
-    """From the centre of mass of the link's body along the force; the list names link, force and confidence."""
+    """From the centre of mass of the link's body along the force; chip, list and robot name one link and force."""
     urdf, link, noise = (
         str(find_urdf("ur5")),
         "wrist_2_link",
@@ -531,9 +531,11 @@ def test_force_on_the_touched_link(chromium, serve):
             arrow / np.linalg.norm(arrow), np.array([0.0, 2.0, -1.0]) / 5**0.5, atol=1e-3
         )
         said = " ".join(tab.page.locator(".force").inner_text().split())
-        assert force["ellipsoid"] and said.startswith(f"{link} (70 %): 22.4 ±")
+        assert force["ellipsoid"] and said.startswith(f"contact: {link} (70 %), 22.4 ±")
         words = " ".join(tab.page.locator("#collisions tr.chosen").inner_text().split())
         assert f"{link} (70 %)" in words and "22.4 ±" in words
+        (note,) = (text for text in tab.ask("diag.state.notes") if "contact" in text)
+        assert " ".join(note.split()) == said
         assert tab.page.locator("#collisions h2").inner_text().startswith("No collisions, ")
         assert tab.said == []
 
@@ -609,7 +611,7 @@ def test_the_worst_status_is_seen_at_once(chromium, serve):
     stream.set_diagnostics([status(1, "rates", "a gap"), status(2, "model", refused)])
     with Tab(chromium, (1280, 720), "light") as tab:
         tab.page.goto(serve(stream).address, wait_until="domcontentloaded")
-        tab.until("diag.state.word === 'Waiting' && diag.state.worst")
+        tab.until("diag.state.word === 'Error' && diag.state.worst")
         for place in (".banner", ".worst", ".diagnostics"):
             tab.until(f'document.querySelector("{place}").textContent.includes("{refused}")')
             assert tab.page.locator(place).is_visible()

@@ -5,6 +5,7 @@
 
 import { Bar } from "./bar.js";
 import { Cards } from "./cards.js";
+import { HOLD_OFF } from "./collisions.js";
 import { Theme } from "./colours.js";
 import { Details } from "./details.js";
 import { readOnly } from "./diag.js";
@@ -319,7 +320,8 @@ export class App {
   }
 
   verdict() {
-    return this.health.judge(this.flags(), { paused: this.view.paused, report: this.report, rate: this.health.heart?.rate });
+    const event = this.cards.collisions.at(this.view.now(), this.view.following ? HOLD_OFF : undefined);
+    return this.health.judge(this.flags(), { paused: this.view.paused, report: this.report, rate: this.health.heart?.rate, event });
   }
 
   flags() {
@@ -340,9 +342,10 @@ export class App {
       const i = rows.nearest(this.view.now());
       if (isDue("plots")) this.cards.draw();
       else if (dirty.has("cursor")) this.cards.place();
-      if (isDue("numbers")) this.#drawNumbers(i);
-      if (isDue("strip")) {
-        this.cards.collisions.draw();
+      const [isNew, isStripDue] = [isDue("numbers"), isDue("strip")];
+      if (isNew || isStripDue) this.cards.collisions.draw();
+      if (isNew) this.#drawNumbers(i);
+      if (isStripDue) {
         this.timeline.draw();
       } else this.timeline.place();
       if (isDue("robot")) this.stage.draw(rows, i);

@@ -8,7 +8,7 @@ import { store, stored } from "./colours.js";
 import { el, resized, say, toggle } from "./dom.js";
 import { ContactCard } from "./contact.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
-import { severity } from "./health.js";
+import { severity, statusText } from "./health.js";
 import { Plot } from "./plot.js";
 import { plotsOf } from "./quantities.js";
 
@@ -159,7 +159,7 @@ export class Cards {
     const order = [...list].sort((a, b) => severity(b) - severity(a));
     const rows = order.map(({ level, name, message, values }) => {
       const detail = Object.entries(values ?? {});
-      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: message }));
+      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: statusText({ name, message }) }));
       const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
       return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
     });

@@ -9,8 +9,9 @@ import { FLAGS } from "./layout.js";
 import { field, hasThresholds, lengthOf } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
 
-const HOLD_OFF = 1.0; // [s]: what rises again within this time belongs to the event before, as in the monitor
+export const HOLD_OFF = 1.0; // [s]: what rises again within this time belongs to the event before, as in the monitor
 const ROUNDING = 1e-6; // [s] of times in a summary
+const REPORT_AGE = 2.0; // [s] between a collision and a report of it
 const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
 
 // Touched link at a state, its confidence, and the force at the link's centre of mass [N] with the root of its covariance;
@@ -31,12 +32,14 @@ export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, y
 // "upper (72 %)"
 export const linkText = ({ link, confidence }) => `${link} (${Math.round(100 * confidence)}\u00a0%)`;
 
-// "24.1 ± 1.2 N"; what is unobserved in words.
+// "24.1 ± 1.2 N"; a lower bound where a direction is not observed.
 export function forceText({ size, deviation, unobserved }) {
-  if (!Number.isFinite(size) || unobserved === 3) return "force not observable";
   const known = Number.isFinite(deviation) ? `${number(size)} ±\u00a0${quantity(deviation, "N", 2)}` : quantity(size, "N");
-  return unobserved > 0 ? `≥ ${known}, ${unobserved} of 3 directions not observable` : known;
+  return unobserved > 0 ? `≥ ${known}` : known;
 }
+
+// "collision: upper (72 %), 24.1 ± 1.2 N": the event wherever it is shown.
+export const eventText = ({ kind, place, number }) => `${kind}: ${[place, number].filter(Boolean).join(", ")}`;
 
 // "load 1.20 ± 0.08 kg at tool0"; empty without one.
 export function loadText(layout, d, b) {
@@ -44,8 +47,8 @@ export function loadText(layout, d, b) {
   return Number.isFinite(mass) ? `load ${number(mass)} ±\u00a0${quantity(deviation, "kg", 2)} at ${layout.links[link]}` : "";
 }
 
-// Collisions, and contacts without one, in the order of time. Known ones are those of a summary, whose times are exact;
-// others are runs of states that are flagged.
+// Collisions, and contacts without one, in the order of time. Known ones are those of a summary, whose times are exact, and
+// those that diagnostics report; others are runs of states that are flagged.
 export function eventsOf(rows, layout, known = []) {
   const flags = field(layout, "flags");
   const runs = [];
@@ -58,27 +61,39 @@ export function eventsOf(rows, layout, known = []) {
     else runs.push({ start: t, end: t, kind });
   }
   const beside = (all) => ({ start, end }) => !all.some((one) => one.start <= end + ROUNDING && one.end >= start - ROUNDING);
-  const collisions = known.filter(({ kind }) => kind === "collision");
+  const flagged = runs.filter(({ kind }) => kind === "collision");
+  const isFlagged = (t) => flagged.some(({ start, end }) => start <= t + HOLD_OFF && t <= end + REPORT_AGE);
+  const collisions = known.filter(({ kind, start, isReported }) => kind === "collision" && !(isReported && isFlagged(start)));
   const contacts = known.filter(({ kind }) => kind === "contact").filter(beside(collisions));
-  const others = runs.filter(beside(known));
+  const others = runs.filter(beside([...collisions, ...contacts]));
   return [...collisions, ...contacts, ...others].sort((a, b) => a.start - b.start).map((one) => described(rows, layout, one));
 }
 
-// With the touched link, or the joint with the largest external torque, at the largest |r|.
-function described(rows, layout, { start, end, kind, told = "" }) {
-  const largest = timeOfLargest(rows, start - ROUNDING, end + ROUNDING, field(layout, "norm"));
-  const t = Number.isFinite(largest) ? largest : start;
+// With the place and the number of the event at its largest |r|: the touched link and its force, or else the joint with the
+// largest external torque. A summary names the link.
+function described(rows, layout, { start, end, kind, told = "", link = "", isReported = false }) {
+  const [norm, touched] = [field(layout, "norm"), field(layout, "touched_link")];
+  const atLink = (d, b) => (!link || layout.links[touched(d, b)] === link ? norm(d, b) : NaN);
+  const times = [atLink, norm].map((get) => timeOfLargest(rows, start - ROUNDING, end + ROUNDING, get));
+  const t = times.find(Number.isFinite) ?? start;
+  const event = { start, end, t, kind, told, touch: null, note: "" };
+  if (isReported) return { ...event, place: told, number: "" };
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
+  const touch = touchAt(layout, d, b);
   const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
   const dof = torques.indexOf(Math.max(...torques));
-  const torque = `${layout.short[dof]} ${quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m")}`;
-  return { start, end, t, kind, norm: field(layout, "norm")(d, b), touch: touchAt(layout, d, b), text: told || torque };
+  const torque = quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m");
+  if (!touch) return { ...event, place: layout.short[dof], number: torque };
+  const place = linkText(touch);
+  const { size, unobserved } = touch;
+  if (!Number.isFinite(size) || unobserved === 3) return { ...event, touch, place, number: torque, note: `torque of ${layout.short[dof]}; force not observable` };
+  return { ...event, touch, place, number: forceText(touch), note: unobserved > 0 ? `${unobserved} of 3 directions not observable` : "" };
 }
 
 export class CollisionList {
   // shared: rows(), layout(), view, collisions() of a summary, show(event)
   constructor(shared) {
-    Object.assign(this, { shared, events: [], nodes: [], notes: null });
+    Object.assign(this, { shared, events: [], nodes: [], rows: new Map(), notes: null });
     const button = (text, step, title) => el("button", { class: "plain", text, title, "aria-label": title, onclick: () => this.step(step) });
     this.title = el("h2");
     this.says = el("div");
@@ -108,32 +123,36 @@ export class CollisionList {
     const title = plural(collisions, "collision") + (contacts ? `, ${plural(contacts, "contact").toLowerCase()}` : "");
     say(this.title, notes && !notes.known ? "Collisions: unknown" : title);
     if (!notes) say(this.says, hasThresholds(layout) ? `in ${span(rows.last - rows.first)}` : "No thresholds are set (diag-dynamics calibrate).");
-    const key = JSON.stringify(this.events.map(({ start, end, t }) => [start, end, t]));
-    if (key === this.key) return;
-    this.key = key;
-    this.nodes = this.events.map((one) => this.#row(one));
+    const keys = this.events.map(({ start, end, t }) => JSON.stringify([start, end, t]));
+    if (keys.join() === this.key) return;
+    this.key = keys.join();
+    this.rows = new Map(this.events.map((one, k) => [keys[k], this.rows.get(keys[k]) ?? this.#row(one)]));
+    this.nodes = [...this.rows.values()];
     this.body.replaceChildren(...[...this.nodes].reverse()); // the newest one first
     this.place();
   }
 
   #row(one) {
     const { view, show } = this.shared;
-    const { touch } = one;
-    const place = touch ? [...breakable(linkText(touch)), el("br")] : [];
-    const peak = touch ? forceText(touch) : `|r| ${quantity(one.norm, "√J/s")}`;
+    const duration = span(one.end - one.start);
     const time = el("button", { class: "link", text: view.label(one.start), title: "show the largest |r|" });
     return el(
       "tr",
-      { title: `${one.kind}, ${span(one.end - one.start)}`, onclick: () => show(one) },
-      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...place, el("small", { text: one.text }))),
-      el("td", {}, peak, el("small", {}, ` ${span(one.end - one.start)}`)),
+      { title: [`${one.kind}, ${duration}`, one.told].filter(Boolean).join(": "), onclick: () => show(one) },
+      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...breakable(one.place)), el("small", { text: one.note })),
+      el("td", {}, one.number, el("small", {}, duration)),
     );
+  }
+
+  // The event of a moment, and until so many seconds after its end.
+  at(t, after = PERIOD) {
+    return this.events.find(({ start, end }) => t >= start - PERIOD && t <= end + after) ?? null;
   }
 
   // Marks the event of the moment.
   place() {
-    const now = this.shared.view.now();
-    this.events.forEach(({ start, end }, k) => toggle(this.nodes[k], "chosen", now >= start - PERIOD && now <= end + PERIOD));
+    const event = this.at(this.shared.view.now());
+    this.events.forEach((one, k) => toggle(this.nodes[k], "chosen", one === event));
   }
 
   step(step) {

@@ -3,11 +3,17 @@
 
 // Whether the shown state is valid, in a word and a colour.
 
+import { eventText } from "./collisions.js";
 import { FLAGS } from "./layout.js";
 import { span } from "./format.js";
 
 // Of a status, in the order OK, STALE, WARN, ERROR.
 export const severity = (status) => [0, 2, 3, 1][status?.level ?? 0];
+
+// What a status says; place and number of a collision are those of its event.
+export function statusText({ name, message }) {
+  return /(^|: )external torque$/.test(name) ? message.replace(/^(collision|contact): [^;]*/, "$1") : message;
+}
 
 const OLD = 1.0; // [s] without a new state, from which on the page is stale
 
@@ -21,12 +27,12 @@ export class Health {
     this.error = ""; // with which the server ended the stream
     this.failure = ""; // of the page itself
     this.worst = null; // of the diagnostics: {level, text}; null while all are well
-    this.collision = ""; // what the diagnostics say of a collision; empty without one
+    this.collision = ""; // cause of a collision by the diagnostics; empty without one
   }
 
   setDiagnostics(list) {
     const collisions = list.filter(({ name, message }) => /(^|: )external torque$/.test(name) && message.startsWith("collision"));
-    this.collision = collisions[0]?.message ?? "";
+    this.collision = collisions[0]?.message.replace(/^collision:? */, "") ?? "";
     const others = list.filter((one) => !collisions.includes(one)); // a collision has a note of its own
     const worst = others.reduce((most, one) => (severity(one) > severity(most) ? one : most), null);
     const text = worst && [worst.name.replace(/^[^:]*: /, ""), worst.message].filter(Boolean).join(": "); // without its node
@@ -39,7 +45,7 @@ export class Health {
     return Number.isFinite(age) ? Math.max(age, Math.min(since, age + 1.5)) : since;
   }
 
-  // flags: of the newest frame, or of the one shown while paused.
+  // flags: of the newest frame, or of the one shown while paused; options.event: the collision or contact of that moment.
   judge(flags, options) {
     const verdict = { worst: this.worst, ...this.#judged(flags, options) };
     if (verdict.level === "good" && verdict.worst) verdict.level = verdict.worst.level;
@@ -47,8 +53,9 @@ export class Health {
     return verdict;
   }
 
-  #judged(flags, { paused = false, report = false, rate = NaN } = {}) {
-    if (report) return { level: "recording", word: "Recording", says: "", notes: this.notes(flags) };
+  #judged(flags, { paused = false, report = false, rate = NaN, event = null } = {}) {
+    const notes = this.notes(flags, event);
+    if (report) return { level: "recording", word: "Recording", says: "", notes };
     const error = this.connection === "lost" ? this.error : this.heart?.error;
     if (error) return { level: "bad", word: "Error", says: error, notes: [], dim: true };
     if (this.connection === "lost") {
@@ -59,7 +66,6 @@ export class Health {
       const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot found" : "no state received yet");
       return { level: "warn", word: "Waiting", says, notes: [], dim: true };
     }
-    const notes = this.notes(flags, paused ? "" : this.collision);
     const stale = (flags & FLAGS.late) !== 0 || this.silence > OLD;
     if (stale) return { level: "bad", word: "Stale", says: `the last state is ${span(this.silence)} old`, notes, dim: !paused, stale };
     if (paused) return { level: "paused", word: "Paused", says: "", notes };
@@ -67,11 +73,9 @@ export class Health {
     return { level, word: "Live", says: Number.isFinite(rate) && rate > 0 ? `${Math.round(rate)} Hz` : "", notes };
   }
 
-  // collision: text of the diagnostics about it.
-  notes(flags, collision = "") {
+  notes(flags, event) {
     const notes = [];
-    if (collision || flags & FLAGS.collision) notes.push({ level: "bad", text: collision || "collision" });
-    else if (flags & FLAGS.contact) notes.push({ level: "paused", text: "contact" });
+    if (event) notes.push({ level: event.kind === "collision" ? "bad" : "paused", text: eventText(event) });
     if (flags & FLAGS.estimated) notes.push({ level: "warn", text: "velocities estimated" });
     if (flags & FLAGS.effortMissing) notes.push({ level: "warn", text: "no joint torques" });
     else if (flags & FLAGS.observerInvalid) notes.push({ level: "warn", text: "external torque invalid" });

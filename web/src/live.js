@@ -6,6 +6,7 @@
 import { Layout } from "./layout.js";
 import { Rows } from "./rows.js";
 import { Stream } from "./stream.js";
+import { HOLD_OFF } from "./collisions.js";
 import { stored, store } from "./colours.js";
 
 const RATE = 50; // [Hz] requested
@@ -19,13 +20,17 @@ export class Live {
     this.rows = new Rows(1, 2);
     this.layout = null;
     this.robots = [];
+    this.collisions = []; // that diagnostics report
     this.frames = 0;
     this.counted = { frames: 0, now: 0 };
     const { health } = app;
     this.stream = new Stream({
       layout: (json) => this.#layout(json),
       frame: (t, values) => this.#frame(t, values),
-      diagnostics: (json) => app.diagnosed(json),
+      diagnostics: (json) => {
+        app.diagnosed(json);
+        this.#report(app.health.collision);
+      },
       heartbeat: (json) => this.#beat(json),
       lost: (why, status) => {
         Object.assign(health, { connection: "lost", why, heart: null, error: status === 500 ? why : "" });
@@ -80,8 +85,17 @@ export class Live {
     this.text = text;
     this.layout = new Layout(json);
     const room = Math.min(HISTORY * RATE, Math.floor(MAX_BYTES / (4 * this.layout.width)));
-    if (!same) this.rows = new Rows(this.layout.width, room);
+    if (!same) [this.rows, this.collisions] = [new Rows(this.layout.width, room), []];
     this.app.laidOut(this.layout, same);
+  }
+
+  // Stores a collision that diagnostics report: it may be too short for the states of the page.
+  #report(told) {
+    const { last } = this.rows;
+    if (!told || !Number.isFinite(last)) return;
+    const before = this.collisions.at(-1);
+    if (before && last - before.end <= HOLD_OFF) Object.assign(before, { end: last, told });
+    else this.collisions.push({ kind: "collision", start: last, end: last, told, isReported: true });
   }
 
   #beat(json) {

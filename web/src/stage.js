@@ -3,7 +3,7 @@
 
 // The robot, the legend of its colours, and numbers of the chosen link.
 
-import { forceText, linkText, loadText, symmetric, touchAt } from "./collisions.js";
+import { eventText, loadText, symmetric } from "./collisions.js";
 import { COLOURINGS, K, linkValues, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
@@ -39,7 +39,7 @@ export class Stage {
     this.marksNote = el("div", { class: "marks" });
     this.forceNote = el("div", { class: "marks force" });
     this.loadNote = el("div", { class: "marks" });
-    this.missing = el("div", { class: "marks force" });
+    this.missing = el("div", { class: "marks missing" });
     this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote, this.forceNote, this.loadNote, this.missing);
     this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
@@ -176,12 +176,12 @@ export class Stage {
     this.#force(data, base);
   }
 
-  // The force on the touched link, and the load.
+  // The force of the collision or contact, and the load.
   #force(data, base) {
-    const touch = touchAt(this.layout, data, base);
-    this.scene?.showForce(touch);
-    say(this.forceNote, touch ? `${linkText(touch)}: ${forceText(touch)}` : "");
-    this.forceNote.title = "Force that acts on the touched link, at its centre of mass. Ellipsoid: one standard deviation of the calibrated noise.";
+    const event = this.app.cards.collisions.at(this.time);
+    this.scene?.showForce(event?.touch ?? null);
+    say(this.forceNote, event ? [eventText(event), event.note].filter(Boolean).join("; ") : "");
+    this.forceNote.title = "Largest force that acts on the touched link, at its centre of mass. Ellipsoid: one standard deviation of the calibrated noise.";
     say(this.loadNote, loadText(this.layout, data, base));
   }
 

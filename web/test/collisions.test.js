@@ -5,7 +5,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { CollisionList, eventsOf, forceText, loadText, touchAt } from "../src/collisions.js";
+import { CollisionList, eventText, eventsOf, forceText, loadText, touchAt } from "../src/collisions.js";
 import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
 
@@ -33,7 +33,7 @@ test("runs of flags are events; what rises again within a second belongs to the 
   ]);
   assert.deepEqual(times(eventsOf(rows, layout)), [["collision", 0.1, 0.8, 0.2], ["contact", 2, 2, 2]]);
   const [first] = eventsOf(rows, layout);
-  assert.deepEqual([first.norm, first.touch, first.text], [9, null, "slide 5.00\u00a0N"]);
+  assert.deepEqual([first.touch, eventText(first)], [null, "collision: slide, 5.00\u00a0N"]);
 });
 
 test("times and texts of a summary replace the runs that they overlap", () => {
@@ -43,7 +43,7 @@ test("times and texts of a summary replace the runs that they overlap", () => {
     ...[{ kind: "contact", start: 0.1, end: 0.4 }, { kind: "contact", start: 1.1, end: 1.15 }],
   ]);
   assert.deepEqual(times(events), [["collision", 0.15, 0.3000004, 0.3], ["contact", 1.1, 1.15, 1.1], ["contact", 1.5, 1.5, 1.5]]);
-  assert.equal(events[0].text, "turn 5 N m > 2");
+  assert.equal(events[0].told, "turn 5 N m > 2");
   assert.deepEqual(eventsOf(rows, layout, [{ kind: "collision", start: 5, end: 6 }])[2].t, 5); // without states
 });
 
@@ -57,9 +57,27 @@ test("the touched link, its force, and the deviation along it", () => {
   assert.equal(touchAt(layout, rows.data, rows.base(1)), null);
 });
 
-test("a direction that is not observed is in the text, and no deviation is invented", () => {
-  assert.equal(forceText({ size: 5, deviation: NaN, unobserved: 1 }), "≥ 5.00\u00a0N, 1 of 3 directions not observable");
-  assert.equal(forceText({ size: 0, deviation: NaN, unobserved: 3 }), "force not observable");
+test("a direction that is not observed is a note, and no deviation is invented", () => {
+  const events = (unobserved) => eventsOf(stored([{ flags: contact, norm: 1, touch: [1, 0.5, unobserved, 0, 3, 4, ...Array(6).fill(NaN)] }]), layout);
+  const texts = (unobserved) => events(unobserved).map((event) => [eventText(event), event.note]);
+  assert.deepEqual(texts(1), [["contact: upper (50\u00a0%), ≥ 5.00\u00a0N", "1 of 3 directions not observable"]]);
+  assert.deepEqual(texts(3), [["contact: upper (50\u00a0%), 5.00\u00a0N", "torque of slide; force not observable"]]);
+});
+
+test("the link of a summary is that of the event", () => {
+  const touch = (link, force) => [link, 0.6, 0, 0, 0, force, ...Array(6).fill(NaN)];
+  const rows = stored([{ flags: collision, norm: 9, touch: touch(1, 7) }, { flags: collision, norm: 5, touch: touch(2, 4) }]);
+  const texts = (link) => eventsOf(rows, layout, [{ kind: "collision", start: 0, end: 0.1, link }]).map(eventText);
+  assert.deepEqual(texts(), ["collision: upper (60\u00a0%), 7.00\u00a0N"]);
+  assert.deepEqual(texts("hand"), ["collision: hand (60\u00a0%), 4.00\u00a0N"]);
+});
+
+test("a reported collision is an event unless states near it are flagged", () => {
+  const reported = { kind: "collision", start: 1, end: 1, told: "upper (0.53): |m r| 5 > 3", isReported: true };
+  const texts = (states) => eventsOf(stored(states), layout, [reported]).map(eventText);
+  assert.deepEqual(texts(quiet(20)), ["collision: upper (0.53): |m r| 5 > 3"]);
+  assert.deepEqual(texts([...quiet(12), { flags: collision }, ...quiet(5)]), ["collision: slide, 5.00\u00a0N"]);
+  assert.deepEqual(texts([...quiet(9), { flags: contact }, { flags: contact }]), ["collision: upper (0.53): |m r| 5 > 3"]);
 });
 
 test("a load with its deviation and link", () => {

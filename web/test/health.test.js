@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Health } from "../src/health.js";
+import { Health, statusText } from "../src/health.js";
 import { FLAGS } from "../src/layout.js";
 
 const status = (level, name, message) => ({ level, name, message });
@@ -61,10 +61,9 @@ test("live, paused, stale, and a recording", () => {
 
 test("notes of a state", () => {
   const all = Object.values(FLAGS).reduce((sum, bit) => sum + bit) - FLAGS.late;
-  const words = ["collision", "velocities estimated", "no joint torques", "reception times, no stamps", "model differs from the monitor's"];
+  const words = ["velocities estimated", "no joint torques", "reception times, no stamps", "model differs from the monitor's"];
   assert.deepEqual(seen(healthy(), all), ["warn", "Live", "", ...words]);
   assert.deepEqual(seen(healthy(), FLAGS.observerInvalid), ["warn", "Live", "", "external torque invalid"]);
-  assert.deepEqual(seen(healthy(), FLAGS.collision), ["good", "Live", "", "collision"]);
 });
 
 test("the worst status colours the verdict, without the name of its node", () => {
@@ -81,15 +80,17 @@ test("the worst status colours the verdict, without the name of its node", () =>
   assert.deepEqual([health.worst, seen(health)[0]], [null, "good"]);
 });
 
-test("a collision is one note with its cause, and does not colour the verdict", () => {
+test("a collision is one note of its event, and does not colour the verdict", () => {
   const health = healthy();
   const collision = status(1, "arm/diag_dynamics: external torque", "collision: |m r| 15 N m > 5.14");
   health.setDiagnostics([collision, status(1, "arm/diag_dynamics: pace", "late")]);
   assert.equal(health.worst.text, "pace: late");
   health.setDiagnostics([collision]);
-  assert.deepEqual([health.worst, seen(health, FLAGS.collision)], [null, ["good", "Live", "", collision.message]]);
-  assert.deepEqual(seen(health), ["good", "Live", "", collision.message]);
-  assert.deepEqual(seen(health, 0, { paused: true }), ["paused", "Paused", ""]); // the cause is of now
+  const event = { kind: "collision", place: "upper (72 %)", number: "24 N" };
+  assert.deepEqual([health.worst, health.collision], [null, "|m r| 15 N m > 5.14"]);
+  assert.deepEqual(seen(health, FLAGS.collision, { event }), ["good", "Live", "", "collision: upper (72 %), 24 N"]);
+  assert.equal(statusText(collision), "collision");
+  assert.equal(statusText({ ...collision, message: "contact: upper; joints without effort: j1" }), "contact; joints without effort: j1");
   health.setDiagnostics([status(1, "arm/diag_dynamics: external torque", "no effort of 1: elbow")]);
   assert.deepEqual(health.worst, { level: "warn", text: "external torque: no effort of 1: elbow" });
 });
