@@ -106,7 +106,10 @@ def test_after_kill_9(live):
     live.process.signal(signal.SIGKILL)
     live.process.popen.wait()
     report = simulator.wait_for_report(
-        lambda r: f"no command for command_timeout = {TIMEOUT:g} s" in r.entries["commands"].message, "the time-out"
+        lambda r: (
+            f"no command for command_timeout = {TIMEOUT:g} s" in r.entries["commands"].message
+        ),
+        "the time-out",
     )
     assert report.values["brakes"] == "closed"
     live.peer.wait_until(lambda: not np.any(simulator.next_state().velocity), "the brakes to hold")

@@ -248,10 +248,7 @@ def check_the_end(fed, since, published=lambda: None):
 def test_late_states(damped):
     """States end: the last gravity torque for hold_time, then zero; it is said why. A mode that is chosen then goes on."""
     first = damped.silence(HOLDING)
-    assert (
-        first.state_age > 0.02
-        and "s; expected at most max_state_age = 0.02 s" in first.message
-    )
+    assert first.state_age > 0.02 and "s; expected at most max_state_age = 0.02 s" in first.message
     damped.wait_until_told("control", "holding gravity: the state is", b"\1")
     check_the_end(damped, first)
     status = damped.settle(Q, MOVING)
