@@ -159,7 +159,7 @@ export class Cards {
     const order = [...list].sort((a, b) => severity(b) - severity(a));
     const rows = order.map(({ level, name, message, values }) => {
       const detail = Object.entries(values ?? {});
-      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: statusText({ name, message }) }));
+      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: statusText({ name, message }, this.collisions.events.at(-1)) }));
       const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
       return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
     });

@@ -87,7 +87,7 @@ function described(rows, layout, { start, end, kind, told = "", link = "", isRep
   const place = linkText(touch);
   const { size, unobserved } = touch;
   if (!Number.isFinite(size) || unobserved === 3) return { ...event, touch, place, number: torque, note: `torque of ${layout.short[dof]}; force not observable` };
-  return { ...event, touch, place, number: forceText(touch), note: unobserved > 0 ? `${unobserved} of 3 directions not observable` : "" };
+  return { ...event, touch, place, number: forceText(touch), note: unobserved > 0 ? `${unobserved} direction${unobserved > 1 ? "s" : ""} unobserved` : "" };
 }
 
 export class CollisionList {

@@ -10,9 +10,9 @@ import { span } from "./format.js";
 // Of a status, in the order OK, STALE, WARN, ERROR.
 export const severity = (status) => [0, 2, 3, 1][status?.level ?? 0];
 
-// What a status says; place and number of a collision are those of its event.
-export function statusText({ name, message }) {
-  return /(^|: )external torque$/.test(name) ? message.replace(/^(collision|contact): [^;]*/, "$1") : message;
+// What a status says; name, place and number of a collision or contact are those of the last event, if there is one.
+export function statusText({ name, message }, event) {
+  return /(^|: )external torque$/.test(name) ? message.replace(/^(collision|contact): [^;]*/, event ? eventText(event) : "$1") : message;
 }
 
 const OLD = 1.0; // [s] without a new state, from which on the page is stale

@@ -60,7 +60,7 @@ test("the touched link, its force, and the deviation along it", () => {
 test("a direction that is not observed is a note, and no deviation is invented", () => {
   const events = (unobserved) => eventsOf(stored([{ flags: contact, norm: 1, touch: [1, 0.5, unobserved, 0, 3, 4, ...Array(6).fill(NaN)] }]), layout);
   const texts = (unobserved) => events(unobserved).map((event) => [eventText(event), event.note]);
-  assert.deepEqual(texts(1), [["contact: upper (50\u00a0%), ≥ 5.00\u00a0N", "1 of 3 directions not observable"]]);
+  assert.deepEqual(texts(1), [["contact: upper (50\u00a0%), ≥ 5.00\u00a0N", "1 direction unobserved"]]);
   assert.deepEqual(texts(3), [["contact: upper (50\u00a0%), 5.00\u00a0N", "torque of slide; force not observable"]]);
 });
 

@@ -91,6 +91,7 @@ test("a collision is one note of its event, and does not colour the verdict", ()
   assert.deepEqual(seen(health, FLAGS.collision, { event }), ["good", "Live", "", "collision: upper (72 %), 24 N"]);
   assert.equal(statusText(collision), "collision");
   assert.equal(statusText({ ...collision, message: "contact: upper; joints without effort: j1" }), "contact; joints without effort: j1");
+  assert.equal(statusText(collision, event), "collision: upper (72 %), 24 N");
   health.setDiagnostics([status(1, "arm/diag_dynamics: external torque", "no effort of 1: elbow")]);
   assert.deepEqual(health.worst, { level: "warn", text: "external torque: no effort of 1: elbow" });
 });
