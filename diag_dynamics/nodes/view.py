@@ -286,10 +286,9 @@ class RobotSubscription:
         """Return why the monitor's parameters do not come; empty if they may."""
         topic, service = f"{self.monitor}/state", f"{self.monitor}/get_parameters"
         names, _ = publishers(self._node, self._subscriptions["state"], KIND)
-        others = [name for name in names if name not in (self.monitor, NOT_YET_KNOWN)]
-        if others:
+        if not {self.monitor, NOT_YET_KNOWN} & set(names):
             return (
-                f"publisher of {topic} is {', '.join(others)}; expected {self.monitor}. "
+                f"publisher of {topic} is {', '.join(names)}; expected {self.monitor}. "
                 "The page requires the model of a monitor."
             )
         if time.monotonic() - self._added_at > LOADING_TIMEOUT:
@@ -302,7 +301,8 @@ class RobotSubscription:
         names, problems = publishers(self._node, subscription, "std_msgs/msg/String")
         if problems:
             return "; ".join(problems.values())
-        if self._count and not names:
+        is_old = time.monotonic() - self._added_at > LOADING_TIMEOUT
+        if is_old and not names:  # a publisher may be discovered later than the monitor
             return f"{self._topic} has no publisher; expected one. Start robot_state_publisher."
         return ""
 
