@@ -536,6 +536,8 @@ def test_force_on_the_touched_link(chromium, serve):
         assert f"{link} (70 %)" in words and "22.4 ±" in words
         (note,) = (text for text in tab.ask("diag.state.notes") if "contact" in text)
         assert " ".join(note.split()) == said
+        stream.set_diagnostics([status(0, "external torque", "contact: base_link (0.9)")])
+        tab.until(f"document.querySelector('.diagnostics').innerText.includes({note!r})")
         assert tab.page.locator("#collisions h2").inner_text().startswith("No collisions, ")
         assert tab.said == []
 

@@ -343,7 +343,10 @@ export class App {
       if (isDue("plots")) this.cards.draw();
       else if (dirty.has("cursor")) this.cards.place();
       const [isNew, isStripDue] = [isDue("numbers"), isDue("strip")];
-      if (isNew || isStripDue) this.cards.collisions.draw();
+      if (isNew || isStripDue) {
+        this.cards.collisions.draw();
+        this.cards.nameEvents();
+      }
       if (isNew) this.#drawNumbers(i);
       if (isStripDue) {
         this.timeline.draw();

@@ -25,6 +25,7 @@ export class Cards {
     this.menu = el("div", { class: "menu", id: "cardmenu", popover: "auto", onbeforetoggle: () => this.menu.replaceChildren(...[...this.node.children].map((card) => this.#choice(card))) });
     this.pointer = null; // function of the time below the pointer, or null
     this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "no diagnostics received yet" }));
+    this.statuses = []; // each one with the element of its text
     this.pulse = el("p", { class: "pulse" });
     this.words = el("section", { class: "card words", id: "diagnostics" }, el("header", {}, el("h2", { text: "Diagnostics" })), this.list, this.pulse);
     this.collisions = new CollisionList(shared);
@@ -156,17 +157,27 @@ export class Cards {
   }
 
   diagnosed(list) {
-    const order = [...list].sort((a, b) => severity(b) - severity(a));
-    const rows = order.map(({ level, name, message, values }) => {
-      const detail = Object.entries(values ?? {});
-      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), el("span", { text: statusText({ name, message }, this.collisions.events.at(-1)) }));
-      const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
-      return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
-    });
     const text = JSON.stringify(list);
     if (text === this.text) return;
     this.text = text;
+    this.statuses = [];
+    const order = [...list].sort((a, b) => severity(b) - severity(a));
+    const rows = order.map((status) => {
+      const { level, name, values } = status;
+      const says = el("span");
+      this.statuses.push([status, says]);
+      const detail = Object.entries(values ?? {});
+      const head = el("summary", {}, el("i", { class: `dot ${LEVELS[level] ?? "bad"}` }), el("b", { text: statusName(name), title: name }), says);
+      const body = el("dl", {}, ...detail.map(([key, value]) => el("div", {}, el("dt", { text: key }), el("dd", { text: String(value) }))));
+      return el("details", { open: this.open?.has(name) ?? false, ontoggle: (event) => this.#keep(name, event.target.open) }, head, body);
+    });
     this.list.replaceChildren(...rows);
+    this.nameEvents();
+  }
+
+  // Says in the statuses what the last collision or contact is called in its list.
+  nameEvents() {
+    for (const [status, says] of this.statuses) say(says, statusText(status, this.collisions.events.at(-1)));
   }
 
   showDiagnostics() {
