@@ -40,13 +40,14 @@ from diag_dynamics.parameters.monitor import observation_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.view import PARAMETERS
+from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.wire.cdr import Template
 
 ROBOT_NODES = [name for node, name in NODES.items() if node != "view"]
 """Nodes of a robot whose diagnostics are shown."""
 
-SEARCH_PERIOD = 1.0
-"""Time between two searches for monitors [s]."""
+SEARCH_PERIOD, SEARCH_TIMEOUT = 1.0, 3.0
+"""Time between two searches for monitors, and without one until that is reported [s]."""
 
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 """Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
@@ -264,13 +265,12 @@ class RobotSubscription:
     # --- Faults ---
 
     def _set_fault(self, source, text):
-        """Show and log why something failed; an empty text removes the fault."""
+        """Show why something failed; an empty text removes the fault."""
         if text == self._faults.get(source, ""):
             return
         self._faults = {name: old for name, old in self._faults.items() if name != source}
         if text:
             self._faults[source] = text = shortened(text)
-            self._node.get_logger().error(text)
         self.stream.set_error(self.fault)
 
     def _try(self, source, action, *arguments):
@@ -523,6 +523,8 @@ class ViewNode(TableNode, Node):
                 f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}."
             )
         self._robots, self._replaced_at = {}, {}
+        self._found_at, self._missing = self.time.steady(), ""  # last time of a monitor [s]
+        self._absence = RobotStream("no monitor", lambda dynamics: None)
         self._folders = folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
         self._server = PageServer(self._streams, *address, values["rate"], values["tabs"], on_push)
@@ -550,7 +552,21 @@ class ViewNode(TableNode, Node):
     # --- Robots ---
 
     def _streams(self):
-        return [robot.stream for _, robot in sorted(self._robots.copy().items())]
+        streams = [robot.stream for _, robot in sorted(self._robots.copy().items())]
+        return streams or [self._absence] * bool(self._missing)
+
+    def _explain_absence(self):
+        """Return which topics a page without a monitor waits for; empty for SEARCH_TIMEOUT."""
+        now = self.time.steady()
+        if self._robots:
+            self._found_at = now
+        if now - self._found_at < SEARCH_TIMEOUT:
+            return ""
+        robots = ", ".join(filter(None, self.values["robots"])) or "all"
+        return (
+            f"waiting for a monitor: expected a topic <name>/{NODES['monitor']}{STATE} of type {KIND} "
+            f"(robots: {robots}); this type is on {listed(topics_of(self, KIND)) or 'no topic'}"
+        )
 
     def _find_monitors(self):
         """Find monitors. A robot stays for :data:`REMOVAL_TIMEOUT` after its monitor has gone."""
@@ -562,6 +578,8 @@ class ViewNode(TableNode, Node):
         new = [name for name in monitors if name not in self._robots and self._is_selected(name)]
         for monitor in sorted(new, key=lambda name: self._replaced_at.get(name, 0.0)):
             self._add_robot(monitor)
+        self._missing = self._explain_absence()
+        self._absence.set_waiting(self._missing)
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
@@ -605,13 +623,6 @@ class ViewNode(TableNode, Node):
             "tabs": self._server.streams,
             "monitors": counted(sorted(self._robots)),
         }
-        if faults:
-            return [Status("page", WARN, "; ".join(faults), shown)]
-        return [
-            Status(
-                "page",
-                OK,
-                f"served at {self.address}" if self._robots else "no monitor found",
-                shown,
-            )
-        ]
+        if problems := [*faults, self._missing] if self._missing else faults:
+            return [Status("page", WARN, "; ".join(problems), shown)]
+        return [Status("page", OK, f"served at {self.address}", shown)]

@@ -423,3 +423,20 @@ def test_xacro_file_with_arguments(peer, view, tmp_path):
         InputError, match=r"expected a URDF or xacro file\. Nodes do not read MJCFs"
     ):
         Monitor(peer, "/mjcf", robot_description=str(mjcf))
+
+
+def test_without_a_monitor(peer):
+    """After three seconds log and page say what the view waits for, until there is a monitor."""
+    with peer.start("view", "-r", "__ns:=/alone", port=0, robots="[/alone]") as view:
+        peer.pass_time(2.0)
+        assert "waiting for a monitor" not in view.output
+        peer.pass_time(3.0)
+        text = "expected a topic <name>/diag_dynamics/state of type diag_dynamics/msg/Diagonal"
+        assert (
+            view.output.count(f"[WARN] [diag_dynamics_view]: page: waiting for a monitor: {text}")
+            == 1
+        )
+        (robot,) = get_json(view.node.address, "/robots")
+        assert robot["name"] == "no monitor" and not robot["alive"]
+        with start_monitor(peer, UR5, "/alone"):
+            assert [one["name"] for one in get_json(view.node.address, "/robots")] == ["/alone"]
