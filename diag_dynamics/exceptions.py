@@ -7,18 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from diag_dynamics.text import plain
-
-_LONGEST = 10_000
-"""Maximum length of an exception's text, because a name may be of any length."""
+from diag_dynamics.text import shortened
 
 
 def shown(error: BaseException) -> str:
-    """Return the text of an exception without control characters, which names may contain."""
-    text = str(error.args[0]) if error.args else ""
-    if len(text) <= _LONGEST:
-        return plain(text)
-    return f"{plain(text[:_LONGEST])}… ({len(text)} characters)"
+    """Return the text of an exception, shortened and without control characters: names may be of any length."""
+    return shortened(str(error.args[0])) if error.args else ""
 
 
 class DiagDynamicsError(Exception):

@@ -8,6 +8,9 @@ import sys
 import time
 import unicodedata
 
+MAX_LENGTH = 900
+"""Maximum length of an error's text: with what a log puts before it, a line is within 1,000 characters."""
+
 UNKNOWN = "-"
 """Text of an unknown number."""
 
@@ -40,6 +43,16 @@ def plain(text: str) -> str:
     Letters of all languages stay, and so do escapes: a second call changes nothing.
     """
     return text if text.isprintable() else text.translate(_ESCAPES)
+
+
+def shortened(text: str, most: int = MAX_LENGTH) -> str:
+    """Return a text as :func:`plain` does, with its begin and its end alone if it is longer than `most`."""
+    head, tail = plain(text[:most]), plain(text[-most:])
+    if len(text) <= most and len(head) <= most:
+        return head
+    gap = f" … ({len(text)} characters) … "
+    size = (most - len(gap)) // 2
+    return head[:size] + gap + tail[-size:]
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from diag_dynamics.entries import ARGUMENT, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.text import plain
+from diag_dynamics.text import plain, shortened
 
 DONE, DOUBTFUL, FAILED = range(3)  # exit statuses: success; a result with reservations; no result
 
@@ -32,10 +32,18 @@ class Terminated(KeyboardInterrupt):
     status = 128 + signal.SIGTERM
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser of a command line, whose errors are shortened."""
+
+    def error(self, message):
+        """See argparse."""
+        super().error(shortened(message))
+
+
 def run_command(name, about, module, arguments):
     """Parse the arguments of a command of the library and run its module; return the exit status."""
     epilog = getattr(module, "EPILOG", None)
-    parser = argparse.ArgumentParser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
+    parser = Parser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
     module.add_arguments(parser)
     chosen = parse_arguments(parser, arguments)
     outputs = {
@@ -54,7 +62,7 @@ def run_command(name, about, module, arguments):
         print(f"diag-dynamics {name}: {kind}{rest}.", file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {error}", file=sys.stderr)
+        print(f"diag-dynamics {name}: {shortened(str(error))}", file=sys.stderr)
         return FAILED
 
 

@@ -11,6 +11,7 @@ from importlib import import_module, util
 
 import diag_dynamics
 from diag_dynamics.cli.common import run_command
+from diag_dynamics.text import shortened
 
 PROGRAM = "diag-dynamics"
 
@@ -75,7 +76,7 @@ def _run(arguments):
         return run_with_ros(name, rest)
     near = get_close_matches(name, COMMANDS, n=1)
     hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all commands."
-    print(f"{PROGRAM}: there is no command '{arguments[0]}'. {hint}", file=sys.stderr)
+    print(f"{PROGRAM}: there is no command '{shortened(arguments[0])}'. {hint}", file=sys.stderr)
     return 2
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.text import shortened
 
 LARGEST = 1e30  # largest number accepted, of whatever unit: products of a few must not overflow
 
@@ -65,7 +66,7 @@ def is_xacro(element: Any) -> bool:
 def short(value: object) -> str:
     """Return a value as messages show it."""
     text = repr(value)
-    return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
+    return shortened(text, 80)
 
 
 def placement_of(element: Any, where: str) -> Array:

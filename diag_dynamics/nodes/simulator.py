@@ -24,7 +24,7 @@ from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, text_of
-from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
 from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
@@ -46,7 +46,7 @@ from diag_dynamics.simulation.drives import TIMED_OUT
 from diag_dynamics.simulation.pace import COMMAND_TIMEOUT, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant, require_consistent
 from diag_dynamics.srv import SetState, Step
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 MAX_OVERRUNS = 0.1
 """Skipped ticks, as a fraction of those that were not, above which the pace is a warning."""
@@ -233,7 +233,7 @@ class SimulatorNode(TableNode, Node):
         else:
             self.create_timer(UNPACED, self._tick, clock=steady_clock())
         self.get_logger().info(
-            f"Ready: robot '{plain(model.name)}', {model.nv} degrees of freedom, motion '{values['motion']}', "
+            f"Ready: robot '{shortened(model.name)}', {model.nv} degrees of freedom, motion '{values['motion']}', "
             f"{values['rate']:g} Hz."
         )
 

@@ -24,7 +24,7 @@ from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
-from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.statuses import OK, WARN, Status
@@ -41,6 +41,7 @@ from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.recordings.joint_names import listed
+from diag_dynamics.text import shortened
 from diag_dynamics.wire.cdr import Template
 
 ROBOT_NODES = [name for node, name in NODES.items() if node != "view"]
@@ -379,9 +380,9 @@ class RobotSubscription:
         dynamics, _, meshes, _ = robot
         self.stream.set_robot(*robot, difference)
         name, log, self.difference = dynamics.model.name, self._node.get_logger(), difference
-        log.info(f"Showing robot '{name}' of {self.monitor}.")
+        log.info(shortened(f"Showing robot '{name}' of {self.monitor}."))
         for why in list(meshes.missing.values())[:3]:
-            log.warning(f"Robot '{name}' lacks a mesh: {shortened(why)}")
+            log.warning(shortened(f"Robot '{name}' lacks a mesh: {why}"))
         if difference:
             log.warning(f"Robot '{name}' differs from the monitor's: {difference}")
         return dynamics.model
@@ -583,7 +584,9 @@ class ViewNode(TableNode, Node):
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
-                self.get_logger().error(f"{robot.monitor}: {fault.text}", throttle_duration_sec=5.0)
+                self.get_logger().error(
+                    f"{robot.monitor}: {fault.reason}", throttle_duration_sec=5.0
+                )
         for monitor in [monitor for monitor, robot in self._robots.items() if robot.has_gone]:
             self._robots.pop(monitor).destroy()
 

@@ -49,7 +49,7 @@ from diag_dynamics.nodes.support.controller_manager import ACTIVE as RUNNING
 from diag_dynamics.nodes.support.controller_manager import NOT_LOADED, ControllerActivity
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
@@ -65,7 +65,7 @@ from diag_dynamics.parameters.controller import (
     check_values,
 )
 from diag_dynamics.parameters.spec import Spec
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
 
@@ -195,7 +195,7 @@ class ControllerNode(ManagedNode):
             self.values["max_state_age"] / WATCHES, self._look, clock=clock
         )
         self.get_logger().info(
-            plain(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
+            shortened(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
         )
 
     def _subscribe(self, kind, topic, take, qos, **options):
@@ -275,11 +275,11 @@ class ControllerNode(ManagedNode):
         model, efforts = self._loop.dynamics.model, self._loop.efforts
         efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self.get_logger().info(
-            plain(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
+            shortened(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
         )
         if efforts.unlimited:
             self.get_logger().warning(
-                plain(
+                shortened(
                     f"No effort limit for {', '.join(efforts.unlimited)}: commands are not limited."
                 )
             )

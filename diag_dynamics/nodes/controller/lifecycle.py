@@ -7,8 +7,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from diag_dynamics.nodes.support.declaring import TableNode
-from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.text import shortened
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 

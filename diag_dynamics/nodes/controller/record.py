@@ -11,7 +11,7 @@ from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
 from diag_dynamics.control.tank import RESERVE
 from diag_dynamics.msg import ControllerStatus
-from diag_dynamics.nodes.support.diagnostics import counted, shortened
+from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.messages import doubles, to_time
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
@@ -21,6 +21,7 @@ from diag_dynamics.nodes.support.statuses import (
     problem_status,
     without_numbers,
 )
+from diag_dynamics.text import shortened
 
 ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""

@@ -9,9 +9,9 @@ from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from diag_dynamics.control.following import INVALID_GOAL, SUCCESSFUL, Outcome
-from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.messages import doubles, to_time
 from diag_dynamics.nodes.support.publishing import RateLimit
+from diag_dynamics.text import shortened
 
 try:
     from control_msgs.action import FollowJointTrajectory

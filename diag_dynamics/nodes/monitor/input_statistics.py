@@ -5,8 +5,9 @@
 
 from collections import Counter
 
-from diag_dynamics.nodes.support.diagnostics import counted, shortened
+from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import ERROR, STALE, WARN, Status, problem_status
+from diag_dynamics.text import shortened
 
 OVERLOAD = "skipped: overload"
 PUBLISHED = ("published", "published from odometry")  # the second is no outcome of a joint state

@@ -31,7 +31,7 @@ from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
-from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted, shortened
+from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, publishers, topics_of
 from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
@@ -40,7 +40,7 @@ from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
 from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
 from diag_dynamics.recordings.joint_names import listed
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
@@ -153,19 +153,16 @@ class MonitorNode(TableNode, Node):
         self._robot, self._refused = robot, None
         self._reaction.end()
         self._revision = robot.revision
-        log, name = self.get_logger(), plain(robot.model.name)
+        log = self.get_logger()
         if robot.without_rotors:
-            log.info(
-                f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}. If so, set armature "
-                "(docs/identification.md)."
-            )
+            rotors = f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}"
+            log.info(shortened(f"{rotors}. If so, set armature (docs/identification.md)."))
         if robot.torque and (alarming := robot.torque.alarming):
             count = np.isfinite(alarming.limits[:-2]).sum()
             log.info(f"Collision thresholds of {count} joints.")
-        log.info(
-            f"Ready: robot '{name}', {robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg; "
-            f"subscribed to {self.resolve_topic_name('joint_states')}."
-        )
+        size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
+        topic = self.resolve_topic_name("joint_states")
+        log.info(shortened(f"Ready: robot '{robot.model.name}', {size}; subscribed to {topic}."))
         self._payloads.apply_received()
 
     def _in_force(self):
@@ -285,10 +282,10 @@ class MonitorNode(TableNode, Node):
         alarm = watch.accept_state(measured)
         self._reaction.accept_state(watch, self._received)
         if watch.begins:
-            self.get_logger().warning(plain(f"Collision: {watch.cause}."))
+            self.get_logger().warning(shortened(f"Collision: {watch.cause}."))
         elif watch.contact_begins:
             self.get_logger().info(
-                plain(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0
+                shortened(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0
             )
         self._outputs.publish_beside(
             "external_torque",
@@ -304,7 +301,7 @@ class MonitorNode(TableNode, Node):
             watch.withheld_wrenches += len(withheld)
             if withheld:
                 self.get_logger().warning(
-                    f"No external wrench at {plain(', '.join(withheld))}: the joints do not observe "
+                    f"No external wrench at {shortened(', '.join(withheld))}: the joints do not observe "
                     "all directions (docs/external-wrench.md).",
                     throttle_duration_sec=5.0,
                 )
@@ -324,7 +321,7 @@ class MonitorNode(TableNode, Node):
         )
         if load.begins:
             change = "Picked up" if load.estimate.mass > 0.0 else "Put down"
-            self.get_logger().info(plain(f"{change}: {load.describe()}."))
+            self.get_logger().info(shortened(f"{change}: {load.describe()}."))
 
     def _accept_load(self):
         """Add a load that begins to the payload."""

@@ -11,9 +11,9 @@ from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.controller_manager import ControllerSwitch
-from diag_dynamics.nodes.support.diagnostics import shortened
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.statuses import ERROR, OK, Status
+from diag_dynamics.text import shortened
 
 RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
 """Time without a response after which diagnostics report an error, and without a result until ~/collision is false [s]."""

@@ -18,7 +18,7 @@ from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 NO_PAYLOAD = Payload(0.0)
 """Removes the payload of a link."""
@@ -176,7 +176,7 @@ class PayloadServices:
         if _numbers(payload) != _numbers(model.payloads.get(link, NO_PAYLOAD)):
             model.with_payload(link, *payload)  # raises InputError
             self._attach(link, payload)
-            self._log.info(plain(f"Payload of the driver: {payload.mass:.3g} kg on '{link}'."))
+            self._log.info(shortened(f"Payload of the driver: {payload.mass:.3g} kg on '{link}'."))
 
 
 def payload_of(i):

@@ -17,7 +17,7 @@ from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES, nearest
 from diag_dynamics.numerics.progress import set_progress_callback
 from diag_dynamics.parameters.spec import wrong
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares."""
@@ -161,9 +161,9 @@ def _warn_unknown(node):
     for name in sorted(set(unknown) - others):
         if meant := nearest(name, own):
             node.get_logger().warning(
-                plain(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?")
+                shortened(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?")
             )
         else:
             unrelated.append(name)
     if unrelated:
-        node.get_logger().info(plain(f"Unknown parameters ignored: {', '.join(unrelated)}."))
+        node.get_logger().info(shortened(f"Unknown parameters ignored: {', '.join(unrelated)}."))

@@ -21,7 +21,7 @@ from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.parameters.robots import model_of
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 MAX_WARNINGS = 20
 """Warnings of a robot that are logged one by one."""
@@ -80,11 +80,11 @@ def load_robot(node, description, values):
         parameters = Parameters.load(path)
         values = values | {"parameters_file": parameters}
         text = f"Parameters of {parameters.joint_count} joints from '{path}'."
-        node.get_logger().info(plain(text))
+        node.get_logger().info(shortened(text))
     with handle_warnings(warnings.append):
         model = model_of(description, values)
     for text in warnings[:MAX_WARNINGS]:
-        node.get_logger().warning(plain(text))
+        node.get_logger().warning(shortened(text))
     if len(warnings) > MAX_WARNINGS:
         node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more warnings about this robot.")
     return model

@@ -10,25 +10,17 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, Status, StatusLog
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 PERIOD = 1.0
 
 MAX_NAMES = 8
 """Names that a value lists at most."""
 
-MAX_LENGTH = 1000
-"""Characters that a message or a value has at most."""
-
 
 def counted(names):
     """Return how many names there are, and all of them if they are few."""
     return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= MAX_NAMES else str(len(names))
-
-
-def shortened(text, most=MAX_LENGTH):
-    """Return a text, or its beginning, with control characters escaped: others may have written parts of it."""
-    return plain(text) if len(text) <= most else f"{plain(text[:most])}… ({len(text)} characters)"
 
 
 class Diagnostics:

@@ -6,7 +6,7 @@
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import DiagDynamicsError, RejectedError, cause_of
-from diag_dynamics.nodes.support.diagnostics import shortened
+from diag_dynamics.text import shortened
 
 
 class Fault(NamedTuple):

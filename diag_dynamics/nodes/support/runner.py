@@ -20,7 +20,7 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.text import plain
+from diag_dynamics.text import shortened
 
 try:  # Jazzy and later: a third of the CPU time per message
     from rclpy.experimental import EventsExecutor as Executor
@@ -76,7 +76,7 @@ def run(make_nodes, args=None):
     except ExternalShutdownException:
         pass
     except (DiagDynamicsError, NameValidationException, ParameterException) as error:
-        print(plain(f"{type(error).__name__}: {error}"), file=sys.stderr)
+        print(shortened(f"{type(error).__name__}: {error}"), file=sys.stderr)
         status = 1
     finally:
         _shut_down(nodes)
