@@ -461,7 +461,7 @@ def _close_loops(memory, position, effort, one):
     shared, n, q = memory.shared[0], len(position), memory.scratch[VALUES]
     for j in range(n):
         q[shared.nq - n + j] = position[j]
-    status = call_address(shared.follow, shared.robot, address_of(q), shared.ratios, 0)
+    status = call_address(shared.follow, (shared.robot, address_of(q), shared.ratios, 0))
     if status != 0:
         one.joint = n + len(memory.followers) + (-status) % 1000
         return codes.OPEN_LOOP

@@ -24,7 +24,7 @@ from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps import couplings, kinematics
-from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.yaml_files import read_yaml
 
 TYPES = {"point": 1, "revolute": 2, "weld": 3}
@@ -472,7 +472,7 @@ class _Cut:
     def __init__(self, tree: Any) -> None:
         self.tree = tree
         bodies, _ = tree.records({}, {})
-        self._workspace = ws.Workspace(bodies, np.zeros(3))
+        self._workspace = Workspace(bodies, np.zeros(3))
         self._places = {link.name: (body, place) for link, body, place in tree.links}
         self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
         self._of_body = {body: name for name, body in tree.last_body.items()}

@@ -52,7 +52,7 @@ from diag_dynamics.model.parameters import (
 from diag_dynamics.model.tree import Tree, massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.couplings import CouplingTables
-from diag_dynamics.sweeps.workspace import Workspace
+from diag_dynamics.sweeps.memory import Workspace
 
 BESIDE = (
     "armature",

@@ -24,7 +24,7 @@ from diag_dynamics.numerics.progress import report_compilation
 logger = logging.getLogger(__name__)
 
 ROBOT = numba.int64
-"""Type of the argument that stands for a robot: see sweeps.Workspace."""
+"""Type of the argument that stands for a robot: see sweeps.memory.Workspace."""
 
 VECTOR, MATRIX, STATES = (
     types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1, 2, 3)

@@ -33,7 +33,7 @@ def couple(q, work):
     """Find positions and ratios of followers whose ratios change, before bodies are placed; returns a status."""
     if work[0].couple == 0:
         return 0
-    return call_address(work[0].couple, work[0].couplings, address_of(q), 0, POSITIONS)
+    return call_address(work[0].couple, (work[0].couplings, address_of(q), 0, POSITIONS))
 
 
 @nk.kernel
@@ -41,14 +41,14 @@ def couple_with_rates(q, qd, work):
     """As :func:`couple`, with the rates of ratios."""
     if work[0].couple == 0:
         return 0
-    return call_address(work[0].couple, work[0].couplings, address_of(q), address_of(qd), BOTH)
+    return call_address(work[0].couple, (work[0].couplings, address_of(q), address_of(qd), BOTH))
 
 
 @nk.kernel
 def couple_rates(qd, work):
     """The rates of ratios behind :func:`couple`."""
     if work[0].couple != 0:
-        call_address(work[0].couple, work[0].couplings, 0, address_of(qd), RATES)
+        call_address(work[0].couple, (work[0].couplings, 0, address_of(qd), RATES))
 
 
 @nk.kernel

@@ -20,6 +20,7 @@ from diag_dynamics.results import NAMES, BatchMemory
 from diag_dynamics.sweeps import batch as kernels
 from diag_dynamics.sweeps import evaluation, spatial
 from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.memory import Workspace
 from examples import shortened
 from limits import HANG
 from robots import KINDS, SEVERAL, TwoLinkArm, random_tree, robot_path
@@ -169,7 +170,7 @@ def test_many_states_keep_the_vectors_of_the_steps():
     model, count = dd.load_robot("go2", floating_base=True), 256
     Q, QD, TAU = states(dd.DiagonalDynamics(model), count)
     memory, one = BatchMemory.allocate(model, count), np.empty((ws.N_ROWS, model.nq))
-    workspace = ws.Workspace(model.bodies, model.gravity)
+    workspace = Workspace(model.bodies, model.gravity)
     robot = workspace.robot
 
     def side_by_side():
