@@ -73,6 +73,16 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{min(decimals, digits + 1)}f}"
 
 
+def distinct(*values: float, digits: int = 6) -> list[str]:
+    """Return numbers with `digits` significant digits, or as many more as tell different ones apart."""
+    different = len({float(value) for value in values})
+    for count in range(digits, 18):  # 17 digits tell all doubles apart
+        texts = [f"{value:.{count}g}" for value in values]
+        if len(set(texts)) >= different:
+            break
+    return texts
+
+
 def duration(seconds: float) -> str:
     """Return a duration [s] with its unit ms, s, min or h, as the page shows it."""
     if not math.isfinite(seconds):

@@ -27,6 +27,7 @@ from diag_dynamics.collision.residuals import (
     singular_joint,
 )
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import distinct
 from diag_dynamics.yaml_files import yaml_text
 
 CONTACT_RATIO = 10.0  # default rate of false contacts per rate of false alarms
@@ -209,8 +210,9 @@ def calibrate_residuals(
         else positive("false_contacts", false_contacts, "[1/s]")
     )
     if contacts < rate:
+        value, bound = distinct(contacts, rate)
         raise InputError(
-            f"false_contacts is {contacts:g} 1/s, expected at least {rate:g} 1/s (false_alarms): contact has the lower "
+            f"false_contacts is {value} 1/s, expected at least {bound} 1/s (false_alarms): contact has the lower "
             "thresholds."
         )
     if rows.duration == 0.0:

@@ -6,6 +6,7 @@
 from diag_dynamics.checks import per_name
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import distinct
 
 
 def by_dof(parameter, entries, names, default=None):
@@ -26,8 +27,10 @@ def effort_limits(entries, model):
     limits = by_dof("effort_limit", entries, model.dof_names, model.effort_limit)
     for name, limit, maximum in zip(model.dof_names, limits, model.effort_limit, strict=True):
         if limit > maximum > 0.0:
-            value = f"parameter 'effort_limit' of '{name}' is {limit:g}"
-            raise InputError(f"{value}, expected at most {maximum:g}, the limit of the URDF.")
+            value, bound = distinct(limit, maximum)
+            raise InputError(
+                f"parameter 'effort_limit' of '{name}' is {value}, expected at most {bound}, the limit of the URDF."
+            )
     return limits
 
 

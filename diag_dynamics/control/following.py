@@ -9,6 +9,7 @@ import numpy as np
 
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.references import nearest
+from diag_dynamics.text import distinct
 
 SUCCESSFUL, INVALID_GOAL, PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = 0, -1, -4, -5
 """Error codes of control_msgs/FollowJointTrajectory."""
@@ -93,5 +94,6 @@ class Following:
     def _fail(self, code, name, error, limits, where, when="on the trajectory"):
         kind, k = where
         what = f"{_KINDS[kind]} error of joint '{self.names[k]}' {when}"
-        reason = f"{what} is {error[kind, k]:.3g}; expected at most {name} = {limits[kind, k]:g}."
+        value, limit = distinct(error[kind, k], limits[kind, k], digits=3)
+        reason = f"{what} is {value}; expected at most {name} = {limit}."
         self.finish(Outcome(code, reason))

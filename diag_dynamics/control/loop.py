@@ -21,6 +21,7 @@ from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import distinct
 
 MAX_BEYOND_LIMITS = 0.05
 """Maximum distance of a joint outside of its limits at a start [rad, m], for encoder errors."""
@@ -58,9 +59,10 @@ def require_consistent(values):
     """Raise InputError if values of the controller's parameters contradict each other."""
     hold_time, max_age = values["hold_time"], values["max_state_age"]
     if hold_time < 2.0 * max_age:
+        hold, least, age = distinct(hold_time, 2.0 * max_age, max_age)
         raise InputError(
-            f"parameter 'hold_time' is {hold_time:g} s; expected at least twice "
-            f"max_state_age = {max_age:g} s. Else a single invalid state lets the robot go."
+            f"parameter 'hold_time' is {hold} s; expected at least {least} s, twice "
+            f"max_state_age = {age} s. Else a single invalid state lets the robot go."
         )
     if values["initial_mode"] == POSE and not values["controlled_link"]:
         raise InputError(
@@ -358,8 +360,9 @@ class ControlLoop:
         model = self.dynamics.model
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         for k in np.flatnonzero(beyond):
-            limits = f"{model.lower[k]:g} … {model.upper[k]:g}"
-            return f"joint '{model.dof_names[k]}' is at {q[k]:.6g}, outside of its limits {limits}; laws start within them"
+            position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
+            limits = f"outside of its limits {lower} … {upper}; laws start within them"
+            return f"joint '{model.dof_names[k]}' is at {position}, {limits}"
         return None
 
     def age_problem(self, state, now):

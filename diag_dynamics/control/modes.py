@@ -21,6 +21,7 @@ from diag_dynamics.control.laws import (
 from diag_dynamics.control.references import PoseTarget, SetPoint, Trajectory, at_rest, nearest
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rotations import to_vector
+from diag_dynamics.text import distinct
 
 MAX_WAIT = 10.0
 """Maximum time from the arrival of a trajectory to its start [s]; meanwhile the robot approaches its first point."""
@@ -222,8 +223,9 @@ class JointMode(Mode):
         )
         self._require_within_limits("trajectory.points[{}].positions", trajectory.positions)
         if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
+            wait, limit = distinct(wait, MAX_WAIT)
             raise InputError(
-                f"trajectory.header.stamp is {wait:.6g} s in the future, expected {MAX_WAIT:g} s at most."
+                f"trajectory.header.stamp is {wait} s in the future, expected {limit} s at most."
             )
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
@@ -239,12 +241,10 @@ class JointMode(Mode):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
         model, positions = self._model, np.atleast_2d(positions)
         for row, k in np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))[:1]:
-            joint, limits = (
-                f"joint '{model.dof_names[k]}'",
-                f"{model.lower[k]:g} … {model.upper[k]:g}",
-            )
+            joint = f"joint '{model.dof_names[k]}'"
+            position, lower, upper = distinct(positions[row, k], model.lower[k], model.upper[k])
             raise InputError(
-                f"{what.format(row)} of {joint} is {positions[row, k]:.6g}, expected within {limits}."
+                f"{what.format(row)} of {joint} is {position}, expected within {lower} … {upper}."
             )
 
     def _require_near(self, position, state):
@@ -253,14 +253,16 @@ class JointMode(Mode):
         k = int(np.argmax(away))
         if away[k] > MAX_STEP:
             joint = f"joint '{self._model.dof_names[k]}'"
+            step, limit = distinct(away[k], MAX_STEP, digits=3)
             raise InputError(
-                f"trajectory begins {away[k]:.3g} from where {joint} is, expected at most {MAX_STEP:g}."
+                f"trajectory begins {step} from where {joint} is, expected at most {limit}."
             )
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
         for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self.max_speed))[:1]:
-            limit, joint = f"{self.max_speed[k]:g}", f"joint '{self._model.dof_names[k]}'"
+            joint = f"joint '{self._model.dof_names[k]}'"
+            speed, limit = distinct(fastest[k], self.max_speed[k])
             has_limit = self._model.velocity_limit[k] > 0.0
             limit = (
                 f"its limit {limit}"
@@ -268,7 +270,7 @@ class JointMode(Mode):
                 else f"{limit}, as the URDF has no velocity limit for it"
             )
             raise InputError(
-                f"trajectory has {joint} move at {fastest[k]:.6g}, expected no more than {limit}."
+                f"trajectory has {joint} move at {speed}, expected no more than {limit}."
             )
 
     def follow(self, state):
@@ -278,7 +280,8 @@ class JointMode(Mode):
             return command, ""
         k = int(np.argmax(np.abs(command.error)))
         behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"
-        lost = f"V is {command.lyapunov:.3g} J; expected at most following_energy = {self._max_error:g} J"
+        energy, limit = distinct(command.lyapunov, self._max_error, digits=3)
+        lost = f"V is {energy} J; expected at most following_energy = {limit} J"
         self.void()
         self.begin(state)
         return self.command(state), f"target given up: {lost}; {behind}"

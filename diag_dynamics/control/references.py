@@ -13,6 +13,7 @@ import numpy as np
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import distinct
 
 REACHED = 1e-6
 """Distance at which a pose counts as reached [m, rad]."""
@@ -244,8 +245,9 @@ def _require_order(times):
         )
     for k in np.flatnonzero(np.diff(times) <= 0.0)[:1]:
         what = f"trajectory.points[{k + 1}].time_from_start"
+        before, time = distinct(times[k], times[k + 1])
         raise InputError(
-            f"{what} is {times[k + 1]:g} s, expected more than the {times[k]:g} s of the point before."
+            f"{what} is {time} s, expected more than the {before} s of the point before."
         )
 
 

@@ -6,6 +6,8 @@
 import time
 from enum import IntEnum
 
+from diag_dynamics.text import distinct
+
 INACTIVE, ACTIVE, HOLDING, RAMPING_DOWN = range(4)
 """Phases as ControllerStatus reports them."""
 
@@ -99,7 +101,8 @@ class Supervisor:
         if not now:
             return "use_sim_time, but nothing on /clock yet"
         where = "in the future" if age < 0.0 else "too old"
-        return f"the state is {where}: {abs(age):.6g} s; expected at most max_state_age = {self.max_age:g} s"
+        age, limit = distinct(abs(age), self.max_age)
+        return f"the state is {where}: {age} s; expected at most max_state_age = {limit} s"
 
     def valid(self, now, carried=True):
         """Accept a valid state at a time [ns]; `carried`: efforts have reached gravity compensation.

@@ -19,6 +19,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.regressors import PARAMETERS, Regressors, require_single_joints
 from diag_dynamics.identification.selection import BY_JOINT, read_what
 from diag_dynamics.model import RobotModel
+from diag_dynamics.text import distinct
 from diag_dynamics.yaml_files import yaml_text
 
 HARMONICS = 5
@@ -180,11 +181,12 @@ def excite(
     cycles, least = round(duration / period), 2.0 * HARMONICS / period
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(
-            f"duration is {duration:g} s; expected a whole number of periods of {period:g} s."
+            f"duration is {duration:.15g} s; expected a whole number of periods of {period:.15g} s."
         )
     if rate < least:
+        value, bound = distinct(rate, least)
         raise InputError(
-            f"rate is {rate:g} 1/s; expected at least {least:g} 1/s. Increase rate or period."
+            f"rate is {value} 1/s; expected at least {bound} 1/s. Increase rate or period."
         )
     ranges = dict(ranges or {})
     fastest, low, high = _find_limits(

@@ -3,6 +3,8 @@
 
 """Codes of the outcomes of a message, and their causes and texts."""
 
+from diag_dynamics.text import distinct
+
 STATE = 0  # the message completes a state
 
 FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(-1, -6, -1)
@@ -87,17 +89,15 @@ CAUSES = {
 }
 """Causes of rejections, by which they are counted."""
 
-CLOCK = (
-    "{name}: stamp {apart:.3f} s {where} this node's clock, expected within {limit} = {second:g} s"
-)
+CLOCK = "{name}: stamp {apart} s {where} this node's clock, expected within {limit} = {bound} s"
 
 TEXTS = {
     MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, expected no less than 0 s and less than 1e9 ns",
     NO_TIME: "header.stamp is zero, and so is the clock: use_sim_time without /clock",
     NO_POSITION: "{name}: position is {first}, expected a finite number",
-    POSITION_BOUND: "{name}: position is {first:.9g}, expected within {second:g} … {third:g} (plausibility.position, "
+    POSITION_BOUND: "{name}: position is {value}, expected within {bound} … {upper} (plausibility.position, "
     "plausibility.beyond_limits)",
-    VELOCITY_BOUND: "{name}: velocity is {first:.9g}, expected within ±{second:g} (plausibility.velocity, "
+    VELOCITY_BOUND: "{name}: velocity is {value}, expected within ±{bound} (plausibility.velocity, "
     "plausibility.beyond_velocity)",
     NO_VELOCITY: "{name}: velocity is {first}, expected a finite number (missing_velocity: estimate takes it from positions)",
     LATE: "{name}: stamp {first:.6f} s older than the one before",
@@ -108,9 +108,10 @@ TEXTS = {
     FAST_STEP: "{name}: its step to position {first:.9g} is faster than {second:g} (plausibility.velocity)",
     STALE_JOINT: "{name} is older than {first:g} s",
     OPEN_LOOP: "{name} cannot be closed at these positions, or is singular there",
-    STALE_ODOMETRY: "odom is {first:.3f} s away from the joints, more than {second:g} s",
+    STALE_ODOMETRY: "odom is {value} s away from the joints, more than {bound} s",
 }
 """Texts of rejections, with the numbers of an OUTCOME."""
+
 
 STEP = "{name}: position jumped from {first:.9g} to {second:.9g}"
 
@@ -129,14 +130,17 @@ def rejection_text(outcome, labels, limit):
     name = labels[outcome["joint"]] if len(labels) else ""
     if code in (CLOCK_BEHIND, CLOCK_AHEAD, FOREIGN_TIME):
         where = "behind" if numbers["first"] > 0.0 else "ahead of"
-        return CLOCK.format(
-            name=name,
-            apart=abs(numbers["first"]),
-            where=where,
-            second=numbers["second"],
-            limit=limit,
-        )
-    return TEXTS[code].format(name=name, step=STEP.format(name=name, **numbers), **numbers)
+        apart, bound = distinct(abs(numbers["first"]), numbers["second"])
+        return CLOCK.format(name=name, apart=apart, where=where, bound=bound, limit=limit)
+    bounds = (
+        numbers["second"],
+        numbers["third"],
+        -numbers["second"],
+    )  # a velocity has one for each sign
+    value, bound, upper, _ = distinct(numbers["first"], *bounds)
+    texts = {"value": value, "bound": bound, "upper": upper}
+    step = STEP.format(name=name, **numbers)
+    return TEXTS[code].format(name=name, step=step, **numbers, **texts)
 
 
 def stuck_text(kind, joint, more, labels):

@@ -25,6 +25,7 @@ from diag_dynamics.model.remarks import warn
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
 from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps.couplings import FORM
+from diag_dynamics.text import distinct
 from diag_dynamics.yaml_files import read_yaml
 
 MAX_MODES = 6  # of a plane: more shapes are powers of nearly the same form
@@ -472,8 +473,9 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
     modal = -sum(section.mass for section in sections)
     left = whole.mass - modal
     if left < -1e-6 * whole.mass:
+        value, bound = distinct(modal, whole.mass)
         raise InputError(
-            f"{where}: the mass of its modes is {modal:g} kg, expected no more than its {whole.mass:g} kg."
+            f"{where}: the mass of its modes is {value} kg, expected no more than its {bound} kg."
         )
     if left > 1e-6 * whole.mass:
         rest = RigidBody.union(whole, *sections)

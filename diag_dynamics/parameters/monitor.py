@@ -28,6 +28,7 @@ from diag_dynamics.parameters.contact import ContactOptions
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
+from diag_dynamics.text import distinct
 
 _OF_EVERY_STATE = (
     "total_joint_rates",
@@ -384,8 +385,9 @@ class Thresholds(NamedTuple):
             )
         for low, warn, high, error in pairs:
             if warn and error and error < warn:
+                value, bound = distinct(error, warn)
                 raise InputError(
-                    f"parameter {high} is {error:g} J, expected at least {warn:g} J ({low})."
+                    f"parameter {high} is {value} J, expected at least {bound} J ({low})."
                 )
 
 
@@ -457,6 +459,7 @@ class Settings(NamedTuple):
                 f"parameter '{sources[-1]}' is '{values[sources[-1]]}'; expected empty because "
                 f"'{'floating_base' if values['floating_base'] else sources[0]}' is set."
             )
+        assignments("joint_names", values["joint_names"], str)
         for name in ("locked_joints", "armature"):
             assignments(name, [one for one in values[name] if one != ALL])
         shares = [
@@ -546,8 +549,9 @@ def observation_of(values):
         values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold")
     )
     if release > (threshold or math.inf):
+        value, bound = distinct(release, threshold)
         raise InputError(
-            f"parameter external_torque.release_threshold is {release:g} J^0.5/s, expected at most {threshold:g} "
+            f"parameter external_torque.release_threshold is {value} J^0.5/s, expected at most {bound} "
             "(external_torque.threshold)."
         )
     alarms, contact = _alarms(values), _alarms(values, "contact_")
@@ -615,8 +619,9 @@ def _check_contact_order(alarms, contact):
     )
     for name, low, high in limits:
         if high < low < math.inf:
+            value, bound = distinct(low, high)
             raise InputError(
-                f"threshold of contact for '{name}' is {low:g} (alarm.contact_*), expected at most {high:g} (alarm.*)."
+                f"threshold of contact for '{name}' is {value} (alarm.contact_*), expected at most {bound} (alarm.*)."
             )
 
 

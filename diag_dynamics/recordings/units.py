@@ -12,6 +12,7 @@ from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import places, sliding_dofs
 from diag_dynamics.rotations import wrap_angle
+from diag_dynamics.text import distinct
 
 MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
 RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
@@ -160,11 +161,12 @@ def excess_as_radians(model, names, stamps, position):
         is_beyond = ((q < lower) | (q > upper)) & (name not in joints.continuous)
         if np.mean(is_beyond) > MAX_BEYOND:
             largest = q[np.argmax(np.where(is_beyond, np.abs(q), 0.0))]
-            bounds = f"{joints.lower[j]:.4g} … {joints.upper[j]:.4g}"
-            return f"'{name}' would be at {largest:.4g} rad, outside of {bounds}"
+            at, lowest, highest = distinct(largest, joints.lower[j], joints.upper[j], digits=4)
+            return f"'{name}' would be at {at} rad, outside of {lowest} … {highest}"
         limit = joints.velocity[j]
         if limit > 0.0 and np.mean(speed > limit) > MAX_BEYOND:
-            return f"'{name}' would move at {np.nanmax(speed):.4g} rad/s, beyond {limit:.4g}"
+            fastest, bound = distinct(np.nanmax(speed), limit, digits=4)
+            return f"'{name}' would move at {fastest} rad/s, beyond {bound}"
     return ""
 
 

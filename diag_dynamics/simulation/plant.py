@@ -13,6 +13,7 @@ from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.model.mimic import Followers
 from diag_dynamics.simulation.drives import Drives, Pushes, Sensors
 from diag_dynamics.simulation.simulation import CompliantLimits, Simulation, rest_position
+from diag_dynamics.text import distinct
 
 STIFFNESS, DAMPING = 25.0, 10.0
 """Gains on errors of position [1/s²] and rate [1/s]: critically damped at 5 rad/s."""
@@ -211,9 +212,10 @@ class Plant:
         )
         if len(outside):
             k = int(outside[0])
+            position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
             raise InputError(
-                f"position of '{model.coordinate_names[k]}' is {q[k]:.9g}, expected within its hard limits "
-                f"{model.lower[k]:g} … {model.upper[k]:g}."
+                f"position of '{model.coordinate_names[k]}' is {position}, expected within its hard limits "
+                f"{lower} … {upper}."
             )
         if not np.isfinite(simulation.dynamics.evaluate(q, qd).kinetic_energy):
             raise InputError("the kinetic energy is not finite.")
@@ -235,9 +237,7 @@ def require_consistent(values):
     if values["seed"] < 0:
         raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
     if 0.0 < factor < 1e-3:
-        raise InputError(
-            f"parameter 'real_time_factor' is {factor:g}, expected 0 or at least 0.001."
-        )
+        raise InputError(f"parameter 'real_time_factor' is {factor}, expected 0 or at least 0.001.")
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):
         if values["lockstep"] and values[name] != idle:
             raise InputError(

@@ -19,7 +19,7 @@ from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.recordings.tables.column_map import read_column_map
-from diag_dynamics.text import MAX_LENGTH, duration, number, plain
+from diag_dynamics.text import MAX_LENGTH, distinct, duration, number, plain
 
 FORGED = "elbow\n[FATAL] [0.0] [safety_controller]: fire"
 FORGED_SHOWN = r"elbow\x0a[FATAL] [0.0] [safety_controller]: fire"
@@ -162,6 +162,25 @@ def test_numbers_are_those_of_the_page(value, expected):
 )
 def test_lengths_of_time_are_those_of_the_page(seconds, expected):
     assert duration(seconds) == expected
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ((0.05000001, 0.05), ["0.05000001", "0.05"]),
+        ((3.2, 3.0, -3.0), ["3.2", "3", "-3"]),
+        ((np.nextafter(1.0, 2.0), 1.0), ["1.0000000000000002", "1"]),
+        ((2.0, 2.0), ["2", "2"]),
+    ],
+)
+def test_numbers_that_differ_in_print(values, texts):
+    """An error never says that a value equals its bound."""
+    assert distinct(*values) == texts
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+def test_distinct_numbers(first, second):
+    assert (first == second) == (len({float(text) for text in distinct(first, second)}) == 1)
 
 
 # --- Long texts in files
