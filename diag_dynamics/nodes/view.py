@@ -27,7 +27,7 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.statuses import OK, WARN, Status
+from diag_dynamics.nodes.support.statuses import WARN, Status, problem_status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
@@ -566,8 +566,12 @@ class ViewNode(TableNode, Node):
         robots = ", ".join(filter(None, self.values["robots"])) or "all"
         return (
             f"waiting for a monitor: expected a topic <name>/{NODES['monitor']}{STATE} of type {KIND} "
-            f"(robots: {robots}); this type is on {listed(topics_of(self, KIND)) or 'no topic'}"
+            f"(robots: {robots})"
         )
+
+    def _looked(self):
+        """Return where there are states."""
+        return f"this type is on {listed(topics_of(self, KIND)) or 'no topic'}"
 
     def _find_monitors(self):
         """Find monitors. A robot stays for :data:`REMOVAL_TIMEOUT` after its monitor has gone."""
@@ -580,7 +584,7 @@ class ViewNode(TableNode, Node):
         for monitor in sorted(new, key=lambda name: self._replaced_at.get(name, 0.0)):
             self._add_robot(monitor)
         self._missing = self._explain_absence()
-        self._absence.set_waiting(self._missing)
+        self._absence.set_waiting(f"{self._missing}; {self._looked()}")
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
@@ -626,6 +630,6 @@ class ViewNode(TableNode, Node):
             "tabs": self._server.streams,
             "monitors": counted(sorted(self._robots)),
         }
-        if problems := [*faults, self._missing] if self._missing else faults:
-            return [Status("page", WARN, "; ".join(problems), shown)]
-        return [Status("page", OK, f"served at {self.address}", shown)]
+        if text := self._missing:  # no robots
+            return [Status("page", WARN, text, shown, f"{text}; {self._looked()}")]
+        return [problem_status("page", faults, f"served at {self.address}", shown)]

@@ -437,6 +437,8 @@ def test_without_a_monitor(peer):
             == 1
         )
         (robot,) = get_json(view.node.address, "/robots")
+        assert robot["waiting"].startswith("waiting for a monitor: ")
+        assert "; this type is on " in robot["waiting"]
         assert robot["name"] == "no monitor" and not robot["alive"]
         with start_monitor(peer, UR5, "/alone"):
             assert [one["name"] for one in get_json(view.node.address, "/robots")] == ["/alone"]
