@@ -5,11 +5,12 @@
 
 Least squares over physical inertias and positive friction, by Newton's method along the central path:
 
-    min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] − γ' Σ ln x_k
+    min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] + γ' Σ [x_k/x₀ − ln x_k]
 
 J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its
-prior, smallest at J = J₀. Plain Newton crawls along the boundary of the cone. Logarithms with large
-weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
+prior, smallest at J = J₀. That of positive unknowns is smallest at x₀: where a joint moves one way
+only, the rows do not bound its friction beside its offset. Plain Newton crawls along the boundary of
+the cone. Logarithms with large weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
 from functools import partial
@@ -34,7 +35,7 @@ PAYLOAD_WEIGHT, POSITIVE_WEIGHT = (
     0.1,
     0.01,
 )  # γ of a payload (10 would shift its centre by centimetres) and γ'
-START = 0.1  # friction and rotor inertias at the start of a fit [SI]
+START = 0.1  # x₀ of friction and rotor inertias, with which a fit starts [SI]
 ROUNDS, CONVERGED = (
     5,
     0.02,
@@ -296,6 +297,7 @@ def solve(problem, start, near=False):
     b = problem.b.copy()
     for place, body in zip(places, bodies, strict=True):
         b[place] -= body.weight * np.tensordot(inertias.BASIS, np.linalg.inv(body.prior), 2)
+    b[problem.positive] -= problem.positive_weight / START
     function = partial(_evaluate, problem.A, b)
     if near:
         try:

@@ -12,6 +12,7 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import (
     BALL,
     PAYLOAD_WEIGHT,
+    START,
     Body,
     Layout,
     Problem,
@@ -54,11 +55,15 @@ def test_parameters_are_pinocchios():
 
 
 def test_positive_numbers_have_a_closed_form():
-    """min ½ a x² − b x − γ' ln x is at (b + √(b² + 4 a γ')) / 2a, also where least squares is negative."""
+    """min ½ a x² − b x + γ' (x/x₀ − ln x), also where least squares is negative, and beside an offset of the same rows."""
     for a, b in ((4.0, 8.0), (4.0, -8.0), (1e6, -1e3)):
         problem = Problem(np.array([[a]]), np.array([b]), [], np.array([0]), 0.01)
-        expected = (b + np.sqrt(b * b + 0.04 * a)) / (2.0 * a)
+        slope = b - 0.01 / START
+        expected = (slope + np.sqrt(slope**2 + 0.04 * a)) / (2.0 * a)
         assert solve(problem, np.array([0.1]))[0][0] == pytest.approx(expected, rel=1e-3)
+    problem = Problem(np.full((2, 2), 300.0), np.full(2, 1500.0), [], np.array([0]), 0.01)
+    x, _ = solve(problem, np.array([50.0, 0.0]))
+    np.testing.assert_allclose(x, [START, 5.0 - START], rtol=1e-3)
 
 
 @pytest.mark.parametrize(
