@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.entries import ALL
+from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
@@ -114,7 +114,8 @@ def read_recording(
         time, as messages of one topic are.
     joint_names : mapping of str to str, optional
         The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*": "panda_*"}``. An entry
-        that names no joint of the recording or of the robot is an error. Beside it, `columns` has the key ``joint_names``.
+        that names no joint of the recording or of the robot is an error. Without it, the parameter `joint_names` counts.
+        Beside it, `columns` has the key ``joint_names``.
     parameters : mapping, optional
         Values of the monitor's parameters other than the defaults, by name. Those that shape a model, such as `armature`
         and `parameters_file`, need a description: a :class:`RobotModel` is made already.
@@ -212,8 +213,12 @@ class Reading:
     ):
         self.settings = make_settings(parameters)
         self._span, self._limits = _check_span(start, end), None
+        names = assignments("joint_names", self.settings.values["joint_names"], str)
         self._locks_rest = any(one.startswith(ALL) for one in self.settings.values["locked_joints"])
-        self._source, self._path = open_source(path, columns, topic, joint_names), path_text(path)
+        self._source, self._path = (
+            open_source(path, columns, topic, joint_names or names or None),
+            path_text(path),
+        )
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None

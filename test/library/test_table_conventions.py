@@ -186,6 +186,8 @@ def test_echoed_rows_name_their_joints(tmp_path_factory, orders, frame, prefix):
     assert recording.stamp.tolist() == [7 * 10**9 + 10_000_000 * row for row in range(ROWS)]
     if prefix:
         assert read(path).counts["foreign"] == ROWS
+        mapped = LOOSE | {"joint_names": ["left_*=*"]}  # as the monitor does
+        require_truth(dd.read_recording(path, robot(*JOINTS), parameters=mapped))
 
 
 def test_values_without_a_name_are_counted(tmp_path):
