@@ -91,3 +91,16 @@ def test_efforts_that_gravity_contradicts(peer):
         send(monitor, ARM.names, 2.0, effort=0.0)
         (line,) = lines(monitor, "efforts")
         assert line.startswith("all efforts are 0, but gravity requires others")
+
+
+def test_start_before_the_driver(peer):
+    """A driver that starts within two seconds leaves no line; without one there is one line."""
+    with Monitor(peer, "/early", outputs=[], robot_description=ARM.path) as monitor:
+        peer.pass_time(1.5)
+        send(monitor, ARM.names, 12.0)
+        assert "WARN" not in monitor.process.output
+    with Monitor(peer, "/alone", outputs=[], robot_description=ARM.path) as monitor:
+        peer.node.destroy_publisher(monitor.feeder)
+        peer.pass_time(12.0)
+        (line,) = lines(monitor, "joint states")
+        assert line.startswith("/alone/joint_states has no publisher; joint states are on /")

@@ -42,6 +42,9 @@ from diag_dynamics.parameters.shared import check_entries, payload_entry, payloa
 from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.text import shortened
 
+START_PERIOD = 2.0
+"""Time [s] in which the first joint state of a new robot may arrive without a warning."""
+
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
 
@@ -150,7 +153,7 @@ class MonitorNode(TableNode, Node):
     def _put_in_force(self, robot):
         if self._robot:
             self._statistics.keep(self._robot)
-        self._robot, self._refused = robot, None
+        self._robot, self._refused, self._in_force_at = robot, None, self.time.steady()
         self._reaction.end()
         self._revision = robot.revision
         log = self.get_logger()
@@ -388,10 +391,14 @@ class MonitorNode(TableNode, Node):
     # --- Diagnostics
 
     def _report(self):
-        robot = self._robot
+        robot, counts = self._robot, self._statistics.counts
         states = self._statistics.report(robot, self.time.now(), *self._notes())
         if robot is None:
             states = states._replace(level=STALE, message="no robot yet")
+        elif not (counts["received"] or counts["odometry received"]) and (
+            self.time.steady() - self._in_force_at < START_PERIOD
+        ):
+            states = states._replace(level=STALE)
         statuses = [
             states,
             *self._joint_reports(),
