@@ -164,7 +164,11 @@ CLOCKS = {
         _at(S, S + 1, PAST, "shoulder", "1.000000001 s behind", "max_age"),
         _at(S, S),
     ],
-    "from the future": [_at(0, 0), _at(S, -S - 1, FUTURE, "1.000000001 s ahead", "max_age"), _at(S, -S)],
+    "from the future": [
+        _at(0, 0),
+        _at(S, -S - 1, FUTURE, "1.000000001 s ahead", "max_age"),
+        _at(S, -S),
+    ],
     "foreign until well within the bound": [
         _at(0, 40 * S),
         _at(S, 501 * MS),
