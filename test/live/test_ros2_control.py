@@ -1,0 +1,294 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Controller and monitor beside the real ros2_control, with the launch file, at 1 kHz.
+
+DIAG_DYNAMICS_ROS2_CONTROL names a prefix with ros2_control, ros2_controllers, `ros2 launch` and the
+hardware plugin dd_plant/Plant: a rigid UR5 with brakes that obeys positions or efforts. `pytest -rP`
+shows the measured figures.
+"""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from controller_manager_msgs.srv import ListControllers, SwitchController
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+import diag_dynamics as dd
+from controllers import trajectory
+from diag_dynamics.control.modes import MODES
+from nodes import LATCHED, UR5, QoSProfile, Reports, S, String, description, nanoseconds, robot
+from processes import Process, node_process
+
+PREFIX = os.environ.get("DIAG_DYNAMICS_ROS2_CONTROL", "")
+pytestmark = [
+    pytest.mark.full,
+    pytest.mark.live,
+    pytest.mark.skipif(not PREFIX, reason="DIAG_DYNAMICS_ROS2_CONTROL names no prefix"),
+]
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES, START = robot(UR5).names, (0.0, -1.3, 1.5, -0.8, 0.7, 0.3)
+EFFORTS, POSITIONS = "effort_controller", "joint_trajectory_controller"
+DYNAMICS = dd.DiagonalDynamics(dd.load_urdf(robot(UR5).path))
+MAX_SPEED = 0.03
+"""Maximum speed after a switch from rest [rad/s]."""
+MAX_DISPLACEMENT = 0.02
+"""Maximum displacement of an arm that does not fall [rad]."""
+ANSWER = 10
+"""Cycles after a state within which commands answer it at effort_rate."""
+VELOCITY = 0.3
+"""Velocity of all joints in a motion [rad/s]."""
+ROUNDING = 0.01
+"""Relative error of the constant velocity of a motion."""
+PUSH = 25.0
+"""External torque on the elbow [N m]."""
+
+
+def hardware():
+    """Return the URDF with the plant at its start."""
+    joints = "".join(
+        f'<joint name="{name}"><command_interface name="position"/><command_interface name="effort"/>'
+        '<state_interface name="position"/><state_interface name="velocity"/>'
+        '<state_interface name="effort"/></joint>'
+        for name in NAMES
+    )
+    plugin = f'<plugin>dd_plant/Plant</plugin><param name="q">{" ".join(map(str, START))}</param>'
+    system = f'<ros2_control name="ur5" type="system"><hardware>{plugin}</hardware>{joints}</ros2_control>'
+    text = Path(robot(UR5).path).read_text(encoding="utf-8")
+    return text.replace("</robot>", f"{system}</robot>")
+
+
+def parameters(folder):
+    """Return the file of the launch file, with a trajectory controller and a link for poses."""
+    values = yaml.safe_load((ROOT / "config" / "effort_controllers.yaml").read_text())
+    manager = values["/**/controller_manager"]["ros__parameters"]
+    manager[POSITIONS] = {"type": "joint_trajectory_controller/JointTrajectoryController"}
+    interfaces = {"command_interfaces": ["position"], "state_interfaces": ["position", "velocity"]}
+    values[f"/**/{POSITIONS}"] = {"ros__parameters": {"joints": list(NAMES)} | interfaces}
+    values["/**/diag_dynamics_controller"]["ros__parameters"]["controlled_link"] = "tool0"
+    path = folder / "arm.yaml"
+    path.write_text(yaml.safe_dump(values))
+    return path
+
+
+class States:
+    """Joint states that arrive from now on."""
+
+    def __init__(self, peer):
+        self._peer, self._raw = peer, []
+        self._subscription = peer.node.create_subscription(
+            JointState, "joint_states", self._raw.append, QoSProfile(depth=4000), raw=True
+        )
+
+    def begin(self):
+        """Return once the first state has arrived."""
+        self._peer.wait_until(lambda: self._raw, "states")
+        return self
+
+    def end(self, seconds):
+        """Read the states until a time from now: positions [rad] and velocities [rad/s]."""
+        end = self._peer.now() + seconds * S
+        self._peer.wait_until(lambda: self._raw and stamp_of(self._raw[-1]) >= end, "states")
+        self._peer.node.destroy_subscription(self._subscription)
+        messages = [deserialize_message(raw, JointState) for raw in self._raw]
+        order = [messages[0].name.index(name) for name in NAMES]
+        self.position = np.array([message.position for message in messages])[:, order]
+        self.velocity = np.array([message.velocity for message in messages])[:, order]
+        self.speed = np.abs(self.velocity).max(axis=1)
+        self.energy = DYNAMICS.evaluate(self.position, self.velocity).kinetic_energy
+        self.displacement = np.abs(self.position - self.position[0]).max()
+        self.falls = ~np.array([any(message.effort) for message in messages])
+        return self
+
+    def left(self, values):
+        """Return the largest value that cycles without a command have left, 0 without one.
+
+        effort_controller forgets its command when it is activated. The arm falls until it receives
+        the next one, and a first command that answers this arrives ANSWER cycles later.
+        """
+        cycles = np.flatnonzero(self.falls)
+        return max((values[cycle : cycle + ANSWER + 1].max() for cycle in cycles), default=0.0)
+
+    def report(self, what, **figures):
+        """Print the figures."""
+        print(
+            f"{what}: peak {self.speed.max():.4f} rad/s, {self.energy[0]:.4f} J before, peak "
+            f"{self.energy.max():.4f} J, displacement {self.displacement:.5f} rad; "
+            f"{self.falls.sum()} cycles without command left {self.left(self.speed):.4f} rad/s",
+            *(f"{name} {value}" for name, value in figures.items()),
+        )
+
+
+def stamp_of(raw):
+    """Return the stamp of a serialized JointState [ns]."""
+    return nanoseconds(deserialize_message(raw, JointState).header.stamp)
+
+
+class Arm:
+    """A simulated UR5 with ros2_control, started by the launch file."""
+
+    def __init__(self, peer, folder):
+        self.peer, self.file = peer, parameters(folder)
+        self._description = peer.publisher(String, "robot_description", LATCHED)
+        self._description.publish(description(hardware()))
+        self.targets = peer.publisher(JointTrajectory, f"{POSITIONS}/joint_trajectory")
+        self.pushes = peer.publisher(Float64MultiArray, "plant/external_torque")
+        self.first = States(peer)
+        path = ROOT / "launch" / "ros2_control.launch.py"
+        self.launched = Process(["ros2", "launch", path, f"params_file:={self.file}"])
+
+    def wait_for_text(self, text):
+        """Wait until a launched node has logged a text."""
+        self.peer.wait_until(lambda: text in self.launched.output, text)
+
+    def service(self, kind, name, **fields):
+        """Call a service of controller_manager."""
+        return self.peer.call(kind, f"/controller_manager/{name}", kind.Request(**fields))
+
+    def state_of(self, controller):
+        """Return the state of a controller."""
+        response = self.service(ListControllers, "list_controllers")
+        states = {listed.name: listed.state for listed in response.controller}
+        return states.get(controller)
+
+    def spawn(self, *words):
+        """Have a spawner load controllers."""
+        program = Path(PREFIX, "lib", "controller_manager", "spawner")
+        with Process([program, *words]) as spawner:
+            assert spawner.wait() == 0, spawner.tail()
+
+    def switch(self, on, off):
+        """Switch controllers in one cycle."""
+        response = self.service(
+            SwitchController,
+            "switch_controller",
+            activate_controllers=on,
+            deactivate_controllers=off,
+            strictness=SwitchController.Request.STRICT,
+            activate_asap=True,
+        )
+        assert response.ok, response.message
+
+    def choose(self, mode):
+        """Choose a mode of the node."""
+        node = "/diag_dynamics_controller"
+        response = self.peer.call(Trigger, f"{node}/mode/{mode}", Trigger.Request(), node)
+        assert response.success, response.message
+
+    def run(self, seconds):
+        """Return the states of the next seconds."""
+        return States(self.peer).begin().end(seconds)
+
+    def move(self, velocity):
+        """Have the trajectory controller move all joints, and return at a velocity [rad/s]."""
+        self.peer.wait_until(self.targets.get_subscription_count, POSITIONS)
+        q = self.run(0.02).position[-1]
+        points = [(time, q + velocity * (time - 0.5), np.full(6, velocity)) for time in (1.0, 4.0)]
+        end = (5.0, points[-1][1] + 0.5 * velocity, np.zeros(6))
+        self.targets.publish(trajectory([*points, end], NAMES))
+        speed = abs(velocity) * (1.0 - ROUNDING)
+        self.peer.wait_until(lambda: self.run(0.02).speed.min() >= speed, "a motion")
+
+
+@pytest.fixture(scope="module")
+def arm(peer, tmp_path_factory):
+    arm = Arm(peer, tmp_path_factory.mktemp("ros2_control"))
+    with arm.launched:
+        arm.wait_for_text("Resumed: mode damping.")
+        arm.first.end(1.0)
+        arm.spawn(POSITIONS, "--inactive")
+        yield arm
+
+
+def test_the_launch_file(arm):
+    """It activates the effort controller after the node; the arm stays where it is."""
+    hold = f"Holding gravity: controller '{EFFORTS}' is inactive."
+    assert hold in arm.launched.output
+    states = arm.first
+    states.report("launch file")
+    assert arm.state_of(EFFORTS) == "active"
+    assert states.speed.max() <= max(MAX_SPEED, states.left(states.speed))
+    assert states.displacement <= MAX_DISPLACEMENT
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_switch(arm, mode):
+    """From rest the arm stays at rest; in motion it does not gain kinetic energy."""
+    arm.switch([POSITIONS], [EFFORTS])
+    arm.choose(mode)
+    states = States(arm.peer).begin()
+    arm.switch([EFFORTS], [POSITIONS])
+    states.end(1.0).report(f"{mode}, from rest")
+    assert states.speed.max() <= max(MAX_SPEED, states.left(states.speed))
+    arm.switch([POSITIONS], [EFFORTS])
+    arm.move(VELOCITY if MODES.index(mode) % 2 else -VELOCITY)
+    states = States(arm.peer).begin()
+    arm.switch([EFFORTS], [POSITIONS])
+    states.end(1.0).report(f"{mode}, in motion")
+    limit = max(states.energy[0], states.left(states.energy))
+    assert states.energy.max() <= limit * (1.0 + ROUNDING)
+
+
+def test_a_restart_and_a_reaction(arm):
+    """controller_manager is killed and starts again, in the order of the documentation."""
+    names = {process.name(): process for process in arm.launched.children()}
+    (manager,) = (name for name in names if name.startswith("ros2_control_node"))
+    names[manager].send_signal(signal.SIGKILL)
+    arm.wait_for_text("Ramping down: ")
+    program = Path(PREFIX, "lib", "controller_manager", "ros2_control_node")
+    arm.peer.clients.clear()  # of the former manager
+    with Process([program, "--ros-args", "--params-file", arm.file]):
+        arm.spawn("joint_state_broadcaster")
+        arm.wait_for_text("Resumed: mode damping. Choose a mode to go on.")
+        arm.spawn(EFFORTS, "--inactive")
+        reports = Reports(arm.peer.node, arm.peer.wait_until, "/diag_dynamics_controller")
+        key = "state of the effort controller"
+        reports.wait_for(lambda report: report.values[key] == "inactive", "the new manager")
+        states = States(arm.peer).begin()
+        arm.switch([EFFORTS], [])
+        states.end(2.0).report("after a restart")
+        assert states.speed.max() <= max(MAX_SPEED, states.left(states.speed))
+        assert states.displacement <= MAX_DISPLACEMENT
+        arm.spawn(POSITIONS, "--inactive")
+        check_reaction(arm)
+
+
+def check_reaction(arm):
+    """A push in a motion switches to the effort controller, which brakes the arm."""
+    arm.switch([POSITIONS], [EFFORTS])
+    parameters = {
+        "reaction.service": "controller_manager/switch_controller",
+        "reaction.type": "switch_controller",
+        "reaction.deactivate": f"[{POSITIONS}]",
+        "reaction.activate": f"[{EFFORTS}]",
+        "external_torque.gain": 50.0,
+        "alarm.joints": '["*=8.0"]',
+        "effort_scale": '["*=1.0"]',
+        "effort_includes_gravity": '["*=true"]',
+    }
+    push = np.zeros(len(NAMES))
+    push[NAMES.index("elbow_joint")] = PUSH
+    reports = Reports(arm.peer.node, arm.peer.wait_until, "/diag_dynamics")
+    with node_process("monitor", **parameters):
+        reports.wait_for(
+            lambda report: report.entries["reaction"].message.endswith(": ready"), "reaction"
+        )
+        arm.move(VELOCITY)
+        states = States(arm.peer).begin()
+        arm.pushes.publish(Float64MultiArray(data=push))
+        arm.peer.wait_until(lambda: arm.state_of(EFFORTS) == "active", "the reaction")
+        arm.pushes.publish(Float64MultiArray(data=0.0 * push))
+        states.end(2.0)
+        report = reports.wait_for(lambda report: report.values["calls"] == "1", "the call")
+        times = {key: value for key, value in report.values.items() if key.endswith("after [ms]")}
+        states.report("reaction", **times)
+        assert np.abs(states.velocity[-1]).max() <= MAX_SPEED
