@@ -9,7 +9,12 @@ from typing import NamedTuple
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
 from diag_dynamics.recordings.intake import IMPLAUSIBLE
-from diag_dynamics.recordings.joint_names import FEW, describe_maps, listed, propose_maps
+from diag_dynamics.recordings.joint_names import (
+    FEW,
+    complete_maps,
+    describe_maps,
+    listed,
+)
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 
 SECOND_SOURCE = f"rejected: {CAUSES[INTERLEAVED]}"
@@ -111,13 +116,16 @@ def _name_texts(intake, counts):
     if not missing:
         foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"
         return {"incomplete": incomplete, "foreign": foreign}
+    map_name = intake.names.map_name if intake.names else str
     others = intake.assembler.unknown_names()
-    maps, lock = propose_maps(others, missing), "Lock a joint that the recording lacks: "
-    entries = ",".join(f"{name}=0" for name in missing)
-    lock += f"--set locked_joints={entries}" if len(missing) <= FEW else "--set 'locked_joints=*'"
-    nothing = len(missing) == len(joints)
+    there = set(own).intersection(map(map_name, intake.assembler.arrived))
+    given = intake.names.entries if intake.names else ()
+    maps = complete_maps(others, missing, there, given)
+    nothing, lock = len(missing) == len(joints), _lock(missing)
     if maps:
-        advice = describe_maps(maps, others, own)
+        advice, mapped = describe_maps(maps, others, own)
+        lacking = [joint for joint in missing if joint not in mapped.values()]
+        advice += f". {_lock(lacking)}" if lacking else ""
     else:
         advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
         advice += "" if nothing else f". {lock}"
@@ -128,3 +136,10 @@ def _name_texts(intake, counts):
     else:
         incomplete += lock
     return {"foreign": foreign, "incomplete": incomplete}
+
+
+def _lock(missing):
+    """Return how to lock joints that the recording lacks, as a sentence without its point."""
+    entries = ",".join(f"{name}=0" for name in missing)
+    value = f"locked_joints={entries}" if len(missing) <= FEW else "'locked_joints=*'"
+    return f"Lock a joint that the recording lacks: --set {value}"

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from itertools import product, takewhile
+from shlex import quote
 
 from diag_dynamics.exceptions import InputError
 
@@ -84,6 +85,11 @@ class JointNames:
                 )
         return list(names)
 
+    @property
+    def entries(self):
+        """Pairs of a name and a joint."""
+        return tuple(self._entries.items())
+
     def _entry(self, name):
         """Return the entry by which a name is mapped, or None."""
         return next((entry for entry in self._entries if _replace(entry, entry, name)), None)
@@ -132,13 +138,47 @@ def propose_maps(names, joints):
     return []
 
 
+def complete_maps(names, missing, there, given):
+    """Return tuples of entries that map as many names as possible to joints that are missing.
+
+    `there` are joints that the recording has already; they get no second name. The tuples begin
+    with the entries `given`. There are several if it is ambiguous.
+    """
+    completed = {}
+    for entries, mapped in _combine_maps(names, missing):
+        whole = *given, *entries
+        map_name = JointNames(dict(whole)).map_name
+        found = {name: map_name(name) for name in names}
+        expected = found | mapped
+        is_unique = len(dict(whole)) == len(whole) and not set(found.values()) & set(there)
+        if not is_unique or found != expected:
+            whole = *given, *mapped.items()
+        completed[frozenset(whole)] = whole
+    return list(completed.values())
+
+
+def _combine_maps(names, missing):
+    """Yield tuples of entries with ``*``, and the joints to which they lead by name."""
+    for entry in propose_maps(names, missing):
+        targets = {name: _replace(*entry, name) for name in names}
+        mapped = {name: joint for name, joint in targets.items() if joint in missing}
+        others = [name for name in names if name not in mapped]
+        more = list(_combine_maps(others, [j for j in missing if j not in mapped.values()]))
+        entries, joints = more[0] if len(more) == 1 else ((), {})
+        yield (entry, *entries), mapped | joints
+
+
 def describe_maps(found, names, joints):
-    """Return entries of :func:`propose_maps` as a sentence without its point; `joints` are all those of the robot."""
-    options = " or ".join(f"--joint-names '{name}={joint}'" for name, joint in found)
-    names = list(names)
-    count = sum(_replace(*found[0], name) in joints for name in names)
-    which = "them" if count == len(names) else f"{count} of them"
-    return f"{options} (joint_names) maps {which} to the robot's joints"
+    """Return tuples of entries as options, in a sentence without its point, and joints by name.
+
+    `joints` are all those of the robot. The first tuple maps.
+    """
+    texts = [" ".join(quote(f"{name}={joint}") for name, joint in one) for one in found]
+    options = " or ".join(f"--joint-names {text}" for text in texts)
+    mapped = {name: JointNames(dict(found[0])).map_name(name) for name in names}
+    count = sum(joint in joints for joint in mapped.values())
+    which = "them" if count == len(mapped) else f"{count} of them"
+    return f"{options} (joint_names) maps {which} to the robot's joints", mapped
 
 
 def _heads(name, joint):

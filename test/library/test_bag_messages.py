@@ -7,6 +7,7 @@ Files are written by the libraries mcap and rosbags.
 """
 
 import re
+import shlex
 import sqlite3
 
 import numpy as np
@@ -522,6 +523,36 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
             in finding.text
         )
     assert len(recording) == 0 and all(text in finding.text for text in expected)
+
+
+FOLLOWED = [
+    (["j1", "j2", "j3"], ["joint1", "joint2", "joint3"]),
+    (["j1", "j2", "j3"], ["joint1", "joint2", "joint3", "j3"]),
+    (["j1", "j2", "j3", "j4"], ["joint1", "joint2", "joint3"]),
+    (["j1", "j2", "x"], ["joint1", "joint2", "joint_x"]),
+    (["base_j1", "base_j2", "j3"], ["joint1", "joint2", "joint3"]),
+    (["left_a", "left_b", "right_a", "right_b"], ["l_a", "l_b", "r_a", "r_b"]),
+]
+
+
+@pytest.mark.parametrize(("own", "came"), FOLLOWED)
+def test_proposed_options_are_accepted(tmp_path, own, came):
+    """The options of a finding make states, as a shell passes them."""
+    path, urdf = write_mcap(tmp_path / "x.mcap", moving(*came)), urdf_of(*own)
+    (finding,) = dd.read_recording(path, urdf).findings
+    options = re.search(r"--joint-names (.*?) (?:or --joint-names|\(joint_names\))", finding.text)
+    entries = [word.split("=") for word in shlex.split(options[1])]
+    locked = re.findall(r"--set locked_joints=(\S+)", finding.text)
+    parameters = {"locked_joints": locked[0].split(",")} if locked else {}
+    options = {"joint_names": dict(entries), "parameters": parameters}
+    assert len(dd.read_recording(path, urdf, **options)) > 0
+
+
+def test_proposed_options_contain_those_that_are_there(tmp_path):
+    path = write_mcap(tmp_path / "x.mcap", moving("joint1", "joint2", "joint3"))
+    urdf = urdf_of("base_j1", "base_j2", "j3")
+    (finding,) = dd.read_recording(path, urdf, joint_names={"joint*": "base_j*"}).findings
+    assert "--joint-names 'joint*=base_j*' joint3=j3 " in finding.text
 
 
 def test_followers_are_the_robots(tmp_path):
