@@ -29,7 +29,7 @@ ONCE = {"link": ("inertial",), "inertial": OF_INERTIAL, "geometry": ("*",), "joi
 # fmt: off
 ROWS = {  # severity, unit, what, remedy
     "rotor": ("note", "kg m², kg", "rotor inertia N²J of <transmission>, part of the model",
-              "Other readers ignore it. An armature of load_urdf or of a file replaces it."),
+              "Other readers ignore it. The option armature, or that of a file, replaces it."),
     "axis": ("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
     "unlimited": ("warning", "", "no position limits, which URDF requires: unlimited here",
                   "Give <limit lower= upper=>, or make the joint continuous."),

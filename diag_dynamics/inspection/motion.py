@@ -29,12 +29,12 @@ LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
     "singular": ("error", "kg m², kg", "joints that move no inertia make the mass matrix singular; with D",
                  "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o new.urdf), "
-                 "or load with massless='lock', as is done for the other checks."),
+                 "or lock the joints (massless: lock), as is done for the other checks."),
     "mimic": ("error", "", "{}",
-              "Correct <mimic>, or load with mimic='free', as is done for the other checks."),
+              "Correct <mimic>, or take the joint as independent (mimic: free), as is done for the other checks."),
     "quick": ("note", "ms", "no rotor inertia: the effort limit accelerates the joint to its "
               "velocity limit before a motor's current has risen, in",
-              "Give load_urdf armature={joint: n² J_rotor}, or the drive's effort limit.", True),
+              "Give the joint its armature n² J_rotor, or the drive's effort limit.", True),
     "heavy": ("warning", "1", GRAVITY, "Are masses in kg, and effort limits those of the joint, not of the motor?"),
     "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
     "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),

@@ -17,7 +17,7 @@ from diag_dynamics.model.joint_types import SINGLE, places, single_joints
 from diag_dynamics.model.origins import LARGEST
 from diag_dynamics.rotations import wrap_angle
 
-_CURE = "mimic='free' takes every joint as independent."
+_CURE = "The option mimic: free takes every joint as independent."
 
 
 class Mimic(NamedTuple):

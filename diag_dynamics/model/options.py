@@ -136,6 +136,6 @@ def tree_of(robot: Any, root: str, options: Options) -> Tree:
         if size > options.max_coupled:
             text = f"robot '{robot.name}' has a group of {len(group)} coupled joints, '{group[0]}' to '{group[-1]}', of"
             most = f"and no more than {options.max_coupled} are accepted"
-            cure = "Raise max_coupled, or take every joint as independent by mimic='free'."
+            cure = "Raise max_coupled, or take every joint as independent (mimic: free)."
             raise MimicJointError(f"{text} {size} bodies, {most}. {cure}", group)
     return tree

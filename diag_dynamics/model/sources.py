@@ -230,7 +230,7 @@ def expanded(source: Any, arguments: Any) -> Any:
     except Exception as error:  # it has exceptions of a dozen modules
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
         if missing := sorted(mappings.used.difference(mappings)):
-            reason += f". Give {missing[0]}:=VALUE behind the path, or xacro_args={{'{missing[0]}': VALUE}}."
+            reason += f". Give {missing[0]}:=VALUE behind the path (xacro_args)."
         raise UrdfError(f"xacro cannot expand '{path}': {reason}") from error
     if not document.getElementsByTagName("link") and _only_defines(path):
         raise UrdfError(f"'{path}': {NO_CALL}")

@@ -62,7 +62,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         is_of_all = len(actuators) > 1 and any(_entries(shared, INERTIA))
         if len(names) != 1 or types[names[0]] not in SINGLE or is_of_all:
             what = f"the rotor inertia of {where} is ignored: it is not that of one actuator at one moving joint"
-            remedy = "Give load_urdf the armature of each joint."
+            remedy = "Give the armature of each joint."
             remarks.append(Remark("robot", robot.get("name") or "robot", what, remedy))
             continue
         known = rotors.setdefault(names[0], {})

@@ -417,8 +417,8 @@ def reject_massless(model, tree, found):
         (name for name in _names_of(model, massless) if name in model.coordinate_names), None
     ):
         advice += (
-            f" Or give the joint a rotor inertia, armature={{'{single}': …}}, or lock it, "
-            f"locked_joints={{'{single}': 0.0}} or massless='lock'."
+            f" Or give the joint a rotor inertia (armature: {single}=…), or lock it "
+            f"(locked_joints: {single}=0, or massless: lock)."
         )
     raise MasslessLinkError(
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "

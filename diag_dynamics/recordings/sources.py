@@ -32,7 +32,7 @@ ENCODING, EXPECTED = "cdr", "'cdr' of ROS 2 or 'ros1'"
 USUAL = {JOINT_STATE: "joint_states", ODOMETRY: "odom", DESCRIPTION: "robot_description"}
 """Last part of the name of a topic that is read, by its type."""
 SEVERAL = {
-    JOINT_STATE: "Choose one, or all topics of one robot: {options} (topic=[…]).",
+    JOINT_STATE: "Choose one, or all topics of one robot: {options} (topic).",
     ODOMETRY: "Only one named odom, or one in the namespace of --topic, is read.",
     DESCRIPTION: "Give the robot: --urdf ROBOT (model).",
 }

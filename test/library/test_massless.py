@@ -131,7 +131,7 @@ def test_every_massless_joint_is_named(case):
         child, why = expected[name]
         assert f"joint '{name}' (D = {D:.3g}): link '{child}' {why}" in message
     single = [name for name in error.joints if "/" not in name]
-    cures = ("armature={'", "locked_joints={'", "massless='lock'")
+    cures = ("armature: ", "locked_joints: ", "massless: lock")
     assert [cure in message for cure in cures] == 3 * [bool(single)]
 
 
