@@ -87,7 +87,7 @@ class Motions:
         return at
 
     def run(self, seeds, kind, bound=None):
-        """Outcome under no limiter, the contact limiter, or a bound on K [J]."""
+        """Outcome under no limiter, the contact limiter, or a bound on K [J], alone or with rates of efforts."""
         usages, errors, changes, times = [], [], [], []
         nothing = np.zeros(self.model.nv)
         for seed in seeds:
@@ -98,6 +98,7 @@ class Motions:
             contact = dd.ContactLimiter(self.dyn, self.points, RATE)
             energy = dd.EnergyLimiter(self.dyn, bound or 1.0, rate=RATE)
             q, qd, _ = goal(0.0)
+            limits = dd.Limits(self.dyn, energy_limit=bound or 1.0, energy_rate=RATE)
             options = {
                 "step": PERIOD,
                 "limits": False,
@@ -114,6 +115,8 @@ class Motions:
                     command = contact.filter(q, qd, asked, PERIOD)
                 elif kind == "energy":
                     command = energy.filter(q, qd, asked, PERIOD)
+                elif kind == "limits":
+                    command = asked._replace(tau=limits.filter(q, qd, asked, PERIOD).effort)
                 times.append(time.perf_counter() - begun)
                 usages.append(self.dyn.contact(q, qd, self.points).usage.max())
                 errors.append(asked.error)
@@ -153,6 +156,7 @@ def measure(case, count, duration=DURATION):
         f"`EnergyLimiter` with the K that keeps it, {bound:.2f} J": motions.run(
             seeds, "energy", bound
         ),
+        "`Limits` with this K, 1000 N m/s": motions.run(seeds, "limits", bound),
     }
 
 

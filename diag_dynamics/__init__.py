@@ -27,8 +27,8 @@ _NAMES = {
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
-    "control.limits": "ContactLimiter EffortRateLimiter EffortSaturation EnergyLimiter "
-    "PositionRepulsion",
+    "control.filters": "Limits",
+    "control.limits": "ContactLimiter EffortSaturation EnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "control.tank": "EnergyTank",
@@ -58,13 +58,13 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.contact.results import Contact as Contact
     from diag_dynamics.contact.results import Impact as Impact
     from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
+    from diag_dynamics.control.filters import Limits as Limits
     from diag_dynamics.control.laws import GravityCompensation as GravityCompensation
     from diag_dynamics.control.laws import JointRegulation as JointRegulation
     from diag_dynamics.control.laws import JointTracking as JointTracking
     from diag_dynamics.control.laws import PoseRegulation as PoseRegulation
     from diag_dynamics.control.laws import RateDamping as RateDamping
     from diag_dynamics.control.limits import ContactLimiter as ContactLimiter
-    from diag_dynamics.control.limits import EffortRateLimiter as EffortRateLimiter
     from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
     from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion

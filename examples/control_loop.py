@@ -14,17 +14,15 @@ middle = np.clip(
 )
 simulation = dd.Simulation(model, q=middle)
 law = dd.JointTracking(dyn, gain=20.0, convergence=5.0)
-limiter = dd.EnergyLimiter(dyn, limit=0.5, rate=20.0)
-saturation = dd.EffortSaturation(model)
+limits = dd.Limits(dyn, energy_limit=0.5)
 
 largest = 0.0
 for _ in range(2000):
     t = simulation.time
     target, rate = middle + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t) * np.ones(model.nv)
     command = law.command(simulation.q, simulation.qd, target, rate)
-    command = limiter.filter(simulation.q, simulation.qd, command, simulation.step_size)
-    command = saturation.filter(command)
-    simulation.advance(command.tau)
+    limited = limits.filter(simulation.q, simulation.qd, command, simulation.step_size)
+    simulation.advance(limited.effort)
     largest = max(largest, 0.5 * float(simulation.nu @ simulation.nu))
 print(
     f"error {np.abs(simulation.q - target).max():.4f} rad, largest kinetic energy {largest:.3f} J"

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Filters of commands: limits of kinetic energy, contact, efforts, effort rates and joint positions.
+"""Filters of commands: limits of kinetic energy, contact, efforts and joint positions; :class:`.filters.Limits` calls them.
 
 Limits and gains are one number for all degrees of freedom, or one for each. `external` are working moments of external
 forces [J^½/s], such as a disturbance observer's residual.
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
-from diag_dynamics.checks import instance, not_negative, number, per_name, positive, vector
+from diag_dynamics.checks import instance, number, per_name, positive, vector
 from diag_dynamics.contact.points import ContactPoints
 from diag_dynamics.contact.results import Contact
 from diag_dynamics.control.laws import Command, Gain, actuated
@@ -132,34 +132,6 @@ class EffortSaturation:
         return command._replace(
             tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited
         )
-
-
-class EffortRateLimiter:
-    """Limit on the rate of efforts, |dτ_k/dt| ≤ R_k, from the last output on.
-
-    Each joint approaches its effort at its own rate, because a slow joint must not delay the gravity torque of the others.
-    Efforts between two that keep the effort limits keep them too: this filter is the last one.
-
-    The rate is R > 0 [N m/s, N/s], and the start the present effort of the joints [N m, N], shape (nv,). Without it the first
-    command passes unchanged.
-    """
-
-    def __init__(self, model: RobotModel, rate: Gain, start: VectorLike | None = None) -> None:
-        self._names = instance("model", model, RobotModel).dof_names
-        self.rate = per_name("effort rate", rate, self._names, "a finite number > 0 [N m/s, N/s]")
-        self.reset(start)
-
-    def reset(self, tau: VectorLike | None = None) -> None:
-        """Start from the effort `tau` [N m, N], shape (nv,); without it the next one passes unchanged."""
-        self._last: Array | None = None if tau is None else vector("tau", tau, self._names)
-
-    def filter(self, tau: VectorLike, dt: float) -> tuple[Array, tuple[str, ...]]:
-        """Return the efforts for requested ones `tau` [N m, N], and the limited joints; `dt` since the last call [s]."""
-        tau = vector("tau", tau, self._names)
-        change = not_negative("dt", dt, "[s]") * self.rate
-        last = tau if self._last is None else self._last
-        self._last = np.clip(tau, last - change, last + change)
-        return self._last.copy(), names_where(self._names, self._last != tau)
 
 
 class PositionRepulsion:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.checks import number
-from diag_dynamics.control.efforts import Efforts
+from diag_dynamics.control.by_dof import by_dof, effort_limits
+from diag_dynamics.control.filters import Limits
 from diag_dynamics.control.following import (
     INVALID_GOAL,
     PATH_TOLERANCE_VIOLATED,
@@ -16,6 +17,7 @@ from diag_dynamics.control.following import (
     Tolerances,
 )
 from diag_dynamics.control.laws import Command
+from diag_dynamics.control.limits import names_where
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
@@ -43,6 +45,7 @@ class Sent(NamedTuple):
     saturated: tuple  # joints whose effort or effort rate was limited
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
+    demand: np.ndarray  # the effort before the limit of its rate
     command: Command | None = (
         None  # of the law, after the limiters of energy and contact; None without a valid state
     )
@@ -74,6 +77,26 @@ def require_consistent(values):
         )
 
 
+def _limits(dynamics, values, compensated, points):
+    """Return the Limits of the parameters; efforts begin at zero."""
+    model = dynamics.model
+    unbounded = np.full(model.nv, np.inf)
+    shares, rates = values["joint_energy_limit"], values["effort_rate"]
+    return Limits(
+        dynamics,
+        margin=values["limit_margin"],
+        energy_limit=values["energy_limit"] or np.inf,
+        joint_energy_limit=by_dof("joint_energy_limit", shares, model.dof_names, unbounded),
+        energy_rate=values["energy_rate"],
+        tank_energy=values["tank_energy"],
+        contact_points=points,
+        effort_limit=effort_limits(values["effort_limit"], model),
+        effort_rate=by_dof("effort_rate", rates, model.dof_names),
+        compensated=compensated,
+        start=np.zeros(model.nv),
+    )
+
+
 class ControlLoop:
     """Laws, filters and safety of one RobotModel, without ROS.
 
@@ -87,7 +110,8 @@ class ControlLoop:
     def __init__(self, model, values, compensated, points=None):
         require_consistent(values)
         self.dynamics = dynamics = DiagonalDynamics(model)
-        self.efforts = Efforts(dynamics, values, compensated, points)
+        self.limits = _limits(dynamics, values, compensated, points)
+        self._max_period = values["max_state_age"]
         self._scale_timeout, self._scale = (
             values["contact.scale_timeout"],
             None,
@@ -110,7 +134,7 @@ class ControlLoop:
         """Wait for the next valid state, which starts the initial mode."""
         self.supervisor.forget()
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
-        self.efforts.begin()
+        self._begin_efforts()
         self._origin = None  # stamp of the observer's first state [ns]
         self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
         self._periods, self._period = (
@@ -119,6 +143,11 @@ class ControlLoop:
         )  # number of measured periods of states, and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
         self._mode.void()
+
+    def _begin_efforts(self):
+        """Start from the last effort, with a full tank."""
+        self.limits.begin()
+        self._time = None  # of the last command [ns]
 
     # --- Modes and targets ---
 
@@ -149,7 +178,7 @@ class ControlLoop:
                 f"{self.supervisor.reason}."
             )
         self.supervisor.cause = ""
-        self.efforts.fill_tank()
+        self.limits.fill_tank()
         self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
         chosen.void()
@@ -231,7 +260,7 @@ class ControlLoop:
 
     def take_scale(self, scale, now):
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
-        if self.efforts.contact_limiter is None:
+        if self.limits.contact is None:
             raise InputError(
                 "contact_scale is set, but there are no contact limits. Set contact.limits_file."
             )
@@ -242,7 +271,7 @@ class ControlLoop:
 
     def _scale_contact(self, now):
         """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""
-        limiter, timeout = self.efforts.contact_limiter, self._scale_timeout
+        limiter, timeout = self.limits.contact, self._scale_timeout
         if limiter is not None:
             scale, time = self._scale or (1.0, None)
             fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
@@ -288,11 +317,11 @@ class ControlLoop:
         self._carried_since = None
         if self._observer:
             self._observer.reset()
-        self.efforts.begin()
-        filtered = self.efforts.filtered(self.state, self._braking.command(self.state), None)
-        self.efforts.reset(filtered.effort)
+        self._begin_efforts()
+        sent = self._limited(self._braking.command(self.state), None, now)
+        self.limits.reset(sent.demand)
         self.supervisor.stand_by(now, reason)
-        return self._sent_by(filtered, now)
+        return sent._replace(effort=sent.demand, saturated=sent.command.limited)
 
     def _is_interrupted(self, before):
         """Return whether the state does not follow the one before within the longest hold."""
@@ -303,18 +332,19 @@ class ControlLoop:
 
     def _start(self, before, external, now):
         """Return damping; None once efforts have reached gravity compensation and joints are slow."""
-        state, efforts = self.state, self.efforts
-        filtered = efforts.filtered(state, self._braking.command(state), external)
-        efforts.fill_tank()  # which a sinking arm has drained
+        state, limits = self.state, self.limits
+        command, time = self._braking.command(state), state.newest
         if before is None:
-            efforts.limit_to_gravity()
-        if self._carried_since is None and efforts.reaches_gravity(filtered.effort, state.newest):
-            self._carried_since = state.newest
+            limits.limit_to_gravity(command)
+        if self._carried_since is None and limits.reaches_gravity(command, self._elapsed(time)):
+            self._carried_since = time
         if self._carried_since is not None:
             timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
             if timeout or (np.abs(state.velocity) <= self._slow).all():
                 return None
-        return self._sent_by(filtered, now)
+        sent = self._limited(command, external, now)
+        limits.fill_tank()  # which a sinking arm has drained
+        return sent
 
     def _follow(self, external, now):
         """Return the command of the mode in force."""
@@ -322,7 +352,7 @@ class ControlLoop:
         command, lost = self._mode.follow(state)
         if lost:
             self._finish(lost, PATH_TOLERANCE_VIOLATED)
-        sent = self._sent_by(self.efforts.filtered(state, command, external), now)
+        sent = self._limited(command, external, now)
         self._mode.limited = bool(sent.saturated)
         rate = self._mode.measured_rate(command, state.newest)
         return sent._replace(lyapunov_rate=rate, lost=lost or self._check_trajectory())
@@ -337,23 +367,33 @@ class ControlLoop:
             self._mode.stop()
         return lost
 
-    def _sent_by(self, filtered, now):
-        """Return the :class:`Sent` for a law's filtered command."""
-        command = filtered.command
+    def _limited(self, command, external, now):
+        """Return the :class:`Sent` for the command of a law in the last state."""
+        state = self.state
         self.energy = 0.5 * float(command.nu @ command.nu)
-        sent = self._sent(filtered.effort, self.state.newest, now)
-        limited = command.limited
-        return sent._replace(
-            saturated=limited + tuple(name for name in sent.saturated if name not in limited),
-            command=command,
-            energy_limited=filtered.energy_limited,
-            contact_limited=filtered.contact_limited,
+        period = self._elapsed(state.newest)
+        limited = self.limits.filter(state.position, state.velocity, command, period, external)
+        self._count_time(state.newest)
+        return Sent(
+            limited.effort,
+            limited.limited,
+            state.newest,
+            (now - state.newest) * 1e-9,
+            limited.demand,
+            limited.command,
+            limited.energy_limited,
+            limited.contact_limited,
         )
 
-    def _sent(self, effort, time, now):
-        """Return the :class:`Sent` for an effort at a time [ns], within the effort rate."""
-        effort, waiting = self.efforts.ramped(effort, time)
-        return Sent(effort, waiting, self.state.newest, (now - self.state.newest) * 1e-9)
+    def _elapsed(self, time):
+        """Return the time since the last command [s], after a stall no more than the longest cycle."""
+        elapsed = 0.0 if self._time is None else (time - self._time) * 1e-9
+        return min(max(elapsed, 0.0), self._max_period)
+
+    def _count_time(self, time):
+        """Count the period of the next command from a time [ns]; a step back within the longest cycle is ignored."""
+        if self._time is None or not -self._max_period * 1e9 <= time - self._time < 0:
+            self._time = time
 
     def _outside_limits(self, q):
         """Return the error of positions outside of their limits, where springs would throw a joint; None if valid."""
@@ -385,26 +425,30 @@ class ControlLoop:
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()
-        silent = self.is_silent
-        return self._sent(self.at_rest, now, now)._replace(silent=silent)
+        silent, demand = self.is_silent, self.at_rest
+        effort = self.limits.ramp(demand, self._elapsed(now))
+        self._count_time(now)
+        waiting = names_where(self.dynamics.model.dof_names, effort != demand)
+        age = (now - self.state.newest) * 1e-9
+        return Sent(effort, waiting, self.state.newest, age, demand, silent=silent)
 
     @property
     def is_silent(self):
         """Whether there is no command until a state is valid, because a ramp to zero has ended."""
-        return self.supervisor.phase == RAMPING_DOWN and not self.efforts.sent.any()
+        return self.supervisor.phase == RAMPING_DOWN and not self.limits.sent.any()
 
     @property
     def at_rest(self):
         """Effort without a law [N m, N]: gravity compensation during the hold, and zero after it."""
-        gravity = self.efforts.gravity_compensation
+        gravity = self.limits.gravity_compensation
         return np.zeros_like(gravity) if self.supervisor.phase == RAMPING_DOWN else gravity
 
     def leave(self):
         """Return the effort at the end of the loop, without rate limit; None: no command."""
         if self.supervisor.phase == INACTIVE or self.is_silent:
             return None
-        self.efforts.reset(self.at_rest)
-        return self.efforts.sent
+        self.limits.reset(self.at_rest)
+        return self.limits.sent
 
     def _observed(self, state):
         """Return ε of external forces by the observer; None without a result."""
@@ -416,5 +460,5 @@ class ControlLoop:
             self._origin = state.newest
         time = (state.newest - self._origin) * 1e-9
         return self._observer.update(
-            time, state.position, state.velocity, self.efforts.acting
+            time, state.position, state.velocity, self.limits.acting
         ).residual

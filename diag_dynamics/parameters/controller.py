@@ -120,10 +120,6 @@ _WHILE_UNCONFIGURED = {
     "limit_margin": Spec(
         0.1, "Distance of repulsive springs from the position limits [rad, m]; 0: none.", 0.0
     ),
-    "limit_stiffness": Spec(
-        100.0, "Stiffness of the springs at the position limits [N m/rad, N/m].", 1e-6
-    ),
-    "limit_damping": Spec(10.0, "Damping at the position limits [N m s/rad, N s/m].", 0.0),
     "energy_limit": Spec(0.0, "Maximum kinetic energy [J]; 0: no limit.", 0.0),
     "joint_energy_limit": Spec(
         [""],
@@ -140,9 +136,6 @@ _WHILE_UNCONFIGURED = {
     **CONTACT,
     "contact.energy_limit": Spec(
         0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0
-    ),
-    "contact.rate": Spec(
-        30.0, "Rate alpha towards contact limits [1/s]; below 1 / period of states.", 1e-6
     ),
     "contact.scale_timeout": Spec(
         0.0,

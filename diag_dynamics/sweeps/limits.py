@@ -35,3 +35,84 @@ def project(nu, flow, period, limit, joint_limit, rate, change):
     for k in range(len(nu)):
         change[k] = (fraction * change[k] - nu[k]) / period - flow[k]
     return 1 if is_limited else 0
+
+
+STEPS, BISECTIONS = 60, 6
+"""Cycles of the prediction, and bisections between full braking and the demanded effort."""
+
+
+@nk.kernel
+def _brake(inverse, nu, effort, change, period, lower, upper, braking):
+    """Fill the next efforts on the fastest way of each joint to rest without effort, at a bounded rate.
+
+    D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are free, and |u̇| ≤ R make it a double integrator,
+    whose switching curve is u = −sign(q̇) √(2RD|q̇|).
+    """
+    for j in range(len(nu)):
+        rate, mobility = 0.0, 0.0
+        for i in range(j + 1):
+            rate += inverse[i, j] * nu[i]
+            mobility += inverse[i, j] * inverse[i, j]
+        momentum = abs(rate) / mobility
+        size = min(math.sqrt(2.0 * change[j] / period * momentum), momentum / period)
+        target = min(max(math.copysign(size, -rate), lower[j]), upper[j])
+        braking[j] = min(max(target, effort[j] - change[j]), effort[j] + change[j])
+
+
+@nk.kernel
+def _keeps(inverse, nu, u, change, period, limit, joint_limit, lower, upper):
+    """Return whether braking after the efforts u keeps all limits [J]; ν and u change."""
+    for _ in range(STEPS + 1):
+        energy = 0.0
+        for i in range(len(nu)):
+            for j in range(i, len(nu)):
+                nu[i] += period * inverse[i, j] * u[j]
+            share = 0.5 * nu[i] * nu[i]
+            energy += share
+            if share > joint_limit[i]:
+                return False
+        if energy > limit:
+            return False
+        _brake(inverse, nu, u, change, period, lower, upper, u)
+    return True
+
+
+@nk.entry_kernel(
+    nk.MATRIX,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.NUMBER,
+    nk.NUMBER,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.VECTOR,
+    nk.FILLED_MATRIX,
+)
+def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, lower, upper, rows):
+    """Fill rows[0] with efforts between full braking and those within the change from `effort` to `demand`.
+
+    They are the nearest to the demand after which braking keeps the limits [J]; without any, full braking. The prediction
+    is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without gravity. `change` is the largest change of an effort
+    in a cycle, `lower` and `upper` bound efforts; rows: (4, nv).
+    """
+    near, brake, ahead, u = rows[0], rows[1], rows[2], rows[3]
+    _brake(inverse, nu, effort, change, period, lower, upper, brake)
+    for i in range(len(nu)):
+        near[i] = min(max(demand[i], effort[i] - change[i]), effort[i] + change[i])
+    good, fraction, step = 0.0, 1.0, 1.0
+    for _ in range(BISECTIONS + 1):
+        for i in range(len(nu)):
+            ahead[i], u[i] = nu[i], brake[i] + fraction * (near[i] - brake[i])
+        step *= 0.5
+        if _keeps(inverse, ahead, u, change, period, limit, joint_limit, lower, upper):
+            good = fraction
+            if fraction == 1.0:
+                break
+            fraction += step
+        else:
+            fraction -= step
+    for i in range(len(nu)):
+        near[i] = brake[i] + good * (near[i] - brake[i])
+    return 0

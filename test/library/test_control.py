@@ -147,8 +147,8 @@ def test_documented_example_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(dd, "Simulation", Recorded)
     exec(compile(program, "docs/control.md", "exec"), names)
     assert 0.45 < max(energies) < 1.001 * 0.5
-    assert np.abs(names["command"].error.position).max() < 2e-3
-    assert not names["seen"].collision and names["command"].limited == ()
+    assert np.abs(names["limited"].command.error.position).max() < 2e-3
+    assert not names["seen"].collision and names["limited"].limited == ()
 
 
 @pytest.mark.parametrize(

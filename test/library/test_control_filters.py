@@ -138,31 +138,86 @@ def test_saturation_scales_what_moves_and_not_what_holds():
     assert 100 < acted < 200 and driving > 0
 
 
-def test_rates_are_limited_joint_by_joint():
-    """Each joint moves to its target at its rate and reaches it; the first or the given effort is the start."""
+@pytest.mark.parametrize("compensated", [False, True])
+def test_efforts_move_at_their_rates(compensated):
+    """Each joint moves to its effort at its rate and reaches it, from gravity compensation or the given effort on."""
     s, rng = arm(), np.random.default_rng(4)
-    rate = rng.uniform(100, 1000, N)
-    limiter = dd.EffortRateLimiter(s.model, rate, np.zeros(N))
-    last, goal = np.zeros(N), rng.uniform(-80, 80, N)
+    rate, gravity = rng.uniform(100, 1000, N), s.oracle.gravity_torque(READY)
+    limits = dd.Limits(s.dyn, effort_rate=rate, compensated=compensated)
+    last = np.zeros(N) if compensated else gravity
+    command = dd.GravityCompensation(s.dyn).command(READY, np.zeros(N))
     for k in range(2000):
-        dt = rng.uniform(0, 2e-3)
-        if k % 500 == 0:
-            goal = rng.uniform(-80, 80, N)
-        tau, limited = limiter.filter(goal, dt)
-        assert (np.abs(tau - last) <= rate * dt * (1 + 1e-12) + 1e-14).all() and (
-            np.abs(tau) <= 80
-        ).all()
-        assert limited == tuple(n for n, x in zip(s.model.dof_names, tau != goal, strict=True) if x)
-        assert (np.abs(goal - tau) <= np.abs(goal - last)).all()
-        last = tau
-    np.testing.assert_array_equal(last, goal)
-    limiter = dd.EffortRateLimiter(s.model, 10.0)
-    tau, limited = limiter.filter(np.full(N, 50.0), 0.1)
-    assert (tau == 50.0).all() and limited == ()
-    tau[:] = 0.0  # the caller's own
-    assert (limiter.filter(np.full(N, 50.0), 0.1)[0] == 50.0).all()
-    limiter.reset(np.full(N, 20.0))
-    assert limiter.filter(np.full(N, 50.0), 0.1)[0] == pytest.approx(np.full(N, 21.0))
+        h = rng.uniform(0, 4e-3)
+        if k % 1000 == 0:  # it demands a fast change, for which the law is scaled for a second
+            moving = rng.uniform(-8, 8, N)
+        pushing = command._replace(tau=gravity + moving)
+        effort, demand, *_, limited, _, _ = limits.filter(READY, np.zeros(N), pushing, h)
+        assert (np.abs(effort - last) <= rate * h * (1 + 1e-12) + 1e-14).all()
+        late = np.array(s.model.dof_names)[np.abs(effort - demand) > 1e-9]
+        assert set(late) <= set(limited)
+        last = effort.copy()
+        effort[:] = 0.0  # the caller's own
+    np.testing.assert_allclose(last, moving + (not compensated) * gravity, atol=1e-9)
+    assert limited == ()
+    limits.reset(np.full(N, 20.0))
+    assert limits.ramp(np.full(N, 50.0), 1e-3) == pytest.approx(20.0 + 1e-3 * rate)
+
+
+def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **options):
+    """Return K [J] of a sampled loop released at rest and away from its set-point, and the last distance from it.
+
+    Efforts begin at gravity compensation, or at a law's command.
+    """
+    s, target = subject(robot), START[robot.id]
+    law, plant = dd.JointRegulation(s.dyn, stiffness, 0.7), Sampled(s.oracle, target + away)
+    law.require_stable(plant.q, period)
+    limits, energies = dd.Limits(s.dyn, effort_rate=1000.0, **options), []
+    if start == "command":
+        command = law.command(plant.q, plant.qd, target)
+        at_once = dd.Limits(s.dyn, effort_rate=1e9, **options)
+        limits.reset(at_once.filter(plant.q, plant.qd, command, period).effort)
+    for _ in range(round(seconds / period)):
+        command = law.command(plant.q, plant.qd, target)
+        plant.advance(limits.filter(plant.q, plant.qd, command, period).effort, period)
+        energies.append(plant.kinetic_energy)
+    return np.array(energies), np.abs(plant.q - target).max()
+
+
+WRISTS = np.array([0.0, 0.0, 0.0, 0.3, -0.3, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("robot", "stiffness", "period", "away", "start", "bound"),
+    [
+        (UR5, 300.0, 1e-3, WRISTS, "gravity", 0.255),
+        (UR5, 300.0, 1e-3, WRISTS, "command", 1.1),
+        (UR5, 200.0, 8e-3, 0.8, "command", 0.255),
+        (PANDA, 600.0, 4e-3, 0.8, "gravity", 0.255),
+        (Z1, 600.0, 1e-3, 0.3, "gravity", 0.255),
+    ],
+    ids=lambda x: getattr(x, "id", x),
+)
+def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, start, bound):
+    """Efforts begin at gravity compensation, or at a command that cannot be removed in time."""
+    seconds = shortened(1.0, 0.3)
+    energies, _ = released(robot, stiffness, period, away, start, seconds, energy_limit=0.25)
+    assert 0.2 < energies.max() < bound and energies[-1] < 0.255
+
+
+@pytest.mark.parametrize(
+    ("robot", "stiffness", "period", "away", "start"),
+    [
+        (UR5, 300.0, 1e-3, WRISTS, "gravity"),
+        (UR5, 300.0, 1e-3, WRISTS, "command"),
+        (PANDA, 600.0, 4e-3, 0.3, "gravity"),
+        (Z1, 100.0, 1e-3, 0.3, "gravity"),
+    ],
+    ids=lambda x: getattr(x, "id", x),
+)
+def test_a_rate_limit_alone_comes_to_rest(robot, stiffness, period, away, start):
+    """A law that demands faster efforts than the limit's is scaled: no energy remains, and the target is reached."""
+    energies, distance = released(robot, stiffness, period, away, start, 2.0)
+    assert energies.max() > 0.2 and energies[-1] < 1e-3 and distance < 0.01
 
 
 def test_repulsion_is_the_gradient_of_its_potential():
@@ -324,12 +379,12 @@ def without_limits(s):
             "external of joint 'panda_joint3' is nan",
         ),
         (lambda s: dd.EffortSaturation(s.model, HURT), "effort limit of 'panda_joint3' is nan"),
-        (lambda s: dd.EffortRateLimiter(s.model, -HURT), "effort rate of 'panda_joint1' is -1.0"),
+        (lambda s: dd.Limits(s.dyn, effort_rate=-HURT), "effort_rate of 'panda_joint1' is -1.0"),
+        (lambda s: dd.Limits(s.dyn, start=HURT), "effort of joint 'panda_joint3' is nan"),
         (
-            lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(HURT, 1.0),
-            "tau of joint 'panda_joint3' is nan",
+            lambda s: dd.Limits(s.dyn).filter(READY, READY, gravity_command(s), -1.0),
+            "period is -1.0",
         ),
-        (lambda s: dd.EffortRateLimiter(s.model, 1.0).filter(READY, -1.0), "dt is -1.0"),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
         (
             lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0),

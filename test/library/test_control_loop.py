@@ -200,7 +200,7 @@ def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
     if scale is not None:
         loop.take_scale(scale, S)
     loop.step(state_at(S + age * MS, Q), S + age * MS)
-    assert loop.efforts.contact_limiter.scale == expected
+    assert loop.limits.contact.scale == expected
     with pytest.raises(InputError, match=r"contact_scale is 1\.1"):
         loop.take_scale(1.1, S)
     with pytest.raises(InputError, match="no contact limits"):
@@ -320,7 +320,7 @@ def follow(points, stamp=0):
 def test_targets_that_are_refused(arm, mode, take, key):
     """The target before stays in force."""
     loop = loop_of(arm, initial_mode=mode)
-    loop.efforts.reset(gravity_of(Q))
+    loop.limits.reset(gravity_of(Q))
     _, stamp = settle(loop, cycles=5)
     with pytest.raises(InputError, match=key):
         take(loop)
@@ -335,7 +335,7 @@ def test_targets_that_are_refused(arm, mode, take, key):
 def test_a_trajectory_begins_at_the_target_or_at_the_robot(arm, away):
     """Of a robot that is 0.06 rad off its target both are near enough."""
     loop = loop_of(arm, following_energy=0.0)
-    loop.efforts.reset(gravity_of(Q))
+    loop.limits.reset(gravity_of(Q))
     _, stamp = settle(loop, cycles=5)
     loop.step(state_at(stamp + MS, Q + 0.06), stamp + MS)
     follow([(0.0, Q + away), (9.0, THERE)])(loop)
@@ -360,11 +360,11 @@ arm = dd.load_urdf(sys.argv[1])
 points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))
 values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlled_link": "tool0"}
 values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0}
-values |= {"energy_limit": 1e-3, "contact.rate": 200.0, "joint_energy_limit": ["*=1"], "tank_energy": 1.0}
+values |= {"energy_limit": 1e-3, "energy_rate": 1.0, "joint_energy_limit": ["*=1"], "tank_energy": 1.0}
 values |= {"payload_link": "tool0", "pose_damping_ratio": 1.0}
 loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
 q, qd = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.full(6, 0.2)
-q[2] = arm.upper[2] - 0.01  # in the margin of a limit
+q[2] = arm.upper[2] - 0.099  # in the margin of a limit
 first = compiled()
 one, nothing = np.ones(1, bool), np.zeros((1, 6))
 still = Waypoints(np.ones(1), q[None], nothing, nothing, one, one)
@@ -399,7 +399,7 @@ def test_no_cycle_compiles():
 def test_without_velocity_limits_trajectories_are_slow():
     """The limit is then one radian per second."""
     loop = loop_of(dd.load_urdf(re.sub(r' velocity="[^"]*"', ' velocity="0"', robot(UR5).urdf)))
-    loop.efforts.reset(gravity_of(Q))
+    loop.limits.reset(gravity_of(Q))
     settle(loop, cycles=5)
     with pytest.raises(
         InputError, match="expected no more than 1, as the URDF has no velocity limit"

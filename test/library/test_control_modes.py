@@ -37,7 +37,7 @@ class Closed:
         self.loop = ControlLoop(arm, defaults | values, False)
         self.arm = frictionless(plant or arm, Q, step=1.0 / rate)
         self.stamp, self.period, self.lost, self.shares = S, S // rate, [], np.zeros(6)
-        self.loop.efforts.reset(gravity_of(Q))
+        self.loop.limits.reset(gravity_of(Q))
 
     def go(self, cycles, push=None):
         """Let it go on; return the last command."""

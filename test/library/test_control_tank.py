@@ -216,7 +216,7 @@ def loop_of(compensated=False, points=None, **values):
     loop = ControlLoop(
         subject(ARM).model, defaults | {"following_energy": 0.0} | values, compensated, points
     )
-    loop.efforts.reset(np.zeros(N) if compensated else subject(ARM).oracle.gravity_torque(READY))
+    loop.limits.reset(np.zeros(N) if compensated else subject(ARM).oracle.gravity_torque(READY))
     return loop
 
 
@@ -263,7 +263,7 @@ def test_the_loop_measures_what_it_sends(compensated):
         ),
         gravity=not compensated,
     )
-    tank, refused = driven.loop.efforts.tank, 0
+    tank, refused = driven.loop.limits.tank, 0
     for k in range(shortened(2000, 800)):
         if k % 200 == 10:
             driven.aim()
@@ -279,7 +279,7 @@ def test_the_loop_measures_what_it_sends(compensated):
 def test_a_hold_gives_nothing_back():
     """While states are missing, the last effort may have been replaced: only its positive work counts. A start fills x."""
     driven = Driven(loop_of(tank_energy=CAPACITY))
-    tank = driven.loop.efforts.tank
+    tank = driven.loop.limits.tank
     for k in range(200):
         driven.cycle()
         if k == 10:

@@ -515,7 +515,7 @@ def test_set_point():
     values = {name: spec.default for name, spec in CONTROLLER.items()} | {"controlled_link": "arm"}
     loop, goal = ControlLoop(model, values, False), np.array([0.6, 0.3])
     simulation, stamp = dd.Simulation(model, q=model.start), 10**9
-    loop.efforts.reset(simulation.dynamics.gravity_torque(model.start))
+    loop.limits.reset(simulation.dynamics.gravity_torque(model.start))
     for k in range(4000):
         stamp += 10**6
         sent = loop.step(state_at(stamp, simulation.q, simulation.qd), stamp)

@@ -56,14 +56,14 @@ def test_diagnostics_report_the_tank(arm):
 
 def test_an_overdrawn_tank_is_reported():
     """A tenth of the capacity below zero is rounding of late efforts; more is a problem."""
-    efforts = loop_of(dd.load_urdf(robot(UR5).urdf), tank_energy=CAPACITY).efforts
+    limits = loop_of(dd.load_urdf(robot(UR5).urdf), tank_energy=CAPACITY).limits
     for energy, reported in (
         (CAPACITY, False),
         (-0.09 * CAPACITY, False),
         (-0.11 * CAPACITY, True),
     ):
-        efforts.tank.energy = energy
+        limits.tank.energy = energy
         assert (
-            any("tank is overdrawn" in problem for problem in problems_of_limits(efforts))
+            any("tank is overdrawn" in problem for problem in problems_of_limits(limits))
             == reported
         )

@@ -22,7 +22,8 @@ if s.epsilon is not None and s.power is not None:
 nu = dyn.evaluate(np.tile(q, (10, 1)), np.tile(qd, (10, 1))).nu.mean(axis=0)
 factor = dyn.factors(q).m @ qd
 law = dd.JointTracking(dyn, gain=2.0, convergence=np.ones(model.nv))
-command = dd.EffortSaturation(model).filter(law.command(q, qd, q))
+limits = dd.Limits(dyn, energy_limit=0.5, effort_limit=np.ones(model.nv))
+command = limits.filter(q, qd, law.command(q, qd, q), 1e-3).command
 simulation = dd.Simulation(model, limits=dd.CompliantLimits(1e4))
 simulation.advance(command.tau, steps=10)
 residual = simulation.audit.residual

@@ -107,7 +107,7 @@ class Closed:
         self.stamp, self.sent, self.fastest, self.most = S, None, nothing, 0.0
         self.way, self.lost = [np.array(q, dtype=float)], []
         if carried:
-            self.loop.efforts.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
+            self.loop.limits.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
 
     def go(self, seconds, push=None):
         """Let it go on; a push is a wrench on the tool."""

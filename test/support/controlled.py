@@ -79,7 +79,7 @@ def frictionless(model, q, qd=None, step=1e-3):
 class Sampled:
     """A robot at rest, without friction, whose efforts last for a cycle: classical Runge–Kutta steps by Pinocchio."""
 
-    def __init__(self, oracle, q, step=2.5e-4):
+    def __init__(self, oracle, q, step=5e-4):
         self.oracle, self.q, self.qd, self._step = oracle, np.array(q), np.zeros(len(q)), step
 
     def advance(self, tau, period):

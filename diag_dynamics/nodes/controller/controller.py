@@ -272,15 +272,15 @@ class ControllerNode(ManagedNode):
         standing = self._standing()
         self._loop, self._joints, self._order, self._states = made
         self._description = description
-        model, efforts = self._loop.dynamics.model, self._loop.efforts
-        efforts.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
+        model, limits = self._loop.dynamics.model, self._loop.limits
+        limits.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self.get_logger().info(
             shortened(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
         )
-        if efforts.unlimited:
+        if limits.unlimited:
             self.get_logger().warning(
                 shortened(
-                    f"No effort limit for {', '.join(efforts.unlimited)}: commands are not limited."
+                    f"No effort limit for {', '.join(limits.unlimited)}: commands are not limited."
                 )
             )
         if self._starting:
@@ -292,7 +292,7 @@ class ControllerNode(ManagedNode):
         """Return the last effort of each joint: another robot or payload continues from there."""
         if self._loop is None:
             return self._left
-        return dict(zip(self._loop.dynamics.model.dof_names, self._loop.efforts.sent, strict=True))
+        return dict(zip(self._loop.dynamics.model.dof_names, self._loop.limits.sent, strict=True))
 
     def _take_description(self, description):
         """Load another robot, unless the controller is active."""
@@ -522,7 +522,7 @@ class ControllerNode(ManagedNode):
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
             problems.append(f"other nodes publish {topic}")
-        problems += [*problems_of_limits(self._loop.efforts), *self._record.problems_of_contact()]
+        problems += [*problems_of_limits(self._loop.limits), *self._record.problems_of_contact()]
         return problems, {
             "subscribers": receivers,
             "other publishers": others,

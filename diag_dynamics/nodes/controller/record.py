@@ -65,8 +65,8 @@ class Record:
         self._last_sent = now
         self.counts["commands"] += not sent.silent
         self.counts["commands limited"] += bool(sent.saturated)
-        self._smallest_scale = min(self._smallest_scale, loop.efforts.scale)
-        bound = loop.efforts.contact_limiter
+        self._smallest_scale = min(self._smallest_scale, loop.limits.scale)
+        bound = loop.limits.contact
         if (
             sent.command is not None
             and bound
@@ -145,29 +145,29 @@ def _fault(text, reason, values, level=WARN):
     return Status("control", level, message, values, text + reason)
 
 
-def problems_of_limits(efforts):
+def problems_of_limits(limits):
     """Yield problems of effort limits that are too low, and of an energy tank that a command has overdrawn."""
-    if efforts.tank and efforts.tank.energy < -RESERVE * efforts.tank.capacity:
+    if limits.tank and limits.tank.energy < -RESERVE * limits.tank.capacity:
         yield "the energy tank is overdrawn (late states, effort_rate or a push)"
-    if heavy := efforts.heavy:
+    if heavy := limits.heavy:
         yield f"gravity nearly reaches the effort limit of {shortened(', '.join(heavy))}"
-    if slow := efforts.slow:
+    if slow := limits.slow:
         yield f"effort_rate is too low to hold {shortened(', '.join(slow))} before the robot sinks"
 
 
 def values_of_loop(loop):
     """Return the diagnostic values of a loop."""
-    bound = loop.efforts.contact_limiter
+    bound = loop.limits.contact
     values = {
         "robot": loop.dynamics.model.name,
         "mode": loop.mode,
-        "joints without effort limit": counted(loop.efforts.unlimited),
+        "joints without effort limit": counted(loop.limits.unlimited),
         "kinetic energy [J]": f"{loop.energy:.6g}",
         "contact limits": f"{bound.points.count} points, scale {bound.scale:g}"
         if bound
         else "none",
     }
-    if tank := loop.efforts.tank:
+    if tank := loop.limits.tank:
         values["tank energy [J]"] = f"{tank.energy:.6g}"
         values["power refused by the tank [W]"] = f"{tank.refused:.6g}"
     if bound and bound.seen:
@@ -180,7 +180,7 @@ def values_of_loop(loop):
 def status_message(loop, sent):
     """Return the ControllerStatus of a command of a loop."""
     command = sent.command
-    model, limiter = loop.dynamics.model, loop.efforts.energy_limiter
+    model, limiter = loop.dynamics.model, loop.limits.energy
     message = ControllerStatus(
         mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
     )
@@ -191,7 +191,7 @@ def status_message(loop, sent):
     message.energy_limit_valid = limiter is not None and math.isfinite(limiter.limit)
     message.energy_limit = limiter.limit if message.energy_limit_valid else 0.0
     message.contact_limited = sent.contact_limited
-    if (bound := loop.efforts.contact_limiter) and bound.seen and command is not None:
+    if (bound := loop.limits.contact) and bound.seen and command is not None:
         message.contact_valid, message.contact_link = True, bound.seen.link
         message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit
     if command is None:

@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""All filters of commands in their order, for robots with and without gravity compensation of their own."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.checks import not_negative, vector
+from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.control.effort_rate import EffortRate
+from diag_dynamics.control.laws import Command, Gain, actuated
+from diag_dynamics.control.limits import (
+    HEAVY,
+    ContactLimiter,
+    EffortSaturation,
+    EnergyLimiter,
+    PositionRepulsion,
+    names_where,
+)
+from diag_dynamics.control.tank import EnergyTank
+from diag_dynamics.dynamics import DiagonalDynamics
+
+FIRST_PERIOD = 1e-3
+"""Assumed length of the first cycle [s]."""
+
+MAX_RAMP_TIME = 0.1
+"""Maximum time in which efforts reach gravity compensation without a warning [s]."""
+
+SPRING_SHARE, SPRING_EFFORT, SPRING_TIME = 0.5, 10.0, 0.1
+"""Effort of a spring at a position limit: fraction of the effort limit, without one [N m, N]; damping per stiffness [s]."""
+
+CONTACT_RATE = 30.0
+"""Rate of the approach to contact limits [1/s]."""
+
+
+class Limited(NamedTuple):
+    """Result of all filters for one command of a law."""
+
+    effort: Array  # to send [N m, N], without gravity if the robot compensates it
+    demand: Array  # the same before the limit of its rate
+    command: Command  # within all limits but that of the rate
+    limited: tuple[str, ...]  # joints at their effort limit or effort rate
+    energy_limited: bool  # whether the energy limiter or the tank changed the command
+    contact_limited: bool  # whether the contact limiter did
+
+
+class Limits:
+    """Filters of the commands of one robot, in this order.
+
+    Springs before position limits, scale of a law whose efforts would change too fast, kinetic energy, energy tank with
+    its measurement, contact, effort limits, effort rates. Pass the effort of each result on to the robot, and nothing else.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    margin : float
+        Range of the springs before position limits [rad, m]; 0: none. At a limit a spring has half of the effort limit.
+    energy_limit, joint_energy_limit, energy_rate
+        Those of :class:`EnergyLimiter` [J, J, 1/s]; by default no limit.
+    tank_energy : float
+        Capacity of an :class:`EnergyTank` [J]; 0: none.
+    contact_points : ContactPoints, optional
+        Points with limits, as of a :class:`ContactLimiter`.
+    effort_limit : (nv,), optional
+        Largest efforts [N m, N], by default those of the URDF.
+    effort_rate : float or (nv,)
+        Largest rates of efforts [N m/s, N/s].
+    compensated : bool
+        Whether the robot adds gravity compensation to the efforts that it receives.
+    start : (nv,), optional
+        Present effort of the joints [N m, N], by default gravity compensation in the first state.
+
+    Attributes
+    ----------
+    sent : (nv,)
+        Last effort to send [N m, N].
+    scale : float
+        Scale of the effort limits on the last command.
+    energy, tank, contact : EnergyLimiter, EnergyTank and ContactLimiter, or None
+    unlimited : tuple of str
+        Joints without effort limit.
+
+    Example
+    -------
+    >>> import diag_dynamics as dd
+    >>> dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    >>> law, limits = dd.RateDamping(dyn, 10.0), dd.Limits(dyn, energy_limit=0.5)
+    >>> q, qd = [0, -1, 1, 0, 0, 0], [0.1] * 6
+    >>> limits.filter(q, qd, law.command(q, qd), period=1e-3).effort.shape
+    (6,)
+    """
+
+    def __init__(
+        self,
+        dynamics: DiagonalDynamics,
+        *,
+        margin: float = 0.0,
+        energy_limit: float = math.inf,
+        joint_energy_limit: Gain = math.inf,
+        energy_rate: float = 50.0,
+        tank_energy: float = 0.0,
+        contact_points: ContactPoints | None = None,
+        effort_limit: VectorLike | None = None,
+        effort_rate: Gain = 1000.0,
+        compensated: bool = False,
+        start: VectorLike | None = None,
+    ) -> None:
+        model = actuated(dynamics).model
+        self._names, self._compensated = model.dof_names, compensated
+        self._springs: PositionRepulsion | None = None
+        self.energy: EnergyLimiter | None = None
+        self.tank: EnergyTank | None = None
+        self.contact: ContactLimiter | None = None
+        self._saturation = EffortSaturation(model, effort_limit)
+        self.unlimited = names_where(self._names, np.isinf(self._saturation.limit))
+        if margin:
+            effort = SPRING_SHARE * self._saturation.limit
+            stiffness = np.where(np.isinf(effort), SPRING_EFFORT, effort) / margin
+            self._springs = PositionRepulsion(dynamics, margin, stiffness, SPRING_TIME * stiffness)
+        energy = EnergyLimiter(dynamics, energy_limit, joint_energy_limit, energy_rate)
+        if np.isfinite([energy.limit, *energy.joint_limit]).any():
+            self.energy = energy
+        if tank_energy:
+            self.tank = EnergyTank(dynamics, tank_energy, energy_rate, not compensated)
+        if contact_points is not None:
+            self.contact = ContactLimiter(dynamics, contact_points, CONTACT_RATE)
+        self._rate = EffortRate(dynamics, effort_rate, self.energy)
+        self._gravity = np.zeros(model.nv)
+        self.reset(start)
+        self.begin()
+
+    def begin(self) -> None:
+        """Start from the last effort, with a full tank."""
+        self._held: list[Array] = []  # efforts since the last command of a law, at most two
+        self.scale = 1.0
+        self._rate.begin()
+        self.fill_tank()
+
+    def fill_tank(self) -> None:
+        """Fill the tank, if there is one."""
+        if self.tank:
+            self.tank.fill()
+
+    def reset(self, effort: VectorLike | None = None) -> None:
+        """Start from an effort that has been sent [N m, N]; without it from gravity compensation in the next state."""
+        self._is_new = effort is None
+        self.sent = self._gravity if effort is None else vector("effort", effort, self._names)
+
+    def filter(
+        self,
+        q: VectorLike,
+        qd: VectorLike,
+        command: Command,
+        period: float,
+        external: VectorLike | None = None,
+    ) -> Limited:
+        """Return the :class:`Limited` command of a law at positions q [rad, m] and rates qd [rad/s, m/s].
+
+        `period` is the length of a cycle [s], since the last command and until the next one; 0 for a first command leaves
+        efforts as they are. `external` are working moments of external forces [J^½/s], such as an observer's residual.
+        """
+        not_negative("period", period, "[s]")
+        h, q = period or FIRST_PERIOD, vector("q", q, self._names)
+        self._gravity = g = command.gravity_torque
+        if self._is_new:
+            self.reset(self.gravity_compensation)
+        if self._springs:
+            command = self._springs.filter(q, qd, command)
+        command = unlimited = self._rate.scaled(command, period)
+        if self.energy:
+            command = self.energy.filter(q, qd, command, h, external)
+        if self.tank:
+            last = self._held[0] if self._held else None
+            self.tank.measure(q, last, held=len(self._held) == 1)
+            self._held = []
+            command = self.tank.filter(q, qd, command, h, external)
+        slower = command
+        if self.contact:
+            command = self.contact.filter(q, qd, command, h, external)
+        saturated = self._saturation.filter(command)
+        self.scale = saturated.scale
+        bound = np.maximum(self._saturation.limit, np.abs(g))
+        demand, offset = saturated.tau, g
+        if self._compensated:  # weight beyond the limit is left to the robot
+            demand = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
+            offset = np.zeros_like(g)
+        moving = demand - offset, self.sent - offset
+        reached = self._rate.foreseen(q, command, *moving, bound, period)
+        return Limited(
+            self._send(offset + reached),
+            demand,
+            command._replace(scale=self.scale, limited=saturated.limited),
+            tuple(dict.fromkeys(saturated.limited + self._rate.limited(demand, self.sent))),
+            slower is not unlimited,
+            command is not slower,
+        )
+
+    def ramp(self, effort: VectorLike, period: float) -> Array:
+        """Return the efforts to send without a law: those nearest to `effort` [N m, N] within a period [s]."""
+        demand = vector("effort", effort, self._names)
+        return self._send(self._rate.towards(demand, self.sent, period))
+
+    def _send(self, effort: Array) -> Array:
+        self.sent = effort.copy()
+        self._held = [*self._held, self.sent][:2]
+        return effort
+
+    def limit_to_gravity(self, command: Command) -> None:
+        """Start from the last effort, clipped between zero and gravity compensation in the state of a command."""
+        self._gravity = command.gravity_torque
+        gravity = self.gravity_compensation
+        self.reset(np.clip(self.sent, np.minimum(gravity, 0.0), np.maximum(gravity, 0.0)))
+
+    def reaches_gravity(self, command: Command, period: float) -> bool:
+        """Return whether efforts reach the range from gravity compensation to a command within a period [s]."""
+        self._gravity = command.gravity_torque
+        gravity = self.gravity_compensation
+        effort = gravity + (command.tau - command.gravity_torque)
+        between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
+        near = np.abs(self._rate.towards(between, self.sent, period) - between) <= 1e-9
+        return bool(near.all())
+
+    @property
+    def gravity_compensation(self) -> Array:
+        """Effort of gravity compensation in the last state [N m, N]; zero for a robot with its own."""
+        if self._compensated:
+            return np.zeros_like(self._gravity)
+        return np.clip(self._gravity, -self._saturation.limit, self._saturation.limit)
+
+    @property
+    def acting(self) -> Array:
+        """Effort on the joints since the last command [N m, N], gravity compensation included."""
+        return self.sent + self._gravity if self._compensated else self.sent
+
+    @property
+    def heavy(self) -> tuple[str, ...]:
+        """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
+        return names_where(self._names, np.abs(self._gravity) > HEAVY * self._saturation.limit)
+
+    @property
+    def slow(self) -> tuple[str, ...]:
+        """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
+        gravity = self.gravity_compensation
+        return names_where(self._names, np.abs(gravity) > MAX_RAMP_TIME * self._rate.rate)
