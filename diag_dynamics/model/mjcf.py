@@ -28,6 +28,9 @@ OPTIONS = (
     "estimate_inertias",
 )  # of load_urdf, which an MJCF has itself
 
+NEAR_SINGULAR = np.sin(np.radians(10.0))
+"""Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
+
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version
 FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
     ("equality", "frictionloss", "limit"), "CONSTRAINT"
@@ -44,6 +47,7 @@ class Described(NamedTuple):
     text: str
     options: Mapping[str, Any] = MappingProxyType({})
     omitted: tuple[str, ...] = ()
+    balls: tuple[str, ...] = ()  # ball joints, each of three hinges
 
     @property
     def is_mjcf(self) -> bool:
@@ -59,7 +63,10 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
-    loops. Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is a
+    loops. A ball joint is three hinges at one point about x, y and z of its body, ``NAME_x``,
+    ``NAME_y`` and ``NAME_z``; at ±90° of the second they are singular.
+
+    Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is a
     floating base. Degrees of freedom are in the order of :class:`RobotModel`, which need not be
     MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a
     ModelWarning names them, and `RobotModel.omitted` has them.
@@ -69,9 +76,14 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     UrdfError
         MuJoCo rejects the file.
     UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: ball joints, equalities
-        other than that of a joint, connect or weld, or armature of a free joint, a tendon, or an
-        actuator elsewhere than at a hinge or slide.
+        The file has what changes M, C, ν or K and cannot be modelled: equalities other than that of
+        a joint, connect or weld, or armature of a ball or free joint, a tendon, or an actuator
+        elsewhere than at a hinge or slide.
+
+    Warns
+    -----
+    ModelWarning
+        Forces are omitted, or the start is within 10° of the singularity of a ball joint's hinges.
     """
     for name in OPTIONS:
         if name in options:
@@ -94,6 +106,18 @@ def loaded(described: Described, **options: Any) -> RobotModel:
     locked = described.options.get("locked_joints", {}) | (options.get("locked_joints") or {})
     by_joint = {"armature": armature, "locked_joints": locked}
     model = load_urdf(described.text, **{**described.options, **options, **by_joint})
+    start = dict(zip(model.coordinate_names, model.start, strict=True))
+    if model.followers:
+        followers = model.followers_at(model.start)
+        start |= dict(zip(followers.names, followers.position, strict=True))
+    for name in described.balls:
+        if (angle := start.get(f"{name}_y")) is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
+            warn(
+                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
+                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
+                "its body in the file.",
+                stacklevel=4,
+            )
     if described.omitted:
         text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
         warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
@@ -135,7 +159,8 @@ def read_mjcf(source: str | os.PathLike[str]) -> Described:
         "locked_joints": c.locked_joints(),
     }
     text = etree.tostring(_Writer(c, floating).robot, encoding="unicode")
-    return Described(text, options, tuple(_omitted(c)))
+    balls = tuple(c.name("joint", j) for j in c.balls)
+    return Described(text, options, tuple(_omitted(c)), balls)
 
 
 class _Compiled:
@@ -147,6 +172,7 @@ class _Compiled:
         self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
         self.joint_kinds = self.kinds("mjtJoint", "jnt_type")
         self.free = [j for j in self.joints if self.joint_kinds[j] == "free"]
+        self.balls = [j for j in self.joints if self.joint_kinds[j] == "ball"]
         self.single = [j for j in self.joints if self.joint_kinds[j] in ("hinge", "slide")]
         # nu counts controls since these may be several of one actuator.
         self.actuators = range(getattr(m, "nactuator", m.nu))
@@ -281,7 +307,7 @@ def _reject_unsupported(c):
     """Reject what changes M, C, ν or K and cannot be modelled."""
     elsewhere = [a for a in c.actuators if a not in c.actuated]
     for kind, which, reason in (
-        ("joint", [j for j in c.joints if c.joint_kinds[j] == "ball"], "is a ball joint"),
+        ("joint", c.nonzero(c.balls, "dof_armature"), "is a ball joint and has armature"),
         ("joint", c.nonzero(c.free, "dof_armature"), "is free and has armature"),
         (
             "actuator",
@@ -330,17 +356,20 @@ def _omitted_objects(c):
     if damper:
         elsewhere = [a for a in c.actuators if a not in c.actuated]
         yield "damping of free joint", c.nonzero(c.free, "dof_damping")
+        yield "damping of ball joint", c.nonzero(c.balls, "dof_damping")
         yield "nonlinear damping of joint", c.nonzero(c.joints, "dof_dampingpoly")
         yield "damping of actuator", c.nonzero(elsewhere, "actuator_damping")
         yield "nonlinear damping of actuator", c.nonzero(c.actuators, "actuator_dampingpoly")
     if not c.is_disabled("frictionloss"):
         yield "friction loss of free joint", c.nonzero(c.free, "dof_frictionloss")
+        yield "friction loss of ball joint", c.nonzero(c.balls, "dof_frictionloss")
     if spring or damper:
         if np.any(m.opt.gravity) and not c.is_disabled("gravity"):
             carried = c.nonzero(c.nonzero(c.bodies, "body_gravcomp"), "body_mass")
             yield "gravity compensation of body", [b for b in carried if c.moves(b)]
         yield "plugin of body", [b for b in c.bodies if m.body_plugin[b] >= 0]
         yield "flexible body", range(getattr(m, "nflex", 0))
+    yield "limit of ball joint", [j for j in c.balls if c.limited[j]]
     yield "mocap body", [b for b in c.bodies if m.body_mocapid[b] >= 0]
     yield "tendon", c.tendons
 
@@ -440,7 +469,20 @@ class _Writer:
         # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
         place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
-            joint, axis, ref = c.name("joint", j), m.jnt_axis[j], c.reference(j)
+            joint = c.name("joint", j)
+            if j in c.balls:  # three hinges at one point
+                place = place + turn @ (m.jnt_pos[j] - anchor)
+                for letter, axis in zip("xyz", np.eye(3), strict=True):
+                    child = f"{name}/{joint}_{letter}"
+                    _add(self.robot, "link", name=child)
+                    hinge = self._add_joint(
+                        f"{joint}_{letter}", "continuous", parent, child, place, turn
+                    )
+                    _add(hinge, "axis", xyz=axis)
+                    parent, place, turn = child, np.zeros(3), np.eye(3)
+                anchor = m.jnt_pos[j]
+                continue
+            axis, ref = m.jnt_axis[j], c.reference(j)
             child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
             _add(self.robot, "link", name=child)
             place = place + turn @ (m.jnt_pos[j] - anchor)

@@ -4,6 +4,7 @@
 """Closed loops and non-linear mimic joints, against point masses, Pinocchio and MuJoCo."""
 
 import pickle
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -638,3 +639,66 @@ def test_mjcf(name):
             np.abs(rows @ np.array([G[joint_name] for joint_name in names])).max()
             <= 1e-13 * np.abs(rows).max()
         )
+
+
+RODS = """<mujoco><compiler angle="radian"/><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .2 0 0"/><body name="rod" pos=".2 0 0">
+<joint name="rod" type="ball" pos=".01 0 0"/><geom type="capsule" size=".01" fromto="0 0 0 .4 .05 0"/></body></body>
+<body name="rocker" pos=".6 0 .1"><joint name="rocker" axis="0 1 .2"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>
+</body></worldbody>EQUALITY</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("equality", "count"),
+    [
+        ("", 5),
+        ('<equality><connect body1="rod" body2="rocker" anchor=".4 .05 0"/></equality>', 2),
+    ],
+)
+def test_ball_joints(equality, count):
+    """Energy and gravity are MuJoCo's at velocities that its quaternions have by differences."""
+    text = RODS.replace("EQUALITY", equality)
+    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    dynamics, d, other = dd.DiagonalDynamics(model), mujoco.MjData(m), mujoco.MjData(m)
+    assert model.nv == count
+
+    def configuration(q):
+        _, at = ratios(model, q)
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
+            turn, product = np.zeros((2, 4))
+            mujoco.mju_axisAngle2Quat(turn, axis, at[f"rod_{letter}"])
+            mujoco.mju_mulQuat(product, quaternion, turn)
+            quaternion = product
+        return np.array([at["motor"], *quaternion, at["rocker"]])
+
+    rng, step = np.random.default_rng(0), 1e-6
+    for q in model.start + rng.uniform(-0.3, 0.3, (20, model.nq)):
+        d.qpos[:], qd = configuration(q), rng.normal(size=model.nv)
+        ahead, behind = (configuration(q + sign * step * qd) for sign in (1, -1))
+        mujoco.mj_differentiatePos(m, d.qvel, 2.0 * step, behind, ahead)
+        mujoco.mj_forward(m, d)
+        Mv = np.zeros(m.nv)
+        mujoco.mj_mulM(m, d, Mv, d.qvel)
+        assert dynamics.evaluate(q, qd).kinetic_energy == pytest.approx(0.5 * d.qvel @ Mv, rel=1e-7)
+        other.qpos[:] = d.qpos
+        mujoco.mj_forward(m, other)
+        power = other.qfrc_bias @ d.qvel
+        assert dynamics.gravity_torque(q) @ qd == pytest.approx(power, rel=1e-7, abs=1e-7)
+
+
+PARALLEL = """<mujoco><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/><geom type="capsule" size=".02"
+fromto="0 0 0 0 0 .2"/><body name="rod" pos="0 0 .2"><joint name="rod" type="ball"/><geom type="capsule" size=".01"
+fromto="0 0 0 .4 0 0"/></body></body><body name="rocker" pos=".4 0 0"><joint name="rocker" axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 0 0 .2"/></body></worldbody>
+<equality><connect name="bar" body1="rod" body2="rocker" anchor=".4 0 0"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(("angle", "is_near"), [(1.45, True), (1.35, False)])
+def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near):
+    """The rod of a parallelogram stays level while the crank turns."""
+    start = {"motor": -angle, "rod_y": angle, "rocker": -angle}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
+    assert ["singular at ±90°" in str(one.message) for one in caught] == [True] * is_near
