@@ -138,7 +138,8 @@ class DiagonalDynamics:
         Returns
         -------
         Evaluation
-            For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one.
+            For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one;
+            with closed loops equal within rounding, because each closing starts at the last state.
         """
         effort, status = self._zero if tau is None else tau, ws.BAD_LENGTH
         try:
