@@ -142,7 +142,7 @@ class ControlLoop:
             0.0,
         )  # number of measured periods of states, and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
-        self._mode.void()
+        self._mode.stop()
 
     def _begin_efforts(self):
         """Start from the last effort, with a full tank."""
@@ -181,7 +181,7 @@ class ControlLoop:
         self.limits.fill_tank()
         self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
-        chosen.void()
+        chosen.stop()
 
     def _unstable(self, mode):
         """Return why the gains of a mode are unstable at the measured rate of the states; empty if they are not."""
@@ -207,7 +207,7 @@ class ControlLoop:
         unstable = self._unstable(self._mode)
         if unstable:
             self._mode = self._braking
-            self._mode.void()
+            self._mode.stop()
         return unstable
 
     def require(self, target):
@@ -295,7 +295,7 @@ class ControlLoop:
         is_start = supervisor.will_start or supervisor.starting
         if is_start or self._is_interrupted(before):
             self._finish("no valid joint state for longer than hold_time")
-            self._mode.void()
+            self._mode.stop()
         if unstable := self._check_gains(before):
             self._finish(unstable)
         if self.not_executed:
@@ -353,7 +353,6 @@ class ControlLoop:
         if lost:
             self._finish(lost, PATH_TOLERANCE_VIOLATED)
         sent = self._limited(command, external, now)
-        self._mode.limited = bool(sent.saturated)
         rate = self._mode.measured_rate(command, state.newest)
         return sent._replace(lyapunov_rate=rate, lost=lost or self._check_trajectory())
 

@@ -6,7 +6,6 @@
 import numpy as np
 
 from diag_dynamics.checks import numbers, vector
-from diag_dynamics.control.adaptive import AdaptiveTracking
 from diag_dynamics.control.by_dof import by_dof
 from diag_dynamics.control.following import Following
 from diag_dynamics.control.laws import (
@@ -51,7 +50,6 @@ class Mode:
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
     targets = ()  # topics: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point"
     _moving = False  # whether the target of the last command moves, and V with it
-    limited = False  # whether effort limits changed the last command
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
@@ -62,10 +60,6 @@ class Mode:
         limits = self._model.velocity_bound
         self.max_speed = np.where(np.isfinite(limits), limits, DEFAULT_SPEED)  # [rad/s, m/s]
         self._target = None
-        self.void()
-
-    def void(self):
-        """Make the next state the target, without what the law has learned."""
         self.stop()
 
     def stop(self):
@@ -282,7 +276,7 @@ class JointMode(Mode):
         behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"
         energy, limit = distinct(command.lyapunov, self._max_error, digits=3)
         lost = f"V is {energy} J; expected at most following_energy = {limit} J"
-        self.void()
+        self.stop()
         self.begin(state)
         return self.command(state), f"target given up: {lost}; {behind}"
 
@@ -293,7 +287,7 @@ class JointMode(Mode):
 
 
 class TrackingMode(JointMode):
-    """Tracking, with a bound on disturbances and adaptation to a payload, both off by default."""
+    """Tracking, with a bound on disturbances, which is off by default."""
 
     name = "tracking"
 
@@ -301,29 +295,8 @@ class TrackingMode(JointMode):
         gain, convergence = (
             _gains(dynamics, values, f"tracking_{name}") for name in ("gain", "convergence")
         )
-        options = {"closing": dynamics.model.velocity_bound} | {
-            x: values[f"tracking_{x}"] for x in ("bound", "width")
-        }
-        if link := values["payload_link"]:
-            options |= {"rate": values["payload_rate"], "max_mass": values["payload_mass"]}
-            law = AdaptiveTracking(dynamics, link, gain, convergence, **options)
-        else:
-            law = JointTracking(dynamics, gain, convergence, **options)
-        super().__init__(law, convergence, values)
-
-    def void(self):
-        """Make the next state the target, without payload."""
-        super().void()
-        self._time = None  # of the last command [ns]
-        if isinstance(self.law, AdaptiveTracking):
-            self.law.reset()
-
-    def command(self, state):
-        """Return the command towards the desired motion of now; adapt to the last one unless effort limits changed it."""
-        if isinstance(self.law, AdaptiveTracking) and self._time is not None and not self.limited:
-            self.law.adapt(min(max(state.newest - self._time, 0) * 1e-9, self._max_period))
-        self._time = state.newest
-        return super().command(state)
+        options = {"closing": dynamics.model.velocity_bound, "bound": values["tracking_bound"]}
+        super().__init__(JointTracking(dynamics, gain, convergence, **options), convergence, values)
 
 
 class RegulationMode(JointMode):

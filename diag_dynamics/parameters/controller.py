@@ -85,10 +85,6 @@ _WHILE_UNCONFIGURED = {
     "tracking_bound": Spec(
         0.0, "Bound rho on disturbances that tracking rejects [J^0.5/s]; 0: none.", 0.0
     ),
-    "tracking_width": Spec(0.3, "Boundary layer phi of tracking_bound [J^0.5].", 1e-6),
-    "payload_link": Spec("", "Link with an unknown payload that tracking adapts to; empty: none."),
-    "payload_mass": Spec(5.0, "Maximum mass of the unknown payload [kg].", 1e-3),
-    "payload_rate": Spec(0.5, "Rate gamma of the adaptation to a payload [1/J].", 1e-6),
     "set_point_speed": Spec(
         0.25,
         "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.",

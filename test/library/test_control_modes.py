@@ -110,40 +110,6 @@ def test_one_damping_of_poses_is_set(arm):
         Closed(arm, controlled_link="tool0", pose_damping=["*=5"], pose_damping_ratio=0.7)
 
 
-def test_tracking_adapts_to_a_payload_and_forgets_it(arm):
-    """An arm with 3 kg at its tool returns to its set-point, the payload is part of the gravity torque; a switch forgets."""
-    loaded = dd.load_urdf(
-        re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf),
-        payloads={"tool0": dd.Payload(3.0)},
-    )
-    errors = []
-    for link in ("", "tool0"):
-        closed = Closed(arm, 500, loaded, payload_link=link, payload_rate=1.8)
-        errors.append(np.abs(closed.go(2000).command.error).max())
-    assert not closed.lost
-    assert errors[1] < 0.15 * errors[0]
-    sent, law = closed.go(1), closed.loop.modes[TRACKING].law
-    free, true = (
-        dd.DiagonalDynamics(model).gravity_torque(closed.arm.q) for model in (arm, loaded)
-    )
-    assert np.linalg.norm(sent.command.gravity_torque - true) < 0.02 * np.linalg.norm(free - true)
-    closed.loop.switch(TRACKING)
-    assert law.payload[0] == pytest.approx(0.0, abs=1e-12)
-
-
-def test_nothing_adapts_while_efforts_are_limited(arm):
-    """An arm that is held off its set-point looks like one with a payload, unless its efforts are at their limits."""
-    for limit in (1e4, 60.0):
-        values = {"payload_link": "tool0", "following_energy": 0.0, "effort_limit": [f"*={limit}"]}
-        closed = Closed(arm, 250, **values)
-        closed.go(10)
-        for _ in range(50):
-            closed.stamp += closed.period
-            sent = closed.loop.step(state_at(closed.stamp, Q + 0.3), closed.stamp)
-        mass = closed.loop.modes[TRACKING].law.payload[0]
-        assert abs(mass) > 1e-3 if limit == 1e4 else abs(mass) < 1e-9 and sent.saturated
-
-
 def test_energies_of_joints_stay_below_their_limits(arm):
     """At 500 Hz, pushed, with an observer: 1 % above at most; without limits the same push gives some tenfold the energy."""
     names, push = arm.dof_names, {"tool0": (20.0, 30.0, 20.0, 1.0, 1.0, 1.0)}
