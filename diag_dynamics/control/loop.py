@@ -232,6 +232,12 @@ class ControlLoop:
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
 
+    @property
+    def desired_position(self):
+        """Position that the mode demands [rad, m]; that of the last state without one, shape (nv,)."""
+        desired = getattr(self._mode, "desired", None)
+        return self.state.position if desired is None else desired.position
+
     def take_trajectory(self, waypoints, stamp, now, tolerances=None):
         """Follow Waypoints within position and velocity limits and Tolerances; see :class:`Trajectory`.
 

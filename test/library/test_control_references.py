@@ -204,8 +204,8 @@ def joint_state(names, position, velocity=(), effort=()):
 
 
 POINT = (1.0, [0.0, 0.0, 0.0])
+HELD = np.array([0.1, 0.2, 0.3])
 OTHER_NAMES = (
-    (("shoulder", "elbow"), "lacks joint 'wrist'"),
     ((*NAMES, "wing"), "has 'wing'"),
     (("wrist", "elbow", "wrist"), "'wrist' twice"),
 )
@@ -215,6 +215,7 @@ OTHER_NAMES = (
     ("message", "key"),
     [
         (trajectory([]), "points is empty"),
+        (trajectory([POINT], ()), "joint_names is empty"),
         *((trajectory([POINT], names), key) for names, key in OTHER_NAMES),
         (trajectory([(1.0, [0.0, 0.0])]), r"points\[0\].positions has 2 entries"),
         (trajectory([(1.0, [])]), r"points\[0\].positions is empty"),
@@ -228,18 +229,18 @@ OTHER_NAMES = (
             trajectory([(1.0, [0, 0, 0], [0, 0, 0.5])]),
             "'wrist' at the last point of the trajectory is 0.5",
         ),
-        (trajectory([POINT], effort=(1.0, 1.0, 1.0)), r"points\[0\].effort"),
     ],
 )
 def test_bad_trajectories_are_rejected(message, key):
     with pytest.raises(InputError, match=key):
-        Trajectory(received.trajectory(message, NAMES)[0], NAMES)
+        Trajectory(received.trajectory(message, NAMES, HELD)[0], NAMES)
 
 
 @pytest.mark.parametrize(
     ("message", "key"),
     [
         *((joint_state(names, [0.0] * len(names)), key) for names, key in OTHER_NAMES),
+        (joint_state(NAMES[:2], [0.0, 0.0]), f"lacks joint '{NAMES[2]}'"),
         (joint_state(NAMES, [0, 0]), "position has 2 entries"),
         (joint_state(NAMES, [0, np.inf, 0]), "position of joint 'elbow' is inf"),
         (joint_state(NAMES, [0, 0, 0], [0, 0, 1]), "positions only"),
@@ -252,7 +253,8 @@ def test_bad_set_points_are_rejected(message, key):
 
 def test_joints_of_messages_come_in_any_order():
     points = [(1.0, [1, 2, 3], [4, 5, 6]), (2.0, [7, 8, 9])]
-    read, stamp = received.trajectory(trajectory(points, NAMES[::-1], stamp=3 * S + 5), NAMES)
+    message = trajectory(points, NAMES[::-1], stamp=3 * S + 5)
+    read, stamp = received.trajectory(message, NAMES, HELD)
     assert stamp == 3 * S + 5 and read.times.tolist() == [1.0, 2.0]
     assert read.positions.tolist() == [[3, 2, 1], [9, 8, 7]]
     assert read.velocities.tolist() == [[6, 5, 4], [0, 0, 0]] and read.with_velocity.tolist() == [
@@ -260,4 +262,8 @@ def test_joints_of_messages_come_in_any_order():
         False,
     ]
     assert not read.with_acceleration.any()
+    message = trajectory([(1.0, [1, 2], [3, 4])], NAMES[:0:-1])
+    read, _ = received.trajectory(message, NAMES, HELD)
+    assert read.positions.tolist() == [[HELD[0], 2, 1]]
+    assert read.velocities.tolist() == [[0, 4, 3]]
     assert received.set_point(joint_state(NAMES[::-1], [1, 2, 3]), NAMES).tolist() == [3, 2, 1]

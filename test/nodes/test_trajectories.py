@@ -194,14 +194,18 @@ def test_a_topic_reports_feedback_and_success(arm):
         np.testing.assert_allclose(desired.positions, START + part * 0.1, atol=2e-3)
 
 
-def test_an_action_in_another_order_of_joints_succeeds(arm):
-    handle = server(arm).send(to_goal(NAMES[::-1], GOAL[::-1]))
+def test_an_action_of_some_joints_in_another_order_succeeds(arm):
+    """The other joint holds its position; efforts are ignored with a warning."""
+    goal = to_goal(NAMES[:0:-1], GOAL[:0:-1])
+    goal.points[0].effort = [1.0] * len(goal.joint_names)
+    handle = server(arm).send(goal)
+    assert "trajectory.points have efforts." in arm.process.output
     go(arm, 0.5)
     assert handle.state == "executing" and len(handle.feedback) > 20
     assert handle.feedback[-1].joint_names == list(NAMES)
     q, _ = go(arm, 0.8)
     assert handle.state == "succeeded" and handle.result() == Message(error_code=0, error_string="")
-    np.testing.assert_allclose(q, GOAL, atol=5e-3)
+    np.testing.assert_allclose(q, [START[0], *GOAL[1:]], atol=5e-3)
     assert result(arm)[0] == 0
 
 
@@ -231,19 +235,23 @@ def test_abort(arm):
 
 
 def test_rejection_names_the_joint(arm):
+    wrong, unknown = to_goal(["wing", *NAMES[1:]]), "joint_names has 'wing'"
     for send, reason in (
-        (lambda: server(arm).send(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
+        (lambda: server(arm).send(wrong), unknown),
         (
             lambda: server(arm).send(to_goal(), goal=[SimpleNamespace(name="wing")]),
             "goal_tolerance has 'wing'",
         ),
-        (lambda: arm.trajectory.publish(to_goal(NAMES[1:], GOAL[1:])), f"lacks joint '{NAMES[0]}'"),
+        (lambda: arm.trajectory.publish(wrong), unknown),
     ):
         arm.results.forget()
         assert send() is None
         arm.peer.wait_until(lambda: arm.results.messages, "the result")
         code, status = result(arm)
         assert code == -1 and reason in status.message and status.level == DiagnosticStatus.ERROR
+    log = "Rejected on follow_joint_trajectory: "
+    for reason in (unknown, "goal_tolerance has 'wing'"):  # at once, each
+        assert any(log in line and reason in line for line in arm.process.node.output)
     arm.switch("damping")
     assert server(arm).send(to_goal()) is None
 

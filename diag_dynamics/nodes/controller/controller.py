@@ -420,6 +420,9 @@ class ControllerNode(ManagedNode):
         if topic in ("trajectory", ACTION):
             self._trajectories.reject(fault.reason)
         self._record.refuse(f"{topic} rejected", fault.reason)
+        if topic == ACTION:  # whose client receives no reason
+            self.get_logger().warning(f"Rejected on {topic}: {fault.reason}")
+            return False
         self.get_logger().debug(f"{topic} rejected: {fault.reason}")
         self.get_logger().warning(f"Rejected on {topic}: {fault.reason}", throttle_duration_sec=1.0)
         return False
@@ -433,7 +436,13 @@ class ControllerNode(ManagedNode):
 
     def _take_trajectory(self, message, tolerances=None):
         loop = self._loop
-        points = received.trajectory(message, loop.dynamics.model.dof_names)
+        if any(len(point.effort) for point in message.points):
+            self.get_logger().warning(
+                "trajectory.points have efforts. They are ignored because the law computes efforts.",
+                throttle_duration_sec=1.0,
+            )
+        position = loop.desired_position
+        points = received.trajectory(message, loop.dynamics.model.dof_names, position)
         loop.take_trajectory(*points, self.time.now(), tolerances)
         self._trajectories.add(loop.following)
 
@@ -447,9 +456,7 @@ class ControllerNode(ManagedNode):
             self._take_trajectory(goal.trajectory, tolerances)
 
         if self.phase != ACTIVE:
-            self.get_logger().warning(
-                f"Rejected on {ACTION}: the controller is {self.phase}.", throttle_duration_sec=1.0
-            )
+            self.get_logger().warning(f"Rejected on {ACTION}: the controller is {self.phase}.")
         return self._take_target(ACTION, take, goal)
 
     def _cancel(self):

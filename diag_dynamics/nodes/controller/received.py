@@ -42,14 +42,18 @@ def pose(message, model, transforms=None):
 
 def set_point(message, names):
     """Return the positions of all joints [rad, m] of a JointState, in the order of `names`; the robot rests there."""
-    order = _order("set_point.name", message.name, names)
+    columns = _columns("set_point.name", message.name, names)
+    for name in names:
+        if name not in message.name:
+            raise InputError(f"set_point.name lacks joint '{name}'.")
     if len(message.position) != len(names):
         raise InputError(
             f"set_point.position has {len(message.position)} entries, expected {len(names)}."
         )
     if any(message.velocity) or any(message.effort):
         raise InputError("set_point has velocities or efforts, expected positions only.")
-    position = np.array(message.position, dtype=float)[order]
+    position = np.empty(len(names))
+    position[columns] = message.position
     for name, value in zip(names, position, strict=True):
         if not np.isfinite(value):
             raise InputError(
@@ -58,9 +62,14 @@ def set_point(message, names):
     return position
 
 
-def trajectory(message, names):
-    """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns]; 0: with the first state."""
-    order = _order("trajectory.joint_names", message.joint_names, names)
+def trajectory(message, names, position):
+    """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns]; 0: with the first state.
+
+    Joints that it lacks hold their `position` [rad, m].
+    """
+    columns = _columns("trajectory.joint_names", message.joint_names, names)
+    if not columns:
+        raise InputError("trajectory.joint_names is empty; expected at least one joint.")
     points, stamp = message.points, message.header.stamp
     if not points:
         raise InputError(
@@ -77,18 +86,15 @@ def trajectory(message, names):
     times = np.array(
         [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
     )
-    for k, point in enumerate(points):
-        if len(point.effort):
-            raise InputError(
-                f"trajectory.points[{k}].effort is set, expected none because the law computes efforts."
-            )
-    positions, given = _field(points, "positions", order)
-    if not given.all():
+    positions, with_position = _field(points, "positions", columns, position)
+    if not with_position.all():
+        k = int(np.argmin(with_position))
         raise InputError(
-            f"trajectory.points[{int(np.argmin(given))}].positions is empty, expected {len(names)} entries."
+            f"trajectory.points[{k}].positions is empty, expected {len(columns)} entries."
         )
-    velocities, with_velocity = _field(points, "velocities", order)
-    accelerations, with_acceleration = _field(points, "accelerations", order)
+    at_rest = np.zeros(len(names))
+    velocities, with_velocity = _field(points, "velocities", columns, at_rest)
+    accelerations, with_acceleration = _field(points, "accelerations", columns, at_rest)
     waypoints = Waypoints(
         times, positions, velocities, accelerations, with_velocity, with_acceleration
     )
@@ -134,22 +140,22 @@ def _tolerance(name, value, default):
     return value if value > 0.0 else np.inf
 
 
-def _order(what, listed, names):
-    """Return where each of the robot's joints is listed."""
+def _columns(what, listed, names):
+    """Return where `names` has each listed joint."""
     for k, name in enumerate(listed):
         if name not in names:
             raise InputError(f"{what} has '{name}', expected joints of {', '.join(names)}.")
         if name in listed[:k]:
             raise InputError(f"{what} has '{name}' twice, expected each joint once.")
-    for name in names:
-        if name not in listed:
-            raise InputError(f"{what} lacks joint '{name}'.")
-    return [list(listed).index(name) for name in names]
+    return [list(names).index(name) for name in listed]
 
 
-def _field(points, name, order):
-    """Return one field of all points, shape (points, nv), zero where it is empty, and which points have it."""
-    values, width = [getattr(point, name) for point in points], len(order)
+def _field(points, name, columns, default):
+    """Return one field of all points, shape (points, nv), and which points have it.
+
+    Other points and columns have `default`, shape (nv,).
+    """
+    values, width = [getattr(point, name) for point in points], len(columns)
     lengths = np.array([len(one) for one in values])
     given = lengths > 0
     wrong = given & (lengths != width)
@@ -158,6 +164,6 @@ def _field(points, name, order):
         raise InputError(
             f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}."
         )
-    table = np.zeros((len(points), width))
-    table[given] = np.frombuffer(b"".join(values)).reshape(-1, width)[:, order]
+    table = np.tile(default, (len(points), 1))
+    table[np.ix_(given, columns)] = np.frombuffer(b"".join(values)).reshape(-1, width)
     return table, given
