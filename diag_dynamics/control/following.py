@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
 
     code: int
     reason: str = ""
-    canceled: bool = False  # by request
+    canceled: bool = False  # by request, or by a newer trajectory
 
 
 class Following:

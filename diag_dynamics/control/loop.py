@@ -246,7 +246,7 @@ class ControlLoop:
         self.require("trajectory")
         tolerances = tolerances or self.tolerances
         following = self._mode.take_trajectory(self.state, waypoints, stamp, now, tolerances)
-        self._finish("a newer trajectory replaced the trajectory")
+        self._finish("a newer trajectory replaced the trajectory", canceled=True)
         self.following = following
 
     def stop_trajectory(self, reason, canceled=False):

@@ -4,6 +4,7 @@
 """Files of deploy/ and config/ with nodes in processes: systemd units, the container, the SROS 2 policy."""
 
 import contextlib
+import itertools
 import os
 import re
 import shlex
@@ -102,6 +103,13 @@ GRAPH = {
     ("service", "request"): "client",
 }
 
+ACTION = {
+    ("topic", "publish"): ("feedback", "status"),
+    ("service", "reply"): ("send_goal", "cancel_goal", "get_result"),
+    ("service", "request"): ("cancel_goal",),
+}
+"""Names of an action that its server uses, by kind and by use."""
+
 
 def allowed(node):
     """Return the names that a node may use, by kind and by use, as the graph has them."""
@@ -109,7 +117,11 @@ def allowed(node):
     assert profile.get("ns") == "/"
     found = {way: set() for way in GRAPH}
     for group in profile:
-        if group.tag == "actions":  # of packages that PyPI has not
+        if group.tag == "actions":
+            assert group.attrib == {"call": "ALLOW", "execute": "ALLOW"}
+            for action, (way, parts) in itertools.product(group, ACTION.items()):
+                name = action.text.replace("~", f"/{node}")
+                found[way] |= {f"{name}/_action/{part}" for part in parts}
             continue
         ((use, verdict),) = group.items()
         assert verdict == "ALLOW"

@@ -7,13 +7,16 @@ import contextlib
 import sys
 from types import ModuleType, SimpleNamespace
 from unittest import mock
+from uuid import uuid4
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.action import CancelResponse, GoalResponse
 from trajectory_msgs.msg import JointTrajectory
+from unique_identifier_msgs.msg import UUID
 
 from controllers import (
     START_AT,
@@ -44,6 +47,7 @@ class Handle:
 
     def __init__(self, request):
         self.request, self.state, self.feedback, self.wait = request, "executing", [], None
+        self.goal_id = UUID(uuid=list(uuid4().bytes))
 
     @property
     def is_cancel_requested(self):
@@ -89,8 +93,15 @@ class Server:
             handle_accepted_callback,
             cancel_callback,
         )
-        self.destroyed, node.action = False, self
+        self.destroyed, node.action, self.handles = False, self, []
         assert name == "~/follow_joint_trajectory"
+        node.create_service(CancelGoal, f"{name}/_action/cancel_goal", self._take_request)
+
+    def _take_request(self, request, response):
+        """Cancel the goal of a request."""
+        (handle,) = (one for one in self.handles if one.goal_id == request.goal_info.goal_id)
+        assert self.cancel(handle)
+        return response
 
     def send(self, message, path=(), goal=(), time=0.0):
         """Return the handle of a goal, or None if it is rejected."""
@@ -105,6 +116,7 @@ class Server:
         if self.accept(request) == GoalResponse.REJECT:
             return None
         handle = Handle(request)
+        self.handles.append(handle)
         self.begin(handle)
         return handle
 
@@ -220,17 +232,17 @@ def test_cancel_holds_the_position(arm):
 
 
 def test_abort(arm):
-    """A newer goal ends the first one, and an error beyond its tolerance ends the newer one."""
+    """A newer goal cancels the first one, and an error beyond its tolerance ends the newer one."""
     tolerance = SimpleNamespace(name=NAMES[2], position=1e-7, velocity=0.0, acceleration=0.0)
     first = server(arm).send(to_goal())
     go(arm, 0.3)
     second = server(arm).send(to_goal(), path=[tolerance])
     go(arm, 0.3)
-    for handle, code, reason in (
-        (first, -1, "a newer trajectory"),
-        (second, -4, f"joint '{NAMES[2]}' on the trajectory is"),
+    for handle, state, code, reason in (
+        (first, "canceled", -1, "a newer trajectory"),
+        (second, "aborted", -4, f"joint '{NAMES[2]}' on the trajectory is"),
     ):
-        assert handle.state == "aborted" and handle.result().error_code == code
+        assert handle.state == state and handle.result().error_code == code
         assert reason in handle.result().error_string
 
 

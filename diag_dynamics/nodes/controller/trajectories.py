@@ -3,6 +3,7 @@
 
 """Feedback and results of trajectories: topics, and the action FollowJointTrajectory where control_msgs is installed."""
 
+from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
@@ -41,10 +42,12 @@ class Trajectories:
 
     def __init__(self, node, publisher, accept, cancel):
         self._goals, self._accept, self._cancel, self._server = [], accept, cancel, None
+        self._node, self._preempted = node, []  # handles of goals that newer trajectories replaced
         self._feedback = publisher(JointTrajectory, "~/trajectory_feedback")
         self._results = publisher(DiagnosticStatus, "~/trajectory_result")
         self._limit = RateLimit(node.values["max_rate.feedback"])
         if FollowJointTrajectory:
+            self._canceler = node.create_client(CancelGoal, f"~/{ACTION}/_action/cancel_goal")
             self._server = ActionServer(
                 node,
                 FollowJointTrajectory,
@@ -59,6 +62,7 @@ class Trajectories:
         """Remove the action from the graph."""
         if self._server:
             self._server.destroy()
+            self._node.destroy_client(self._canceler)
             self._server = None
 
     def add(self, following):
@@ -71,7 +75,7 @@ class Trajectories:
             following = goal.following
             if following.outcome:
                 self._goals.remove(goal)
-                self._finish(goal)
+                self._end(goal)
             elif following.state and self._limit.due(following.state.newest):
                 self._publish_feedback(goal)
 
@@ -90,10 +94,28 @@ class Trajectories:
         handle.execute(goal.wait)
 
     def _take_cancel(self, handle):
+        if handle in self._preempted:
+            return CancelResponse.ACCEPT
         if not any(goal.handle is handle and not goal.following.outcome for goal in self._goals):
             return CancelResponse.REJECT
         self._cancel()  # the next update finishes the goal, because it is not canceling yet
         return CancelResponse.ACCEPT
+
+    def _end(self, goal):
+        """Finish a goal; rclpy requires a request to end a replaced one as canceled."""
+        handle = goal.handle
+        is_preempted = goal.following.outcome.canceled and handle and not handle.is_cancel_requested
+        if not (is_preempted and self._canceler.service_is_ready()):
+            self._finish(goal)
+            return
+        self._preempted.append(handle)
+        request = CancelGoal.Request()
+        request.goal_info.goal_id = handle.goal_id
+        self._canceler.call_async(request).add_done_callback(lambda _: self._finish_preempted(goal))
+
+    def _finish_preempted(self, goal):
+        self._preempted.remove(goal.handle)
+        self._finish(goal)
 
     # --- Messages
 
