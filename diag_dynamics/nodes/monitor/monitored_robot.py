@@ -28,6 +28,9 @@ from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.sweeps import evaluation, workspace
 
+ASSUMED_NOISE = 0.1
+"""Noise of m r in each joint without a calibrated covariance, as of good torque sensors [N m, N]."""
+
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
 
@@ -309,8 +312,8 @@ class MonitoredRobot:
             values["external_wrench.max_torque_deviation"],
         )
         torque, covariance = watch.contact_torque, watch.covariance
-        if covariance is None:  # noise of 1 N m: near a singularity J⁻ᵀτ̂ has no bound
-            covariance = np.eye(self.model.nv)
+        if covariance is None:  # without one J⁻ᵀτ̂ has no bound near a singularity
+            covariance = ASSUMED_NOISE**2 * np.eye(self.model.nv)
         return self.dynamics.wrench(
             self.state.position, torque, frame, covariance, max_deviation=most
         )
