@@ -6,8 +6,7 @@
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.effort_checks import find_fault
-from diag_dynamics.recordings.effort_relation import ERRORS, EffortRelation
+from diag_dynamics.recordings.data_checks import ERRORS, EffortRelation, find_fault
 from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.units import cause_of_ratio, regress_changes
 
@@ -171,9 +170,9 @@ def _increments(columns, t, at):
     return np.diff(np.column_stack([np.interp(at, t, column) for column in columns.T]), axis=0)
 
 
-def _relate(model, dataset):
+def _relate(model, dataset, payload=False):
     """Return the Relation of efforts to model torques, unknown for joints whose effort is not known."""
-    compared, known = EffortRelation(model), dataset.known
+    compared, known = EffortRelation(model, payload), dataset.known
     for part in dataset.portions():
         compared.add_run(*part.columns)
     relation = compared.fit()
@@ -202,10 +201,10 @@ def find_gains(model, datasets):
         return gains, np.abs(gains) * error / np.abs(factor)
 
 
-def check_efforts(model, dataset, tolerant):
+def check_efforts(model, dataset):
     """Return the Relation of efforts to model torques and add findings; InputError for a clear fault."""
-    relation = _relate(model, dataset)
-    fault = find_fault(relation, tolerant)
+    relation = _relate(model, dataset, payload=True)
+    fault = find_fault(relation)
     if fault and not fault.light:
         raise InputError(f"{dataset.name}: {fault.text}.")
     if fault:

@@ -17,7 +17,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.data_checks import find_delay, find_effort_delay
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.recordings.effort_checks import EffortRange
+from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import (
     Finding,
     explain_missing_efforts,

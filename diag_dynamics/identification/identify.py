@@ -108,7 +108,7 @@ def identify(
     ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
     links = [model.link_names[link] for link in model.bodies["link"][ends]]
     payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
-    data = FitData(model, payloads, recordings, reference, bool(asked), "gains" in names)
+    data = FitData(model, payloads, recordings, reference, "gains" in names)
     payload = payloads[0] if asked else None
     selection = Selection(model, steps, payload, data)
     last, free = selection.fit_all(), selection.free(selection.taken)
@@ -137,7 +137,7 @@ class FitData:
     None without any. `parts` are the segments of each block with the joints that have efforts there (bool).
     """
 
-    def __init__(self, model, payloads, recordings, reference, tolerant, with_gains):
+    def __init__(self, model, payloads, recordings, reference, with_gains):
         self.regressors = Regressors(model, [payload.body for payload in payloads])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
@@ -153,9 +153,7 @@ class FitData:
         self.gains = find_gains(model, self.datasets) if with_gains else None
         for one in self.datasets if with_gains else ():
             one.scale_efforts(model, self.gains[0])
-        self.relations = [
-            check_efforts(model, one, tolerant and one in self.loaded) for one in self.datasets
-        ]
+        self.relations = [check_efforts(model, one) for one in self.datasets]
         self.moving, self.findings = check_motion(
             model, self.datasets, np.array(sliding_dofs(model))
         )

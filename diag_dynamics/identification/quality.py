@@ -15,7 +15,7 @@ from diag_dynamics.identification.dataset import portions
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
-from diag_dynamics.recordings.effort_relation import smoothed
+from diag_dynamics.recordings.data_checks import smoothed
 from diag_dynamics.recordings.observer import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]

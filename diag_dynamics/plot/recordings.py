@@ -21,7 +21,7 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, oscillates, parts_of, styled
 from diag_dynamics.recordings import balance as power
-from diag_dynamics.recordings.effort_checks import EffortRange
+from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording

@@ -13,7 +13,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import Balance, WindowSums
-from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.observer import ObservedStates, Observer
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE

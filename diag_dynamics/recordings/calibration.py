@@ -14,7 +14,7 @@ from diag_dynamics.collision.residuals import Residuals, poisson_interval
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.effort_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 from diag_dynamics.recordings.units import refuse_units

@@ -15,7 +15,7 @@ from diag_dynamics.checks import choice, instance, per_name, positive
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn, influence
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.effort_checks import EffortRange
+from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain

@@ -104,7 +104,7 @@ FAULTS = {
     ),
     "unit": (
         lambda tau, gravity: tau / 11.4,
-        "another unit: they are 0.0862 times the model torque",
+        "another unit: they are 0.0863 times the model torque",
     ),
     "no gravity": (
         lambda tau, gravity: tau - gravity,

@@ -1,0 +1,608 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Checks of recorded data: efforts that nothing measured, and hypotheses about efforts by what each leaves.
+
+Smoothed efforts are compared with columns: torques of gravity along each axis, of inertia and of point masses at the
+robot's ends. What friction, an offset and a rotor explain is removed from all of them first. A hypothesis is a sum of
+columns. It is judged by the fraction of the squared efforts that it leaves, and by what an unknown payload would leave.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.joint_states.stamps import SECOND
+from diag_dynamics.model import RobotModel
+from diag_dynamics.model.joint_types import sliding_dofs
+from diag_dynamics.optional import require
+from diag_dynamics.recordings.balance import MAX_GAP
+from diag_dynamics.recordings.states import States
+from diag_dynamics.recordings.windows import column_maxima
+
+ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
+"""Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that needs torque [rad, m],
+and fewest states after which a constant effort is unknown."""
+
+PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
+
+MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
+"""First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
+
+MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
+"""First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
+
+CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
+"""Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
+
+INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(3, 9)
+"""Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of what resists: rate, its
+sign, a constant, and the acceleration. Point masses and efforts follow them."""
+
+BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
+"""Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard error."""
+
+ERRORS, SMALL_ERRORS = 4.0, 8.0
+"""Standard errors on both sides of a factor that contain the true one, and below the limits of a light joint."""
+
+MODEL_ERROR = 0.1  # torque that a model may miss at any joint over the largest one of its kind
+LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
+"""Accepted factors: of gravity and of all joints; of inertia; and of inertia with an unknown rotor."""
+
+MAX_LEFT, ALIKE, SLIGHT, NEGLIGIBLE = 0.4, 2.0, 5e-3, 3e-4
+"""Ratio to what the model leaves, and to what a payload or another hypothesis leaves, up to which one is accepted; and
+fractions of what the model leaves, and of the efforts' squares, that make no difference."""
+
+MAX_UNLOADED = 0.02  # fraction of the efforts' squares that a payload may leave
+CENTRES = 0.1 * np.eye(4, 3)  # of point masses in axes of the links at the robot's ends [m]
+MAX_ENDS = 3
+TURNED, FULL = 15.0, (0.7, 1.4)  # angle of gravity [°], and its size over the model's
+OTHER_SIGN = -1.6, -0.4  # factors of an effort of the other sign
+LIGHT, VERY_LIGHT = 0.5, 0.2
+"""Torque of a joint over that of a joint with a right effort, below which a small factor, or a large one and one of the
+other sign, may be the model's fault."""
+
+EXCHANGE = 4.0  # factor by which an exchange of two joints reduces the square that is left
+SINGULAR = 1e-9  # fraction of a column's square below which it depends on others
+
+UNITS = {
+    1e3: "mN m, mA or ‰",
+    1e2: "N cm or %",
+    10.2: "kgf cm",
+    0.102: "kgf m",
+    8.85: "lbf in",
+    141.6: "ozf in",
+}
+"""Names of units by their factors to N m."""
+
+UNIT_ERROR = 1.15  # factor up to which one is that of a unit
+SIGN = "efforts of all joints seem to have the opposite sign (effort_scale: '*=-1')"
+CEILING = ", or gravity points the other way, as for a robot on a ceiling (parameter gravity)"
+
+
+class EffortRange:
+    """Find efforts that no sensor has measured: 0, constant or missing throughout; `states` is their number."""
+
+    def __init__(self, names):
+        self._names, self.states = names, 0
+        self._low, self._high = np.full((2, 2, len(names)), [[[np.inf]], [[-np.inf]]])
+
+    def add_values(self, positions, efforts):
+        """Add positions and efforts, (T, n) each; NaN for efforts that are missing."""
+        self.states += len(efforts)
+        for row, values in enumerate((efforts, positions)):
+            self._low[row] = np.minimum(self._low[row], -column_maxima(-values))
+            self._high[row] = np.maximum(self._high[row], column_maxima(values))
+
+    @property
+    def moved(self):
+        """Whether any joint has moved farther than a push moves a robot that stands."""
+        return bool(np.any(self._high[1] - self._low[1] > PUSHED))
+
+    @property
+    def measures(self):
+        """Whether the effort of any joint can have been measured."""
+        return len(self.values()) < len(self._names)
+
+    def hide_constant(self, states):
+        """Add States; return them without efforts of joints that have moved while their efforts were constant."""
+        self.add_values(states.position[:, -len(self._names) :], states.effort)
+        constant = self._constant()
+        is_clear = self.states >= MIN_STATES and constant.any() and self.measures
+        return states.without_efforts(constant) if is_clear else states
+
+    def groups(self, missing="missing"):
+        """Return joints whose efforts cannot have been measured, by the word for these; `missing` is that of unknown ones."""
+        values = self.values()
+        several = len(set(values.values()) - {"0", "missing"}) > 1
+        words = {"0": "0", "missing": missing}
+        words = {
+            name: words.get(text, "constant" if several else text) for name, text in values.items()
+        }
+        return {word: [name for name in words if words[name] == word] for word in words.values()}
+
+    def unmeasured(self, missing="missing"):
+        """Return which efforts cannot have been measured, in words; or an empty text."""
+        groups = self.groups(missing)
+        if len(groups.get(missing, ())) == len(self._names):
+            return ""
+        return "; ".join(
+            f"efforts of {', '.join(names)} are {word} throughout (effort_available)"
+            for word, names in groups.items()
+        )
+
+    def values(self):
+        """Return the values of efforts that cannot have been measured as texts, by joint."""
+        low, largest = self._low[0], np.maximum(np.abs(self._low[0]), np.abs(self._high[0]))
+        texts = np.where(self._constant(), [f"{value:.6g}" for value in low], "")
+        texts = np.where(np.isfinite(low), np.where(largest < ZERO, "0", texts), "missing").tolist()
+        return {
+            name: text
+            for name, text in zip(self._names, texts, strict=True)
+            if text and self.states > 1
+        }
+
+    def _constant(self):
+        """Return which joints have moved while their efforts were constant or missing, bool (n,)."""
+        (low, lowest), (high, highest) = self._low, self._high
+        with np.errstate(invalid="ignore"):
+            return (highest - lowest > TRAVEL) & (
+                high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high))
+            )
+
+
+def smoothed(t, q, qd, tau):
+    """Return q, q̇, τ and q̈ at even times, through a zero-phase low-pass with the gain 1 / (1 + (f/f_c)^2n)."""
+    next_fast_len = require("scipy.fft", "the judgement of efforts").next_fast_len
+    count, nq, nv = len(t), q.shape[1], qd.shape[1]
+    even = np.linspace(t[0], t[-1], count)
+    step = even[1] - even[0]
+    columns = np.ascontiguousarray(np.hstack([q, qd, tau]).T)
+    values = np.stack([np.interp(even, t, column) for column in columns])
+    memory = int(min(count - 1, np.ceil(MEMORY / step)))
+    more = next_fast_len(count + 2 * memory, real=True) - count
+    head = min(count - 1, more // 2)
+    pad = (0, 0), (head, min(count - 1, more - head))
+    whole = np.pad(values, pad, mode="reflect", reflect_type="odd")
+    trend = whole[:, :1] + np.linspace(0.0, 1.0, whole.shape[1]) * (whole[:, -1:] - whole[:, :1])
+    gain = 1.0 / (1.0 + (np.fft.rfftfreq(whole.shape[1], step) / CUTOFF) ** (2 * ORDER))
+    smooth = np.fft.irfft(gain * np.fft.rfft(whole - trend), whole.shape[1]) + trend
+    smooth = np.vstack([smooth, np.gradient(smooth[nq : nq + nv], step, axis=1)])[
+        :, head : head + count
+    ]
+    return tuple(
+        np.ascontiguousarray(part.T) for part in np.split(smooth, [nq, nq + nv, nq + 2 * nv])
+    )
+
+
+def remaining(products, kept, rest):
+    """Return products (…, m, m) of the kept columns, rows of (k, m), without what the rest, rows of (r, m), explains."""
+    inner, across = rest @ products @ rest.T, rest @ products @ kept.T
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(inner, axis1=-2, axis2=-1), 1e-300))[..., None]
+    inverse = np.linalg.pinv(
+        inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True
+    )
+    across = across * scale
+    whole = kept @ products @ kept.T
+    left = whole - np.swapaxes(across, -1, -2) @ inverse @ across
+    squares, before = (np.diagonal(one, axis1=-2, axis2=-1) for one in (left, whole))
+    is_left = squares > SINGULAR * before
+    return left * is_left[..., None] * is_left[..., None, :]
+
+
+def _regress(products, column, rest, nv):
+    """Return squares of a column without what the rest explains (0 if dependent), and the efforts' slopes over it."""
+    left = remaining(products, np.vstack([column, np.eye(len(column))[-nv:]]), rest)
+    square = np.where(
+        left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return square, np.diagonal(left[..., 0, 1:], axis1=-2, axis2=-1) / np.where(
+            square, square, np.nan
+        )
+
+
+def largest_of_kind(model, values):
+    """Return for each joint the largest value of a joint of its kind, rotary or prismatic; shape (nv,)."""
+    slides = np.array(sliding_dofs(model))
+    return np.array([values[slides == one].max(initial=0.0) for one in slides])
+
+
+def _jackknife(values):
+    """Return standard errors from values without each block in turn."""
+    count = len(values)
+    if count < MIN_BLOCKS:
+        return np.full(values.shape[1], np.inf)
+    error = np.sqrt((count - 1) / count * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
+    return np.where(np.isfinite(error), error, np.inf)
+
+
+class Relation(NamedTuple):
+    """Factors from the model's torque to the measured effort, by joint; shape (nv,) each but for the first three."""
+
+    model: RobotModel
+    hypotheses: Hypotheses
+    weight: Hypotheses  # without offsets, which would hide the weight of a robot that hardly moves
+    factor: np.ndarray  # slope over the torque of the base; NaN if the motion does not show it
+    error: np.ndarray  # its standard error, by blocks of time left out
+    model_error: np.ndarray  # error of the factor due to the model
+    heavy: np.ndarray  # whether most of the torque is gravity, bool
+    geared: np.ndarray  # whether the factor contains that of an unknown rotor, bool
+    torque: np.ndarray  # standard deviation of the torque without friction and offset [N m, N]
+
+    def limits(self):
+        """Return the smallest and the largest accepted factor, shape (2, nv)."""
+        limits = np.where(self.heavy[:, None], LIMITS, WIDE_LIMITS)
+        return np.where(self.geared[:, None], GEARED_LIMITS, limits).T
+
+    def judged(self):
+        """Return which joints have a factor that tells 1 from 0, bool."""
+        return ERRORS * self.error < 1.0
+
+    def unrelated(self):
+        """Return which joints have a factor that is 0 by its error, and cannot be 1, bool."""
+        spread = ERRORS * self.error
+        is_zero = np.abs(self.factor) <= spread
+        return self.judged() & is_zero & (self.factor + spread + self.model_error < 1.0)
+
+    def wrong(self):
+        """Return which joints have a factor beyond the limits by more than its errors, or are unrelated, bool."""
+        (low, high), margin = self.limits(), ERRORS * self.error + self.model_error
+        return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
+
+    def doubtful(self):
+        """Return which joints have a factor below 0 or far from 1 without the error of the model, bool."""
+        low, high = np.where(self.geared[:, None], GEARED_LIMITS, WIDE_LIMITS).T
+        spread = ERRORS * self.error
+        small = self.factor + SMALL_ERRORS * self.error < low
+        return small | (self.factor + spread < 0.0) | (self.factor - spread > high)
+
+
+class EffortRelation:
+    """Compare efforts with the torques of a model with a fixed base and joints of one degree of freedom.
+
+    With `payload`, point masses at the ends of the robot are compared, too.
+    """
+
+    def __init__(self, model, payload=False):
+        self._model, self._dynamics = model, DiagonalDynamics(model)
+        self._pulls = [DiagonalDynamics(model.with_gravity(axis)) for axis in np.eye(3)]
+        ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_ENDS:]
+        links = [model.link_names[link] for link in model.bodies["link"][ends] if payload]
+        self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
+        self._loaded = [
+            DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
+            for link in links
+            for centre in CENTRES
+        ]
+        coupled = {joint for group in model.coupled_groups for joint in group}
+        self._turning = [
+            name in model.continuous_joints and name not in coupled for name in model.dof_names
+        ]
+        size = COLUMNS + len(self._loaded) + model.nv
+        self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
+        self._low, self._high = np.full((2, model.nv), [[np.inf], [-np.inf]])
+
+    def columns(self, t, q, qd, tau):
+        """Return columns of states without gaps at even times, (nv, T, 8 and more), and smoothed efforts there, (T, nv)."""
+        q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
+        self._low = np.minimum(self._low, q.min(axis=0))
+        self._high = np.maximum(self._high, q.max(axis=0))
+        pulls = np.stack([one.gravity_torque(q) for one in self._pulls])
+        torque = self._dynamics.inverse_dynamics(q, qd, qdd)
+        inertial = torque - np.tensordot(self._model.gravity, pulls, 1)
+        turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
+        unloaded = self._bare.inverse_dynamics(q, qd, qdd) if self._loaded else 0.0
+        loads = [one.inverse_dynamics(q, qd, qdd) - unloaded for one in self._loaded]
+        resistance = qd, turned, np.ones_like(qd), qdd
+        columns = np.stack([*pulls, inertial, *resistance, *loads], axis=-1)
+        return columns.transpose(1, 0, 2), tau
+
+    def add_run(self, t, q, qd, tau):
+        """Add states without gaps: times [s], positions [rad, m], rates [rad/s, m/s] and efforts [N m, N]."""
+        if len(t) < 2:
+            return
+        number = ((t - t[0]) // self._length).astype(int)
+        columns, tau = self.columns(t, q, qd, tau)
+        columns = np.concatenate(
+            [columns, np.broadcast_to(tau, (self._model.nv, *tau.shape))], axis=-1
+        )
+        parts = np.split(columns, np.flatnonzero(np.diff(number)) + 1, axis=1)
+        self._blocks = np.concatenate(
+            [self._blocks, [part.transpose(0, 2, 1) @ part for part in parts]]
+        )
+        self._rows += len(tau)
+        while len(self._blocks) > MAX_BLOCKS:
+            self._blocks = np.add.reduceat(self._blocks, np.arange(0, len(self._blocks), 2))
+            self._length *= 2.0
+
+    def fit(self):
+        """Return the :class:`Relation`; a joint that stands has no factor, because stiction may carry any torque."""
+        model, count = self._model, max(self._rows, 1)
+        whole, columns = self._blocks.sum(axis=0), np.eye(self._blocks.shape[-1])
+        samples = np.concatenate([whole[None], whole - self._blocks])
+        pull, inertia = np.append(model.gravity, np.zeros(len(columns) - 3)), columns[INERTIAL]
+        rest, offset = columns[DAMPING:COLUMNS], columns[[OFFSET]]
+        signals = np.delete(columns, np.arange(DAMPING, COLUMNS), axis=0)
+        moved = self._high - self._low > PUSHED
+        hypotheses = [
+            Hypotheses(
+                model,
+                remaining(samples, signals, resistance) / count,
+                np.where(moved, _regress(whole, pull + inertia, resistance, model.nv)[0], 0.0)
+                / count,
+            )
+            for resistance in (rest, np.delete(rest, OFFSET - DAMPING, axis=0))
+        ]
+        base = hypotheses[0].base @ signals[: -model.nv]
+        square = _regress(whole, pull + inertia, rest, model.nv)[0] / count
+        factors = _regress(samples, base, rest, model.nv)[1]
+        inertial = _regress(samples, inertia, np.vstack([pull, rest[:-1]]), model.nv)[1]
+        geared = moved & ~np.isfinite(factors[0]) & np.isfinite(inertial[0])
+        factors = np.where(moved, np.where(geared, inertial, factors), np.nan)
+        with_rotor = _regress(whole, pull + inertia, rest[:-1], model.nv)[0] / count
+        torque = np.sqrt(np.where(moved, np.where(geared, with_rotor, square), 0.0))
+        static = np.sqrt((whole @ (pull + inertia)) @ (pull + inertia) / count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            missing = MODEL_ERROR * largest_of_kind(model, np.where(moved, torque, static))
+            model_error = np.where(torque > 0.0, missing / torque, np.inf)
+        return Relation(
+            model,
+            *hypotheses,
+            factors[0],
+            _jackknife(factors[1:]),
+            model_error,
+            _regress(whole, pull, offset, model.nv)[0]
+            > _regress(whole, inertia, offset, model.nv)[0],
+            geared,
+            torque,
+        )
+
+
+class Hypotheses:
+    """Fractions of the squared efforts of all joints that sums of columns leave, given squared torques by joint.
+
+    Products are those of columns without what resists, of all states and without each block of time, (S, nv, m, m). `base`
+    is the sum of the model; with the payload that leaves least, if that is possible and leaves little.
+    """
+
+    def __init__(self, model, products, square):
+        self._model, self._joints, count = model, np.arange(model.nv), -model.nv
+        self._tiny = np.maximum(MODEL_ERROR**2 * largest_of_kind(model, square), 1e-300)
+        self._weight = np.where(square > 0.0, 1.0 / (square + self._tiny), 0.0)
+        self._inner, self._across = products[..., :count, :count], products[..., :count, count:]
+        self._own = self._across[0, self._joints, :, self._joints]
+        self._efforts = np.diagonal(products[..., count:, count:], axis1=-2, axis2=-1)
+        self._whole = np.maximum(
+            self._efforts[:, self._joints, self._joints] @ self._weight, 1e-300
+        )
+        columns = np.eye(products.shape[-1])
+        free = remaining(products, columns[count:], columns[:count])
+        self._noise = self._share(free[:, self._joints, self._joints, self._joints])
+        self.plain = np.append(np.append(model.gravity, 1.0), np.zeros(len(self._own[0]) - 4))
+        self._misfit = self._left(self.plain)
+        self.base = self._fitted(np.arange(4, len(self.plain)))
+        loads, reach = self.base[4:], np.linalg.norm(model.bodies["translation"], axis=1).sum()
+        masses = loads.reshape(-1, len(CENTRES))
+        moment = np.linalg.norm(masses @ CENTRES, axis=1).sum()
+        is_possible = np.abs(masses.sum(axis=1)).sum() <= model.total_mass
+        is_possible &= moment <= model.total_mass * reach
+        if not is_possible or self._left(self.base)[0] > MAX_UNLOADED:
+            self.base = self.plain
+
+    def _share(self, squares):
+        """Return fractions of the efforts' squares, given squares of all states and without each block, (S, nv)."""
+        return squares @ self._weight / self._whole
+
+    def _fitted(self, places):
+        """Return the plain sum with the best multiples of some columns."""
+        inner = np.einsum("k,kij->ij", self._weight, self._inner[0])
+        missing = self._weight @ (self._own - self._inner[0] @ self.plain)
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner)[places], 1e-300))
+        matrix = inner[np.ix_(places, places)] * scale[:, None] * scale
+        inverse = np.linalg.pinv(matrix, 1e-6, hermitian=True)
+        columns = self.plain.copy()
+        columns[places] += scale * (inverse @ (scale * missing[places]))
+        return columns
+
+    def _squares(self, columns):
+        """Return squares of efforts (columns) less torques of joints (rows), (S, nv, nv)."""
+        torque = (self._inner @ columns @ columns)[..., None]
+        return np.maximum(self._efforts - 2.0 * (columns @ self._across) + torque, 0.0)
+
+    def _left(self, columns, order=None):
+        """Return what a sum leaves beyond what all columns leave that each joint has freely, (S,)."""
+        squares = self._squares(columns)[:, self._joints, self._joints if order is None else order]
+        return np.maximum(self._share(squares) - self._noise, 0.0)
+
+    def _is_below(self, left, limit):
+        """Return whether a fraction is below a limit by the error of their ratio."""
+        ratio = (left + NEGLIGIBLE) / np.maximum(limit, 1e-12)
+        return bool(ratio[0] + ERRORS * _jackknife(ratio[1:, None])[0] < 1.0)
+
+    def best(self, *hypotheses):
+        """Return the text of the hypothesis that leaves least; empty if the model or a payload leaves as little."""
+        slight, loaded = SLIGHT * min(1.0, self._misfit[0]), self._left(self.base)[0]
+        accepted = [
+            (left[0], text)
+            for left, text in filter(None, hypotheses)
+            if self._is_below(left, MAX_LEFT * self._misfit)
+            and left[0] <= ALIKE * (loaded + slight)
+        ]
+        least = min((left for left, _ in accepted), default=0.0)
+        texts = [text for left, text in accepted if left <= ALIKE * (least + slight)]
+        return SIGN + CEILING if texts[:1] == [SIGN] and len(texts) > 1 else "".join(texts[:1])
+
+    def fault(self):
+        """Return the text of the best of all hypotheses."""
+        hypotheses = self.scale(), self.direction(), self.order(), self.nothing()
+        return self.best(self.without_gravity(), *hypotheses)
+
+    def nothing(self):
+        """Explain the efforts by friction and noise alone."""
+        text = "no effort follows the motion. Check that efforts are measured, and at these joints"
+        return self._left(0.0 * self.plain), text
+
+    def scale(self):
+        """Explain the efforts by one factor of all of them."""
+        square = self._weight @ (self._inner[0] @ self.plain @ self.plain)
+        factor = float(self._weight @ self._own @ self.plain / max(square, 1e-300))
+        if factor == 0.0 or LIMITS[0] < factor < LIMITS[1]:
+            return None
+        left, nothing = self._left(factor * self.plain), self.nothing()[0]
+        if not self._is_below(left, MAX_LEFT * nothing):
+            return None
+        sign = " and the opposite sign" if factor < 0.0 else ""
+        if LIMITS[0] < -factor < LIMITS[1]:
+            return left, SIGN
+        names = (
+            name for one, name in UNITS.items() if 1.0 / UNIT_ERROR < abs(factor) / one < UNIT_ERROR
+        )
+        unit = next((f", as in {name}" for name in names), "")
+        return left, (
+            f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times the model torque{unit} "
+            f"(effort_scale: '*={1.0 / factor:.3g}', or by joint from diag-dynamics identify --what gains,friction)"
+        )
+
+    def without_gravity(self):
+        """Explain the efforts by inertia alone."""
+        left = self._left(np.where(np.arange(len(self.plain)) == INERTIAL, 1.0, 0.0))
+        text = "gravity seems to be missing in the efforts (effort_includes_gravity: '*=false')"
+        is_followed = left[0] + self._noise[0] < 1.0 - MAX_LEFT
+        return left, text if is_followed else f"{text}, or efforts do not follow the motion"
+
+    def direction(self):
+        """Explain the efforts by another direction of gravity, the best one."""
+        columns = self._fitted(np.arange(3))
+        found, gravity = columns[:3], self._model.gravity
+        size, full = np.linalg.norm(found), np.linalg.norm(gravity)
+        if not full or not FULL[0] < size / full < FULL[1]:
+            return None
+        angle = np.degrees(np.arccos(np.clip(found @ gravity / (size * full), -1.0, 1.0)))
+        if angle < TURNED:
+            return None
+        where = "on a ceiling" if angle > 150.0 else "on a wall" if angle > 60.0 else "on a slope"
+        return self._left(columns), (
+            f"gravity seems to point along [{', '.join(f'{x:.3g}' for x in np.round(found, 1) + 0.0)}] m/s² in the base, "
+            f"{angle:.0f}° from the model's, as for a robot {where} (parameter gravity)"
+        )
+
+    def order(self):
+        """Explain the efforts by another order; an exchange of two joints has to reduce the rest by EXCHANGE."""
+        squares = self._squares(self.plain)[0] + self._tiny[:, None]
+        cost = np.log(np.maximum(squares * self._weight[:, None], 1e-300))
+        apart = ~np.eye(len(cost), dtype=bool)
+        cost[apart] += 0.5 * np.log(EXCHANGE)
+        still = self._weight == 0.0
+        cost[apart & (still | still[:, None])] = 1e3
+        order = require("scipy.optimize", "the judgement of efforts").linear_sum_assignment(cost)[1]
+        moved = np.flatnonzero(order != self._joints)
+        if not len(moved):
+            return None
+        names = self._model.dof_names
+        joints, columns = ([names[k] for k in which] for which in (moved, order[moved]))
+        text = f"efforts of {' and '.join(joints)} seem to be exchanged"
+        if len(moved) > 2:
+            joints, columns = ", ".join(joints), ", ".join(columns)
+            text = f"efforts seem to be in another order: those of {joints} are in the columns of {columns}"
+        return self._left(self.plain, order), f"{text} (order of the joints)"
+
+
+class MotionSample:
+    """Keep the first states with efforts in motion of a model, and judge their efforts."""
+
+    def __init__(self, model):
+        self._model, self._parts = model, [States.empty(model.nq, model.nv)]
+        self._remaining = (
+            0 if model.floating_base or model.nq != model.nv or not model.nv else MAX_STATES
+        )
+
+    def add_states(self, states):
+        """Add states."""
+        if self._remaining:
+            moving = states.effort_known & (np.abs(states.velocity) > MOVING).any(axis=1)
+            rows = np.flatnonzero(moving & np.isfinite(states.effort).all(axis=1))[
+                : self._remaining
+            ]
+            self._parts.append(states[rows])
+            self._remaining -= len(rows)
+
+    def fault(self):
+        """Return the :class:`Fault` of efforts; None if nothing is wrong, or nothing can be said."""
+        compared, states = (
+            EffortRelation(self._model, payload=True),
+            States.concatenate(self._parts),
+        )
+        steps = np.diff(states.stamp)
+        bounds = np.flatnonzero((steps < 0) | (steps > MAX_GAP * SECOND) | states.jumped[1:]) + 1
+        kept = np.append(True, steps > 0)
+        kept[bounds] = True
+        for rows in np.split(np.arange(len(states)), bounds):
+            run = states[rows[kept[rows]]]
+            if len(run) >= MIN_RUN:
+                compared.add_run(
+                    (run.stamp - run.stamp[0]) / SECOND, run.position, run.velocity, run.effort
+                )
+        return find_fault(compared.fit())
+
+
+class Fault(NamedTuple):
+    """What would explain the efforts, in words."""
+
+    text: str
+    light: bool = (
+        False  # whether it is of light joints alone, of which the model may miss something
+    )
+
+
+def find_fault(relation: Relation) -> Fault | None:
+    """Return the fault of efforts; None if nothing is wrong."""
+    if text := relation.hypotheses.fault():
+        return Fault(text)
+    torque, factor, wrong = relation.torque, relation.factor, relation.wrong()
+    right = relation.judged() & ~wrong
+    texts = np.array([_describe_joint(relation, k) for k in range(len(torque))], dtype=object)
+    turned = (
+        (factor >= OTHER_SIGN[0])
+        & (factor <= OTHER_SIGN[1])
+        & (np.abs(factor) > ERRORS * relation.error)
+    )
+    small = ~turned & (factor < relation.limits()[0])
+    largest = largest_of_kind(relation.model, np.where(right, torque, 0.0))
+    heavy = wrong & (torque >= np.where(small, LIGHT, VERY_LIGHT) * largest)
+    if heavy.any():
+        which = (
+            heavy & turned if np.any(heavy & turned) else heavy & (torque == torque[heavy].max())
+        )
+        return Fault("; ".join(texts[which]))
+    if text := relation.weight.best(relation.weight.without_gravity()):
+        return Fault(text)
+    doubtful = wrong | relation.doubtful()
+    text = f"{'; '.join(texts[doubtful])}; or the model lacks the load of a light joint"
+    return Fault(text, light=True) if doubtful.any() else None
+
+
+def _describe_joint(relation, k):
+    """Return what is wrong with the effort of a joint."""
+    name, factor, error = (
+        relation.model.dof_names[k],
+        relation.factor[k],
+        ERRORS * relation.error[k],
+    )
+    low, high = relation.limits()[:, k]
+    begin, text = (
+        f"the effort of joint '{name}'",
+        f"{factor:.3g} ± {error:.2g} times the model torque",
+    )
+    if abs(factor) <= error:
+        return f"{begin} does not follow the motion: it is {text}. Check that it is measured at this joint"
+    if OTHER_SIGN[0] <= factor <= OTHER_SIGN[1]:
+        return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
+    return (
+        f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear and order of the joints "
+        "(effort_scale). For raw units of drives use diag-dynamics identify --what gains,friction"
+    )
