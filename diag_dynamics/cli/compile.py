@@ -29,12 +29,13 @@ from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
 
 UNITS = {
-    "sweeps.batch": 21,
+    "sweeps.batch": 16,
     "simulation.steps": 13,
     "sweeps.couplings": 12,
     "sweeps.regressors": 6,
     "sweeps.factorization": 6,
     "joint_states.rules": 5,
+    "sweeps.group_steps": 5,
     "sweeps.derivatives": 4,
     "sweeps.external": 4,
     "sweeps.contacts": 3,

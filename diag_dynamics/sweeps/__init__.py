@@ -23,5 +23,5 @@ finite, BAD_LENGTH if a vector has not the robot's length.
 
 records: memory of a body; workspace, memory: that of a robot. joints: steps that sweeps share. groups: degrees of freedom
 that are eliminated together. evaluation, factorization, classical, derivatives, kinematics, mobilities: the sweeps.
-contacts: contact at points. batch: sweeps over many states.
+group_steps: their steps at groups, for robots that have some. contacts: contact at points. batch: sweeps over many states.
 """

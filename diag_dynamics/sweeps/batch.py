@@ -174,8 +174,9 @@ def _outward_several(at, i, Q, QD, first, last):
 
 
 @nk.large_kernel
-def _inward_group(at, i, QD, TAU, first, last):
+def _inward_group(robot, i, QD, TAU, first, last):
     """As evaluation.inward_group."""
+    at = ws.robot_of(robot)
     start, out = at.bodies[i].first, at.scratch
     base = at.bodies[start].parent
     for b in range(WIDTH):
@@ -184,7 +185,7 @@ def _inward_group(at, i, QD, TAU, first, last):
         for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
-        if evaluation.inward_group(at.bodies, i, QD[t], tau, at.work, at.table, out) != 0:
+        if evaluation.call_inward_group(robot, i, QD[t], tau, out) != 0:
             return 1
         if base > 0:
             _store(at, base, b)
@@ -230,14 +231,15 @@ def _outward(at, Q, QD, TAU, first, last):
 
 
 @nk.kernel
-def _inward(at, QD, TAU, first, last):
+def _inward(robot, QD, TAU, first, last):
     """Results of all joints; returns whether a state is singular."""
+    at = ws.robot_of(robot)
     bodies, i, singular = at.bodies, len(at.bodies) - 1, 0
     while i > 0 and singular == 0:
         if groups.is_grouped(bodies[i]):
             is_base = evaluation.is_floating_base(bodies, i)
             singular = (
-                _inward_base(at, i) if is_base else _inward_group(at, i, QD, TAU, first, last)
+                _inward_base(at, i) if is_base else _inward_group(robot, i, QD, TAU, first, last)
             )
         elif bodies[i].direction == sp.ANGULAR_Z:
             singular = _inward_joint(sp.ANGULAR_Z, at, i)
@@ -310,7 +312,7 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
             ws.copy(Q[t], positions[t])
             ws.copy(QD[t], rates[t])
         _outward(at, Q, QD, TAU, first, last)
-        if _inward(at, QD, TAU, first, last) or not _write(at, first, last, results, numbers):
+        if _inward(robot, QD, TAU, first, last) or not _write(at, first, last, results, numbers):
             return first
     return end
 

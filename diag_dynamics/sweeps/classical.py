@@ -4,7 +4,7 @@
 """The classical form: M(q) q̈ + c(q, q̇) + g(q) = τ + Jᵀf, its forward and inverse dynamics."""
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.numerics.tables import flat
+from diag_dynamics.numerics.tables import address_of, flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
@@ -37,9 +37,10 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
 
 
 @nk.large_kernel
-def _aba_inward_group(bodies, last, qd, work, Q, qdd):
+def aba_inward_group(robot, last, qd, qdd):
     """The inward step of :func:`forward_dynamics` at a group."""
-    first = bodies[last].first
+    bodies, _, work, table = ws.opened(robot)
+    first, Q = bodies[last].first, table[0]
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, qdd)
     status = groups.eliminate(bodies, first, last, work, Q, False)
@@ -54,29 +55,34 @@ def _aba_inward_group(bodies, last, qd, work, Q, qdd):
     return 0
 
 
-@nk.large_kernel
-def _aba_outward_group(bodies, i, qd, work, Q, qdd):
-    """The last outward step of :func:`forward_dynamics` at a body of a group."""
-    body, w, base = bodies[i], work[i], work[bodies[bodies[i].first].parent]
-    A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].acceleration))
-    if body.rank == 0:
-        A = sp.add_motion(A, joints.zeta(bodies, i, qd, work))
-    if i == body.first:
-        for j in range(i, body.last + 1):
-            if groups.is_leader(bodies, j):
-                qdd[bodies[j].dof] -= groups.induced_rate(
-                    bodies,
-                    j,
-                    records.motion_of(base.acceleration),
-                    qdd,
-                    Q,
-                    records.force_of(work[j].G),
-                )
+@nk.kernel
+def _aba_outward_step(body, w, parent, qdd):
+    """The last outward step of :func:`forward_dynamics` at a joint of one degree of freedom."""
+    A = sp.motion_to_child(records.placement_of(w), records.motion_of(parent.acceleration))
+    A = sp.add_motion(A, records.motion_of(w.zeta))
+    qdd[body.dof] -= sp.power(records.force_of(w.G), A)
     records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
 
 
+@nk.large_kernel
+def aba_outward_group(robot, first, qd, qdd):
+    """The last outward step of :func:`forward_dynamics` at a group."""
+    bodies, _, work, table = ws.opened(robot)
+    base = records.motion_of(work[bodies[first].parent].acceleration)
+    for i in range(first, bodies[first].last + 1):
+        if groups.is_leader(bodies, i):
+            G = records.force_of(work[i].G)
+            qdd[bodies[i].dof] -= groups.induced_rate(bodies, i, base, qdd, table[0], G)
+    for i in range(first, bodies[first].last + 1):
+        body, w = bodies[i], work[i]
+        A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].acceleration))
+        if body.rank == 0:
+            A = sp.add_motion(A, joints.zeta(bodies, i, qd, work))
+        records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
+
+
 @nk.kernel
-def _aba(bodies, gravity, q, qd, tau, work, Q, qdd):
+def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
     """q̈ from τ: an outward, an inward and another outward sweep.
 
     Theory: A₀ = −g, κ with gravity left in.
@@ -99,7 +105,7 @@ def _aba(bodies, gravity, q, qd, tau, work, Q, qdd):
     while i > 0:  # q̈ ← D⁻¹u with u = τ − Sᵀy; y is the articulated bias force
         body = bodies[i]
         if groups.is_grouped(body):
-            status = _aba_inward_group(bodies, i, qd, work, Q, qdd)
+            status = ws.step_group(robot, ws.ABA_INWARD, i, address_of(qd), address_of(qdd))
         elif body.direction == sp.ANGULAR_Z:
             status = _aba_inward_step(bodies, i, sp.ANGULAR_Z, qd, work, qdd)
         else:
@@ -110,16 +116,11 @@ def _aba(bodies, gravity, q, qd, tau, work, Q, qdd):
 
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, n):
-        body, w = bodies[i], work[i]
-        if groups.is_grouped(body):
-            _aba_outward_group(bodies, i, qd, work, Q, qdd)
-            continue
-        A = sp.motion_to_child(
-            records.placement_of(w), records.motion_of(work[body.parent].acceleration)
-        )
-        A = sp.add_motion(A, records.motion_of(w.zeta))
-        qdd[body.dof] -= sp.power(records.force_of(w.G), A)
-        records.set_motion(w.acceleration, sp.add_motion(A, joints.own_motion(body, w, qdd)))
+        body = bodies[i]
+        if not groups.is_grouped(body):
+            _aba_outward_step(body, work[i], work[body.parent], qdd)
+        elif i == body.last:
+            ws.step_group(robot, ws.ABA_OUTWARD, body.first, address_of(qd), address_of(qdd))
     return 0 if joints.are_finite(qdd) else -1
 
 
@@ -128,10 +129,10 @@ def forward_dynamics(robot, q, qd, tau, qdd):
     """q̈ from τ."""
     if not ws.lengths_match(robot, q, qd, tau):
         return ws.BAD_LENGTH
-    bodies, gravity, work, table = ws.opened(robot)
+    bodies, gravity, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
-    return _aba(bodies, gravity, q, qd, tau, work, table[0], qdd)
+    return _aba(bodies, gravity, q, qd, tau, work, robot, qdd)
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)

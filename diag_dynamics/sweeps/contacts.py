@@ -156,7 +156,7 @@ def contacts(robot, points, q, qd, nu, results):
     at = _contacts_at(points)
     if not joints.are_finite(qd):
         return -1
-    status = factorize_at(bodies, q, work, table[0])
+    status = factorize_at(robot, q)
     if status != 0:
         return status
     xi_from_qd(bodies, qd, work, table[0], nu)

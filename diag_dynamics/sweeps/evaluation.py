@@ -156,8 +156,9 @@ def _inward_step(bodies, i, direction, qd, tau, work, out):
 
 
 @nk.large_kernel
-def _inward_coupled(bodies, last, qd, tau, work, table, out):
+def _inward_coupled(robot, last, qd, tau, out):
     """The inward step of one state at a group."""
+    bodies, _, work, table = ws.opened(robot)
     first, Q, Q_rate, kappa, bias = (
         bodies[last].first,
         table[0],
@@ -273,8 +274,9 @@ def _moved_up_inertia(P):
 
 
 @nk.large_kernel
-def _inward_base(bodies, last, tau, work, out):
+def _inward_base(robot, last, tau, out):
     """The inward step of one state at a floating base."""
+    bodies, _, work, _ = ws.opened(robot)
     w, first = work[last], bodies[last].first
     effort = joints.joint_vector(bodies[first], tau)
     start_base(sp.Force(effort.linear, effort.angular), w)
@@ -286,12 +288,19 @@ def _inward_base(bodies, last, tau, work, out):
     return 0
 
 
-@nk.large_kernel
-def inward_group(bodies, last, qd, tau, work, table, out):
+@nk.kernel
+def inward_group(robot, last, qd, tau, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
-    if is_floating_base(bodies, last):
-        return _inward_base(bodies, last, tau, work, out)
-    return _inward_coupled(bodies, last, qd, tau, work, table, out)
+    if is_floating_base(ws.robot_of(robot).bodies, last):
+        return _inward_base(robot, last, tau, out)
+    return _inward_coupled(robot, last, qd, tau, out)
+
+
+@nk.kernel
+def call_inward_group(robot, last, qd, tau, out):
+    """Call :func:`inward_group` by address."""
+    addresses = address_of(qd), address_of(tau), address_of(out)
+    return ws.step_group(robot, ws.INWARD, last, *addresses, out.shape[1])
 
 
 @nk.kernel
@@ -324,13 +333,14 @@ def _complete(out, n):
 
 
 @nk.kernel
-def _inward(bodies, qd, tau, work, table, out):
+def _inward(robot, qd, tau, out):
     """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives, in the inward sweep."""
+    bodies, _, work, _ = ws.opened(robot)
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
         if groups.is_grouped(bodies[i]):
-            status = inward_group(bodies, i, qd, tau, work, table, out)
+            status = call_inward_group(robot, i, qd, tau, out)
         elif bodies[i].direction == sp.ANGULAR_Z:
             status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out)
         else:
@@ -346,11 +356,11 @@ def sweep_state(robot, q, qd, tau, out):
     """Fill the rows of `out` from NU on but those of q and q̇; returns a status."""
     if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
-    bodies, gravity, work, table = ws.opened(robot)
+    bodies, gravity, work, _ = ws.opened(robot)
     if not joints.are_orientations(bodies, q):
         return -1
     status = _outward(bodies, gravity, q, qd, work)
-    return status if status != 0 else _inward(bodies, qd, tau, work, table, out)
+    return status if status != 0 else _inward(robot, qd, tau, out)
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)

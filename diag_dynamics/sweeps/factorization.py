@@ -33,15 +33,24 @@ def factor_joint(body, w, parent, lock_massless):
     return True
 
 
+@nk.kernel
+def factorize_group(robot, last, lock_massless):
+    """D and G of a group; returns a status."""
+    bodies, _, work, table = ws.opened(robot)
+    first = bodies[last].first
+    groups.compose(bodies, first, last, work, table[0])
+    return groups.eliminate(bodies, first, last, work, table[0], lock_massless)
+
+
 @nk.large_kernel
-def factorize(bodies, work, Q, lock_massless=False):
+def factorize(robot, lock_massless=False):
     """D and G of all initialized bodies; returns 0, or the body of a singular joint unless these are locked."""
+    bodies, _, work, _ = ws.opened(robot)
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
         if groups.is_grouped(body):
-            groups.compose(bodies, body.first, i, work, Q)
-            status = groups.eliminate(bodies, body.first, i, work, Q, lock_massless)
+            status = ws.step_group(robot, ws.FACTORIZE, i, 1 if lock_massless else 0)
             if status != 0:
                 return status
         elif not factor_joint(body, work[i], work[body.parent], lock_massless):
@@ -51,12 +60,13 @@ def factorize(bodies, work, Q, lock_massless=False):
 
 
 @nk.large_kernel
-def factorize_at(bodies, q, work, Q):
+def factorize_at(robot, q):
     """D and G of every body at the positions q."""
+    bodies, _, work, _ = ws.opened(robot)
     if not joints.are_positions(bodies, q):
         return -1
     status = joints.initialize(bodies, q, work)
-    return status if status != 0 else factorize(bodies, work, Q)
+    return status if status != 0 else factorize(robot)
 
 
 @nk.large_kernel
@@ -74,11 +84,11 @@ def scale_by_inertia(bodies, work, exponent, x):
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
 def joint_inertias(robot, q, D, size):
     """D of every joint and its size in is_singular; a singular joint counts as locked. Returns a status."""
-    bodies, _, work, table = ws.opened(robot)
+    bodies, _, work, _ = ws.opened(robot)
     status = joints.initialize(bodies, q, work)
     if status != 0:
         return status
-    factorize(bodies, work, table[0], True)
+    factorize(robot, True)
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
@@ -89,7 +99,7 @@ def joint_inertias(robot, q, D, size):
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
     bodies, _, work, table = ws.opened(robot)
-    status = factorize_at(bodies, q, work, table[0])
+    status = factorize_at(robot, q)
     if status != 0:
         return status
     ws.clear(epsilon)
@@ -189,10 +199,9 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
 @nk.large_kernel
 def _factorized(robot, q, x):
     """Place and factorize for a sweep of x; returns a status."""
-    bodies, _, work, table = ws.opened(robot)
     if not ws.lengths_match(robot, q, x, x):
         return ws.BAD_LENGTH
-    return factorize_at(bodies, q, work, table[0]) if joints.are_finite(x) else -1
+    return factorize_at(robot, q) if joints.are_finite(x) else -1
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
@@ -254,7 +263,7 @@ def qd_from_momentum(robot, q, added, momentum, qd):
         if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]
     if status == 0:
-        status = factorize(bodies, work, table[0])
+        status = factorize(robot)
     kappa_from_tau(bodies, momentum, work, table[0], qd)
     scale_by_inertia(bodies, work, -1.0, qd)
     qd_from_xi(bodies, qd, work, table[0], qd)
@@ -274,7 +283,7 @@ def factors(robot, q, m_l_unit, D):
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
     bodies, _, work, table = ws.opened(robot)
-    status = factorize_at(bodies, q, work, table[0])
+    status = factorize_at(robot, q)
     if status != 0:
         return status
     m, inverse, unit = m_l_unit[0], m_l_unit[1], m_l_unit[2]

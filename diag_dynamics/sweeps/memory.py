@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.numerics.tables import Addresses
-from diag_dynamics.sweeps import records
+from diag_dynamics.sweeps import group_steps, records
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.couplings import Couplings
 
@@ -53,6 +53,7 @@ class Workspace:
             numbers=self.work.view(np.float64).reshape(len(bodies), -1),
             lanes=lanes,
             rows=lanes.view(np.float64).reshape(len(bodies), -1),
+            group_step=group_steps.step.address if grouped.any() else 0,
         )
         self.robot = self._addresses.at
 

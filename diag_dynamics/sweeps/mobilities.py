@@ -143,11 +143,11 @@ def mobilities(robot, q, frames, results):
     """Υ = J M⁻¹Jᵀ of frames that are fixed to bodies, in their axes, linear part first, shape (frames, 6, 6)."""
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
-    bodies, _, work, table = ws.opened(robot)
-    status = factorize_at(bodies, q, work, table[0])
+    status = factorize_at(robot, q)
     if status != 0:
         return status
     mobilities_outward(robot)
+    work = ws.robot_of(robot).work
     for k in range(len(frames)):
         Y = records.inertia_of(work[frames[k].body].P)
         _write(mobility_to_child(records.placement_of(frames[k]), Y), results[k])

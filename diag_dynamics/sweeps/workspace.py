@@ -4,6 +4,7 @@
 """Table of the memory that sweeps work in, by whose address they find it: see memory."""
 
 from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.numerics.callback import call_address
 from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import records
 
@@ -37,6 +38,7 @@ ROBOT = Table(
     numbers=array(float, 2),  # the memory of `work`
     lanes=array(records.LANES),  # WIDTH states, see batch
     rows=array(float, 2),  # the memory of `lanes`
+    group_step=int,  # address of group_steps.step, 0 if no degrees of freedom are eliminated together
 )
 """The robot, and memory to work in, by the address of this table."""
 
@@ -50,6 +52,16 @@ def opened(robot):
     """`bodies`, `gravity`, `work` and `table` of a :class:`memory.Workspace`."""
     at = robot_of(robot)
     return at.bodies, at.gravity, at.work, at.table
+
+
+INWARD, FACTORIZE, ABA_INWARD, ABA_OUTWARD = range(4)
+"""Steps of :func:`step_group`."""
+
+
+@nk.kernel
+def step_group(robot, step, i, x, y=0, out=0, columns=0):
+    """Run a step at body i of a group; the other arguments and the result are those of group_steps.step."""
+    return call_address(robot_of(robot).group_step, (robot, step, i, x, y, out, columns))
 
 
 @nk.kernel

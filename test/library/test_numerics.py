@@ -427,6 +427,28 @@ print(D[0], sum(factorization.joint_inertias.run.stats.cache_hits.values()))
 """
 
 
+# Evaluates a plain arm; prints the functions that are compiled.
+PLAIN_ARM = """
+import numpy as np
+from numba.core import event
+import diag_dynamics as dd
+
+model = dd.load_robot("ur5")
+with event.install_recorder("numba:compile") as evaluating:
+    dd.DiagonalDynamics(model).evaluate(*np.zeros((3, model.nv)))
+print(*(compiled.data["dispatcher"].py_func.__name__ for _, compiled in evaluating.buffer))
+"""
+
+
+def test_plain_arm_compiles_no_groups(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
+    command = [sys.executable, "-c", PLAIN_ARM]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    functions = done.stdout.split()
+    assert "inward_joint" in functions
+    assert not {"compose", "gather_bias", "inward_group"} & set(functions)
+
+
 def run(folder, cache, **more):
     """Run the script with the package in `folder`; return D, the cache hits and stderr."""
     environment = {
