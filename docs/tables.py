@@ -58,7 +58,7 @@ GROUPS = {
         "limit_margin": "Position and energy limits",
         "contact.limits_file": "Contact limits",
         "observer_gain": "Observer and effort limits",
-        "joint_timeout": "Timeouts and status",
+        "max_state_age": "Timeouts and status",
     },
     "view": {"host": "Page"},
 }

@@ -14,6 +14,9 @@ from diag_dynamics.text import distinct
 SUCCESSFUL, INVALID_GOAL, PATH_TOLERANCE_VIOLATED, GOAL_TOLERANCE_VIOLATED = 0, -1, -4, -5
 """Error codes of control_msgs/FollowJointTrajectory."""
 
+STOPPED = 0.05
+"""Default of the maximum speed at the end of a trajectory [rad/s, m/s]."""
+
 _KINDS = ("position", "velocity")
 
 
@@ -31,7 +34,7 @@ class Tolerances(NamedTuple):
         path, goal = (
             by_dof(name, values[name], names, none) for name in ("path_tolerance", "goal_tolerance")
         )
-        speed = np.full(len(names), values["stopped_velocity"] or np.inf)
+        speed = np.full(len(names), STOPPED)
         return cls(
             np.array([path, none]), np.array([goal, speed]), values["goal_time_tolerance"] or np.inf
         )

@@ -71,10 +71,6 @@ def require_consistent(values):
         raise InputError(
             "parameter 'controlled_link' is ''; expected a link because initial_mode is pose."
         )
-    if values["pose_damping_ratio"] and any(values["pose_damping"]):
-        raise InputError(
-            "parameters 'pose_damping' and 'pose_damping_ratio' are both set; expected one of them."
-        )
 
 
 def _limits(dynamics, values, compensated, points):

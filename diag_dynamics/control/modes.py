@@ -34,8 +34,11 @@ MAX_STEP = 0.05
 APPROACH_RATE = 10.0
 """Final decay rate of the distance to a pose or, in regulation, to a set-point [1/s]."""
 
-POSE_DAMPING = 12.0
-"""Default damping of pose regulation [1/s]."""
+NULL_FREQUENCY = 3.0
+"""Frequency of the damping of slower modes and of the null space in pose regulation [rad/s]."""
+
+POSE_SPEED = np.array([1.0, 2.0])
+"""Speed of the motion to a pose at a set_point_speed of 1 [m/s, rad/s]."""
 
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
@@ -97,10 +100,9 @@ class Mode:
         self._last = None  # V and time of the last command for the present target
 
 
-def _gains(dynamics, values, name, default=None):
+def _gains(dynamics, values, name):
     """Return the gains of a parameter by degree of freedom."""
-    default = None if default is None else np.full(dynamics.model.nv, default)
-    return by_dof(name, values[name], dynamics.model.dof_names, default)
+    return by_dof(name, values[name], dynamics.model.dof_names)
 
 
 class GravityCompensationMode(Mode):
@@ -127,16 +129,17 @@ class PoseMode(Mode):
     name, targets = "pose", ("target",)
 
     def __init__(self, dynamics, values):
-        stiffness, ratio = (
-            (values["position_stiffness"], values["orientation_stiffness"]),
-            values["pose_damping_ratio"],
+        law = PoseRegulation(
+            dynamics,
+            values["controlled_link"],
+            None,
+            values["position_stiffness"],
+            values["orientation_stiffness"],
+            damping_ratio=values["pose_damping_ratio"],
+            null_frequency=NULL_FREQUENCY,
         )
-        gain = None if ratio else _gains(dynamics, values, "pose_damping", POSE_DAMPING)
-        options = {"damping_ratio": ratio or None, "null_frequency": values["pose_null_frequency"]}
-        super().__init__(
-            PoseRegulation(dynamics, values["controlled_link"], gain, *stiffness, **options), values
-        )
-        self._speed = np.array([values["position_speed"], values["orientation_speed"]])
+        super().__init__(law, values)
+        self._speed = values["set_point_speed"] * POSE_SPEED
         self._aim = None  # position [m] and axes to which the springs pull
 
     def _stay(self, state):

@@ -14,7 +14,6 @@ from diag_dynamics.parameters.spec import Spec, while_unconfigured
 
 BY_JOINT = (
     "damping",
-    "pose_damping",
     "regulation_stiffness",
     "tracking_gain",
     "tracking_convergence",
@@ -26,6 +25,9 @@ BY_JOINT = (
 )
 """Parameters whose entries are joint=number."""
 
+NOT_OF_ARMS = "floating_base", "max_joints", "max_coupled"
+"""Parameters of a robot that the controller does not have."""
+
 COMPENSATES = "robot_compensates_gravity"
 """The one parameter that has no default."""
 
@@ -36,7 +38,7 @@ WHY_REQUIRED = (
 
 _WHILE_UNCONFIGURED = {
     "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description."),
-    **{name: spec for name, spec in SHARED.items() if name != "floating_base"},
+    **{name: spec for name, spec in SHARED.items() if name not in NOT_OF_ARMS},
     "command_joints": Spec(
         [""],
         "Joints in the order of a command's entries; by default all. Lock joints without effort interface.",
@@ -53,21 +55,8 @@ _WHILE_UNCONFIGURED = {
     "controlled_link": Spec("", "Link whose pose is regulated; empty: no mode pose."),
     "position_stiffness": Spec(200.0, "Stiffness C2 of the position [N/m].", 1e-6),
     "orientation_stiffness": Spec(20.0, "Stiffness C2 of the orientation [N m/rad].", 1e-6),
-    "position_speed": Spec(0.25, "Speed of the motion to the position of a pose [m/s].", 1e-6),
-    "orientation_speed": Spec(
-        0.5, "Speed of the motion to the orientation of a pose [rad/s].", 1e-6
-    ),
-    "pose_damping": Spec(
-        [""],
-        "Gains c1 of pose regulation, each as joint=gain; * for all others, by default 12 [1/s].",
-    ),
     "pose_damping_ratio": Spec(
-        0.0, "Damping ratio of pose regulation in place of pose_damping; 0: none.", 0.0, 100.0
-    ),
-    "pose_null_frequency": Spec(
-        3.0,
-        "pose_damping_ratio damps slower modes and the null space as if they had this frequency [rad/s].",
-        1e-6,
+        1.0, "Damping ratio of all modes of pose regulation; 1: critical.", 1e-3, 100.0
     ),
     "regulation_stiffness": Spec(
         ["*=50.0"],
@@ -87,7 +76,7 @@ _WHILE_UNCONFIGURED = {
     ),
     "set_point_speed": Spec(
         0.25,
-        "Speed of the motion to a set-point, as a fraction of the URDF velocity limits.",
+        "Speed of the motion to a set-point, as a fraction of the URDF velocity limits; to a pose, of 1 m/s and 2 rad/s.",
         1e-3,
         1.0,
     ),
@@ -103,9 +92,6 @@ _WHILE_UNCONFIGURED = {
     "goal_tolerance": Spec(
         ["*=0.05"],
         "Maximum errors at the end of a trajectory, each as joint=error; * for all others [rad, m].",
-    ),
-    "stopped_velocity": Spec(
-        0.05, "Maximum speed at the end of a trajectory [rad/s, m/s]; 0: none.", 0.0
     ),
     "goal_time_tolerance": Spec(
         1.0,
@@ -150,9 +136,6 @@ _WHILE_UNCONFIGURED = {
         ["*=1000.0"], "Maximum effort rates, each as joint=rate; * for all others [N m/s, N/s]."
     ),
     # safety
-    "joint_timeout": Spec(
-        0.02, "Maximum age of a joint's values relative to the newest joint [s].", 1e-4, 1.0
-    ),
     "max_state_age": Spec(
         0.02,
         "Maximum difference between stamp and node clock [s]; beyond it the controller holds gravity.",

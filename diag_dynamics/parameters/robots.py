@@ -63,7 +63,11 @@ def model_of(description, values, recorded=None):
         friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
         parameters=values["parameters_file"] or None,
         loops=values["loops_file"] or None,
-        **{name: values[name] for name in ("mimic", "massless", "max_joints", "max_coupled")},
+        **{
+            name: values[name]
+            for name in ("mimic", "massless", "max_joints", "max_coupled")
+            if name in values
+        },
     )
     require_single_joints(model)
     if rest is not None:

@@ -33,9 +33,6 @@ PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
 
-MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
-"""First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
-
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
 

@@ -361,7 +361,6 @@ points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"
 values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlled_link": "tool0"}
 values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0}
 values |= {"energy_limit": 1e-3, "energy_rate": 1.0, "joint_energy_limit": ["*=1"], "tank_energy": 1.0}
-values |= {"pose_damping_ratio": 1.0}
 loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
 q, qd = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.full(6, 0.2)
 q[2] = arm.upper[2] - 0.099  # in the margin of a limit

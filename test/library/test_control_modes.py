@@ -75,11 +75,6 @@ def largest(error):
             r"gain \+ bound/width \+ convergence",
         ),
         (DAMPING, lambda x: {"damping": [f"*={x}"]}, "gain of 'shoulder_pan_joint'"),
-        (
-            POSE,
-            lambda x: {"pose_damping_ratio": 1.0, "orientation_stiffness": x},
-            "orientation_stiffness",
-        ),
         (POSE, lambda x: {"orientation_stiffness": x}, "orientation_stiffness"),
     ],
 )
@@ -103,11 +98,6 @@ def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, 
     accepted = Closed(arm, rate, **start | {"initial_mode": mode}, **values(largest(error.value)))
     accepted.go(40)
     assert accepted.loop.mode == mode and not accepted.lost
-
-
-def test_one_damping_of_poses_is_set(arm):
-    with pytest.raises(InputError, match="'pose_damping' and 'pose_damping_ratio' are both set"):
-        Closed(arm, controlled_link="tool0", pose_damping=["*=5"], pose_damping_ratio=0.7)
 
 
 def test_energies_of_joints_stay_below_their_limits(arm):

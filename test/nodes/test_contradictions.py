@@ -11,7 +11,6 @@ SETTINGS = {"robot_compensates_gravity": False, "check_time": 0.0}
 CONTRADICTIONS = [
     ("controller", {"max_state_age": 0.5}, "hold_time"),
     ("controller", {"initial_mode": "pose"}, "controlled_link"),
-    ("controller", {"pose_damping": ["*=1"], "pose_damping_ratio": 1.0}, "pose_damping"),
     ("controller", {"effort_rate": ["fast"]}, "effort_rate"),
     ("controller", {"contact.limits_file": "/nowhere.yaml"}, "contact.limits_file"),
     ("controller", {"locked_joints": ["*"]}, "locked_joints"),

@@ -87,7 +87,12 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
     wrench = np.zeros(6)
     wrench[:3] = 200.0 * (target[0] - position)
     wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
-    return state.g - 12.0 * state.M @ qd + oracle.effort_of(q, {"tool0": wrench}, "world")
+    units = np.array([oracle.effort_of(q, {"tool0": unit}, "world") for unit in np.eye(6)])
+    root = state.l @ units.T * np.sqrt([200.0] * 3 + [20.0] * 3)
+    modes, frequencies, _ = np.linalg.svd(root)  # critically damped, at 3 rad/s at least
+    damping = 2.0 * modes * np.maximum(frequencies, 3.0) @ modes.T
+    force = oracle.effort_of(q, {"tool0": wrench}, "world")
+    return state.g - state.m @ damping @ (state.m.T @ qd) + force
 
 
 def loop_of(arm, compensated=False, **values):

@@ -253,9 +253,7 @@ class ControllerNode(ManagedNode):
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(
-            timeout=values["joint_timeout"], max_age=age, refuse_foreign=True, **PLAUSIBLE
-        )
+        options = Options(timeout=age, max_age=age, refuse_foreign=True, **PLAUSIBLE)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache
@@ -372,7 +370,7 @@ class ControllerNode(ManagedNode):
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._states.stale(now)
             if 0 < len(late) < len(self._states.joint_names):
-                problem = f"joint '{late[0]}' is older than {self.values['joint_timeout']:g} s"
+                problem = f"joint '{late[0]}' is older than {self.values['max_state_age']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
         self._trajectories.update()
 
