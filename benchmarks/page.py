@@ -182,10 +182,9 @@ def measure(case, seconds, rounds, folder):
     observed = {"external_torque.gain": 25.0}
     if case.contact:
         limits = Path(folder) / "limits.yaml"
-        limits.write_text(LIMITS, encoding="utf-8")
+        limits.write_text(f"geometry: meshes\n{LIMITS}", encoding="utf-8")
         observed |= {
             "contact.limits_file": limits,
-            "contact.geometry": "meshes",
             "robot_description": find_urdf(robot),
         }
     simulator = started(

@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
-from diag_dynamics.contact.points import ContactPoint
+from diag_dynamics.contact.points import GEOMETRIES, ContactPoint, Geometry
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.catalog import read_source
@@ -23,8 +23,6 @@ from diag_dynamics.model.meshes import Meshes
 from diag_dynamics.model.origins import placement_of
 from diag_dynamics.model.sources import folder_of
 from diag_dynamics.model.urdf import parse_urdf
-
-Geometry = Literal["frames", "primitives", "meshes"]
 
 SIDES = 16
 """Sides of the prism around a cylinder; its corners are 2 % outside."""
@@ -65,7 +63,7 @@ def link_geometry(
     The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files that the URDF names: they
     are not for untrusted descriptions.
     """
-    choice("geometry", geometry, ("frames", "primitives", "meshes"))
+    choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))
     text = read_source(urdf).text
     robot, meshes = parse_urdf(text), Meshes(folder_of(urdf))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -24,6 +24,9 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import contacts
 from diag_dynamics.yaml_files import read_yaml
+
+Geometry = Literal["frames", "primitives", "meshes"]
+GEOMETRIES: tuple[Geometry, ...] = "frames", "primitives", "meshes"
 
 WorstBy = Literal["energy", "force", "limit"]
 
@@ -82,7 +85,7 @@ class BodyRegion:
 
 @dataclass(frozen=True)
 class ContactLimits:
-    """Which body regions the links of a robot may meet.
+    """Which body regions the links of a robot may meet, and the contact points there.
 
     An additional point is a dict of `link`, `xyz` [m] in the link's axes, and optionally `direction` (by default that of the
     motion) and `regions` (by default those of the link).
@@ -100,8 +103,14 @@ class ContactLimits:
     points: Mapping[str, Mapping[str, Any]] = field(
         default_factory=dict
     )  #: additional points, by name
+    geometry: Geometry = (
+        "primitives"  #: points on primitive shapes, also on meshes, or at link frames
+    )
+    worst_by: WorstBy = "limit"  #: criterion of the worst point of each link
 
     def __post_init__(self) -> None:
+        choice("geometry", self.geometry, GEOMETRIES)
+        choice("worst_by", self.worst_by, _BY)
         put = partial(object.__setattr__, self)
         put(
             "regions",
@@ -143,7 +152,8 @@ class ContactLimits:
                 of["regions"] = [*of["regions"], name]
         links = {link: (*of, name) for link, of in self.links.items()}
         regions = {**self.regions, name: BodyRegion(energy=energy)}
-        return ContactLimits(regions, (*(self.default or ()), name), links, points)
+        default = (*(self.default or ()), name)
+        return replace(self, regions=regions, default=default, links=links, points=points)
 
     def contact_points(self) -> tuple[ContactPoint, ...]:
         """Return the additional points."""
@@ -154,11 +164,11 @@ class ContactLimits:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ContactLimits:
-        """Read a YAML file with `regions`, `default`, `links` and `points`; see config/contact_limits.example.yaml."""
+        """Read a YAML file of these fields; see config/contact_limits.example.yaml."""
         what = f"contact limits '{os.fspath(path)}'"
         content = mapping(what, read_yaml(path, what))
         try:
-            _require_known("the file", content, ("regions", "default", "links", "points"))
+            _require_known("the file", content, tuple(cls.__dataclass_fields__))
             return cls(**{name: value for name, value in content.items() if value is not None})
         except InputError as error:
             raise InputError(f"{what}: {error}") from None

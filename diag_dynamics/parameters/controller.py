@@ -7,7 +7,7 @@ from diag_dynamics.control.loop import require_consistent
 from diag_dynamics.control.modes import MODES, TRACKING
 from diag_dynamics.entries import assignments
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
-from diag_dynamics.parameters.contact import ContactOptions
+from diag_dynamics.parameters.contact import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, check_entries
 from diag_dynamics.parameters.spec import Spec, while_unconfigured
@@ -170,4 +170,4 @@ def check_values(values):
     check_entries(values)
     for name in BY_JOINT:
         assignments(name, values[name])
-    ContactOptions.from_values(values)
+    limits_of(values)

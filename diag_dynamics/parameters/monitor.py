@@ -18,13 +18,14 @@ from diag_dynamics.collision.detector import (
     AlarmThresholds,
 )
 from diag_dynamics.collision.residuals import singular_joint
+from diag_dynamics.contact.points import ContactLimits
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import Options
 from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
-from diag_dynamics.parameters.contact import ContactOptions
+from diag_dynamics.parameters.contact import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
@@ -428,7 +429,7 @@ class Settings(NamedTuple):
     inputs: Options
     thresholds: Thresholds
     observation: Observation | None
-    contact: ContactOptions
+    contact: ContactLimits | None
 
     @property
     def frames(self):
@@ -468,7 +469,7 @@ class Settings(NamedTuple):
         ]
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()
-        contact = ContactOptions.from_values(values)
+        contact = limits_of(values)
         settings = cls(values, _input_options(values), thresholds, observation_of(values), contact)
         if settings.frames and not settings.observation:
             raise InputError(

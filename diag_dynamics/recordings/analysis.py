@@ -155,7 +155,7 @@ class Analysis:
         contact = wanted.contact if wanted else None
         self._contact_detector = AlarmDetector(names, contact) if contact else None
         self.contacts = Alarms(self._contact_detector) if contact else None
-        points = reading.contact_points[0] if settings.contact.limits is not None else None
+        points = reading.contact_points[0] if settings.contact is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()

@@ -368,6 +368,8 @@ def test_limits_from_a_file(tmp_path):
         ("regions: {a: {energy: 1}}\nlinks: {b: [c]}", "'c'"),
         ("limits: {}", "'limits'"),
         ("points: {tip: {xyz: [0, 0, 0]}}", "'tip' has no link"),
+        ("geometry: cubes", "geometry is 'cubes'"),
+        ("worst_by: luck", "worst_by is 'luck'"),
         ("- 1", "dict"),
     ],
 )

@@ -68,7 +68,6 @@ def test_payloads_round_trip(numbers, name):
 # --- Values that are refused
 
 OF_NAMES = (
-    "contact.links",
     "external_torque.covariance_joints",
     "reaction.activate",
     "reaction.deactivate",
@@ -117,7 +116,6 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
             "two entries for 'elbow'",
         ),
         (["effort_scale"], (["elbow=0"],), "expected another number"),
-        (["contact.points"], (["tip=elbow 1 2"], ["tip=elbow 1 2 x"]), "expected name=link x y z"),
         (BY_JOINT[:1] + BY_JOINT[2:3], (["knee=2"],), "names 'knee'"),
         (BY_JOINT[1:2] + BY_JOINT[3:], (["knee=true"],), "names 'knee'"),
         (

@@ -351,25 +351,28 @@ def check_contact(message, expected, points):
 
 def points_of(panda, limits=None):
     """Return the dynamics and points that the monitor has by default, or with limits."""
-    model = dd.load_urdf(panda.path)
+    model, of_file = dd.load_urdf(panda.path), limits or dd.ContactLimits()
     points = [
-        *dd.link_geometry(model, panda.path).points,
-        *(limits.contact_points() if limits else ()),
+        *(p for p in dd.link_geometry(model, panda.path).points if of_file.links.get(p.link) != ()),
+        *of_file.contact_points(),
     ]
     return dd.DiagonalDynamics(model), dd.ContactPoints(model, points, limits, "limit")
 
 
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-def test_contact(monitor, panda):
-    """Each link at its worst point; at rest none is the worst; parameters choose links and points."""
+def test_contact(monitor, panda, tmp_path):
+    """Each link at its worst point; at rest none is the worst; the limits file chooses links and points."""
     dynamics, points = points_of(panda)
     q, qd = panda.samples[0][:2]
     message = contact(monitor, q, qd)
     check_contact(message, dynamics.contact(q, qd, points), points)
     assert set(message.margin) == {math.inf}
     assert contact(monitor, q, 0 * qd).worst == -1
-    values = {"contact.links": ["panda_link4"], "contact.points": ["tip=panda_hand 0 0 0.1"]}
-    with monitor.having(**values, **{"contact.geometry": "frames"}):
+    others = "".join(f"  {link}: []\n" for link in {*points.links} - {"panda_link4"})
+    tip = "points: {tip: {link: panda_hand, xyz: [0, 0, 0.1]}}\n"
+    path = tmp_path / "points.yaml"
+    path.write_text(f"geometry: frames\nlinks:\n{others}{tip}")
+    with monitor.having(**{"contact.limits_file": str(path)}):
         message = contact(monitor, q, qd)
         assert list(message.point_names) == ["panda_link4", "tip"]
         assert list(message.link_names) == ["panda_link4", "panda_hand"]
