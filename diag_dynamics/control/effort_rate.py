@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
@@ -22,6 +23,9 @@ SHARE = 0.5
 DECAY, GROWTH = 200.0, 5.0
 """Rates at which the scale of a law's efforts falls, and grows back to 1 [1/s]."""
 
+CYCLES = 3
+"""Successive cycles in which a joint has to demand too much: noise and jumps do so in single ones."""
+
 ROUNDING = 1e-12
 """Rounding error of efforts from and to those without gravity."""
 
@@ -30,8 +34,8 @@ class EffortRate:
     """Efforts within |dτ_k/dt| ≤ R_k.
 
     A law whose efforts have to change faster than R acts late, and late springs do work. So that it stays stable, all that
-    moves the robot is scaled as a whole, τ = g + s(τ − g). s falls at the rate DECAY while s·d(τ − g)/dt exceeds SHARE of R,
-    which a jump, such as that to another law, does for one cycle only, and grows back at the rate GROWTH.
+    moves the robot is scaled as a whole, τ = g + s(τ − g). s falls at the rate DECAY while s·d(τ − g)/dt exceeds SHARE of R
+    in CYCLES successive cycles, and grows back at the rate GROWTH.
 
     Then each joint approaches its effort at its own rate, because a slow joint must not delay the gravity torque of the
     others. With an energy limit they approach no further than efforts from which braking at the rate R keeps the limit: see
@@ -52,12 +56,14 @@ class EffortRate:
     def begin(self) -> None:
         """Scale nothing until the next command."""
         self._moving, self._scale, self._fastest = np.zeros(len(self._names)), 1.0, ""
+        self._ratios = deque([0.0 * self._moving], CYCLES)
 
     def scaled(self, command: Command, period: float) -> Command:
         """Return the command of a law, scaled for the rate of its efforts since the last one a period [s] before."""
         moving = command.tau - command.gravity_torque
         if period:
-            ratio = np.abs(moving - self._moving) / (SHARE * period * self.rate)
+            self._ratios.append(np.abs(moving - self._moving) / (SHARE * period * self.rate))
+            ratio = np.min(self._ratios, axis=0)
             k = int(np.argmax(ratio))
             if ratio[k] * self._scale > 1.0:
                 slower = self._scale * math.exp(-DECAY * period)

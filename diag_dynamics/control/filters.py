@@ -46,7 +46,7 @@ class Limited(NamedTuple):
     demand: Array  # the same before the limit of its rate
     command: Command  # within all limits but that of the rate
     limited: tuple[str, ...]  # joints at their effort limit or effort rate
-    energy_limited: bool  # whether the energy limiter or the tank changed the command
+    energy_limited: bool  # whether energy limiter, tank or foreseen braking changed the command
     contact_limited: bool  # whether the contact limiter did
 
 
@@ -150,7 +150,8 @@ class Limits:
     def reset(self, effort: VectorLike | None = None) -> None:
         """Start from an effort that has been sent [N m, N]; without it from gravity compensation in the next state."""
         self._is_new = effort is None
-        self.sent = self._gravity if effort is None else vector("effort", effort, self._names)
+        start = self.gravity_compensation if effort is None else effort
+        self.sent = vector("effort", start, self._names)
 
     def filter(
         self,
@@ -185,19 +186,20 @@ class Limits:
             command = self.contact.filter(q, qd, command, h, external)
         saturated = self._saturation.filter(command)
         self.scale = saturated.scale
-        bound = np.maximum(self._saturation.limit, np.abs(g))
-        demand, offset = saturated.tau, g
+        bound, demand, offset = self._saturation.limit, saturated.tau, g
         if self._compensated:  # weight beyond the limit is left to the robot
+            bound = np.maximum(bound, np.abs(g))
             demand = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
             offset = np.zeros_like(g)
         moving = demand - offset, self.sent - offset
         reached = self._rate.foreseen(q, command, *moving, bound, period)
+        brakes = not np.array_equal(reached, self._rate.towards(*moving, period))
         return Limited(
             self._send(offset + reached),
             demand,
             command._replace(scale=self.scale, limited=saturated.limited),
             tuple(dict.fromkeys(saturated.limited + self._rate.limited(demand, self.sent))),
-            slower is not unlimited,
+            brakes or slower is not unlimited,
             command is not slower,
         )
 
