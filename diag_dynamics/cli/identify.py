@@ -17,12 +17,13 @@ from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.mjcf import is_mjcf
 from diag_dynamics.model.parameters import urdf_with
+from diag_dynamics.recordings.balance import MIN_EXPLAINED
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, plain
 
-EPILOG = """exit status: 0 identified; 1 doubtful: no parameter reduces the error on held-out data, or the efforts cannot be
-verified; 2 not identified, for example efforts with a wrong unit, sign or order. Requirements of recordings:
-docs/identification.md."""
+EPILOG = """exit status: 0 identified, or the model needs nothing; 1 doubtful: less than 80 % of dK/dt
+explained on held-out data, or the efforts cannot be verified; 2 not identified, for example efforts with a
+wrong unit, sign or order. Requirements of recordings: docs/identification.md."""
 
 COLUMNS = (
     "damping",
@@ -97,7 +98,9 @@ def run(chosen):
     if not chosen.quiet and chosen.json != "-":
         print("\n".join(map(plain, format_summary(found))))
         _report_outputs(chosen, shared)
-    return DONE if found.quality["taken"] and found.quality["efforts_judged"] else DOUBTFUL
+    share = found.quality["explained"][1]
+    is_good = bool(found.quality["taken"]) if share is None else share >= MIN_EXPLAINED
+    return DONE if is_good and found.quality["efforts_judged"] else DOUBTFUL
 
 
 def _write_parameters(chosen, found, earlier, robot):

@@ -14,7 +14,12 @@ from diag_dynamics.identification.data_checks import DOUBTFUL
 from diag_dynamics.identification.dataset import portions
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
-from diag_dynamics.recordings.balance import NOTHING_EXPLAINED, Balance, WindowSums
+from diag_dynamics.recordings.balance import (
+    MIN_EXPLAINED,
+    NOTHING_EXPLAINED,
+    Balance,
+    WindowSums,
+)
 from diag_dynamics.recordings.data_checks import smoothed
 from diag_dynamics.recordings.observer import Observer
 
@@ -249,6 +254,10 @@ def _warnings(quality, without_reference, nothing):
     if None not in share and share[1] < share[0]:
         warnings.append(
             f"variance explained of dK/dt decreased from {share[0]:.2f} to {share[1]:.2f}"
+        )
+    if share[1] is not None and share[1] < MIN_EXPLAINED and not nothing:
+        warnings.append(
+            f"the identified model explains {share[1]:.2f} of the variance of dK/dt; expected at least {MIN_EXPLAINED:g}"
         )
     if nothing:
         warnings.append(

@@ -400,6 +400,15 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     )
 
 
+@pytest.mark.parametrize(("error", "expected"), [(0.0, 0), (2.0, 1)], ids=["perfect", "noisy"])
+def test_exit_status_by_the_share_explained(tmp_path, capsys, error, expected):
+    """A perfect model has nothing to identify; noise that the balance contains is doubtful."""
+    t, q, qd, tau = motion()
+    tau = tau + noise(tau, error) if error else tau
+    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction")
+    assert status == expected and ("expected at least 0.8" in said) == bool(expected)
+
+
 def nothing_seen(tau, qd):
     """Noise hides a torque of any unit."""
     return (
