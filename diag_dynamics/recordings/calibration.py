@@ -96,11 +96,12 @@ def calibrate(
             settles_on=settles_on,
             threads=threads,
         )
-        states, with_efforts, counts, findings = 0, False, {}, []
+        states, with_efforts, counts, findings, path = 0, False, {}, [], None
         for piece in [one] if isinstance(one, Recording) else one:
             require_same_robot(dynamics, piece)
             states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
             counts, findings = piece.counts, piece.findings  # of all pieces until here
+            path = piece.path
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
             motion.add_states(piece.states)
             first = 0
@@ -112,7 +113,8 @@ def calibrate(
         if not with_efforts:
             require_efforts(states > 0, counts)
         if (fault := motion.fault()) and not fault.light:
-            faults[f"{fault.text}: thresholds are wrong"] = True
+            name = f"'{path}': " if path else ""
+            faults[f"{name}{fault.text}: thresholds are wrong"] = True
     if not efforts.states:
         raise InputError("recordings is empty; expected at least one.")
     unmeasured = efforts.unmeasured()

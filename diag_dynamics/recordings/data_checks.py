@@ -435,7 +435,9 @@ class Hypotheses:
         return SIGN + CEILING if texts[:1] == [SIGN] and len(texts) > 1 else "".join(texts[:1])
 
     def fault(self):
-        """Return the text of the best of all hypotheses."""
+        """Return the text of the best of all hypotheses; empty if fewer than two joints move."""
+        if np.count_nonzero(self._weight) < min(2, self._model.nv):
+            return ""
         hypotheses = self.scale(), self.direction(), self.order(), self.nothing()
         return self.best(self.without_gravity(), *hypotheses)
 

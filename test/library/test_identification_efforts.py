@@ -387,6 +387,27 @@ def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in said
 
 
+def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
+    """Stiction of standing joints carries any torque. A fault of a joint that moves names its file."""
+    t, q, qd, tau = motion()
+    standing = q.copy(), 0.0 * qd
+    standing[0][:, :2] = q[0, :2]
+    standing[1][:, 2] = qd[:, 2]
+    alone = dd.DiagonalDynamics(dd.load_urdf(URDF)).inverse_dynamics(
+        *standing, np.gradient(standing[1], t, axis=0)
+    )
+    options = "-o", str(tmp_path / "alarms.yaml")
+    for columns, expected in (
+        ((t, *standing, alone * [9.0, 9.0, 1.0] + noise(alone, 0.02)), False),
+        ((t, q, qd, tau * [1.0, 1.0, -1.0]), True),
+    ):
+        _, said = commanded(tmp_path, capsys, "calibrate", columns, *options)
+        assert ("log.csv': the effort of joint 'elbow'" in said) == expected
+        assert ("thresholds are wrong" in said) == expected
+        status, said = commanded(tmp_path, capsys, "identify", columns, "--what", "friction")
+        assert (status == 2) == expected
+
+
 def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     """It has one in motion, though its dK/dt is less than 1 mW; efforts beyond what can be have none."""
     t, q, qd, tau = motion()
