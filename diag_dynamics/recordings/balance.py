@@ -21,6 +21,11 @@ MIN_WINDOWS, MIN_POWER = (
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
+AROUND, MAX_TOUCHED = (
+    0.2,
+    0.5,
+)  # time before and after an alarm [s]; largest fraction of windows near alarms
+
 FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
 POWERS = (
     "kinetic",
@@ -88,6 +93,7 @@ class Balance:
     def __init__(self, names):
         self._names, self.moved = tuple(names), True
         self.count, self.mean, self.squares = 0, *np.zeros((2, len(POWERS) + len(names)))
+        self._spans, self._residuals = [], []
 
     def add_windows(self, windows):
         """Add :class:`Windows`."""
@@ -95,6 +101,8 @@ class Balance:
         values = np.column_stack([*powers, windows.joints])
         if not len(values):
             return
+        self._spans.append(np.array([windows.begin, windows.end]))
+        self._residuals.append(windows.residual)
         count, mean = len(values), values.mean(axis=0)
         apart, total = mean - self.mean, self.count + count
         self.squares = (
@@ -120,6 +128,18 @@ class Balance:
         variance = self.squares / self.count
         return explained_share(variance[RESIDUAL], variance[change])
 
+    def is_explained_beside(self, collisions):
+        """Return whether efforts explain enough outside of collisions, which last for less than half of the time."""
+        if not collisions or self.explained is None:
+            return False
+        begin, end = np.hstack(self._spans)
+        touched, margin = np.zeros(len(begin), dtype=bool), round(AROUND * SECOND)
+        for one in collisions:
+            touched |= (end > one.start - margin) & (begin < one.end + margin)
+        left = np.square(np.concatenate(self._residuals)[~touched]).sum()
+        share = explained_share(left, self.squares[KINETIC])
+        return bool(touched.mean() < MAX_TOUCHED and share >= MIN_EXPLAINED)
+
     def _mean_squares(self):
         return self.squares / max(self.count, 1) + self.mean**2
 
@@ -140,12 +160,15 @@ class Balance:
         )
         return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
-    def summary(self, fault):
+    def summary(self, fault, collisions):
         """Return numbers of windows and joints, and the judgement with the likely fault of the efforts."""
+        is_explained = self.is_explained_beside(collisions)
+        text = "collisions explain the rest: no effort contains their power"
         return {
             "windows": self.count,
             "length": WINDOW,
-            "says": self.judgement(fault),
+            "says": text if is_explained else self.judgement(fault),
+            "explained_beside_collisions": is_explained,
             "moved": self.moved,
             "joints": self.joints,
         }

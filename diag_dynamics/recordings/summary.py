@@ -37,6 +37,7 @@ def summarize(analysis):
     quality["longest_gap_at"] = time(quality["longest_gap_at"])
     unmeasured = _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
+    good |= balance.is_explained_beside(analysis.collisions.found)
     fault = None if good or unmeasured or not analysis.efforts.moved else analysis.motion.fault()
     says = fault.text if fault else ""
     return {
@@ -60,7 +61,7 @@ def summarize(analysis):
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "balance": balance.summary(unmeasured or says),
+        "balance": balance.summary(unmeasured or says, analysis.collisions.found),
         "efforts": {"unmeasured": unmeasured, "says": says},
         "observer": {
             "gain": analysis.gain,
@@ -191,7 +192,9 @@ def describe_faults(summary):
     wrongs = {
         "unreadable data": "unread" in causes,
         f"{rejected} rejected message{_s(rejected)}": rejected,
-        few: not none and explained < MIN_EXPLAINED,
+        few: not none
+        and explained < MIN_EXPLAINED
+        and not summary["balance"]["explained_beside_collisions"],
         "no power balance, although there are efforts": none
         and with_efforts
         and summary["balance"]["moved"],
@@ -296,7 +299,8 @@ def _about_balance(summary):
     power = summary["residual_power"]
     yield f"Power balance in windows of {WINDOW:g} s: variance explained {explained:.3f}{also}, residual {power:.3g} W rms"
     yield f"  {balance['says']}"
-    if summary["collisions"] and explained < MIN_EXPLAINED:
+    is_doubtful = explained < MIN_EXPLAINED and not balance["explained_beside_collisions"]
+    if summary["collisions"] and is_doubtful:
         yield (
             "  the balance includes collisions, whose power no effort contains: select a part without contact "
             "(--start, --end)"

@@ -164,6 +164,21 @@ def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
     assert summary["explained"] < 0.3 and status == 1
 
 
+def test_collisions_of_a_standing_arm_explain_its_balance(analysed, gravity, motion):
+    """A push by 0.2 rad is no fault of the model, unless nothing reports it."""
+    t, q = motion[0], motion[1]
+    bump = 0.2 * np.exp(-(((t - 2.0) / 0.2) ** 2))[:, None] * np.linspace(0.5, 1.0, 6)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
+    columns = t, q[0] + bump, np.gradient(bump, t, axis=0), gravity[0] + noise
+    for threshold, expected in ((1.0, 0), (1e3, 1)):
+        parameters = "external_torque.gain=25", f"external_torque.threshold={threshold}"
+        summary, text, status = analysed(*columns, parameters=parameters)
+        assert (
+            bool(summary["collisions"]) == ("collisions explain the rest" in text) == (not expected)
+        )
+        assert summary["explained"] < 0.8 and status == expected
+
+
 def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
     t, q, qd, tau = (one.copy() for one in motion)
     q[:, 5], qd[:, 5] = 4e-4 * np.sin(t), 2e-4 * np.cos(t)
@@ -468,7 +483,7 @@ def test_a_push_is_a_collision(analysed, ur5):
     ]  # r is larger at the joint before
     assert summary["peaks"]["external_torque"]["value"] == pytest.approx(25.0, rel=0.02)
     assert "1 collision with |r| above" in text and summary["explained"] < 0.8
-    assert "whose power no effort contains" in text
+    assert "collisions explain the rest: no effort contains their power" in text
     summary, text, _ = analysed(
         *pushed, parameters=["external_torque.gain=25", "alarm.joints=[elbow_joint=9]"]
     )
