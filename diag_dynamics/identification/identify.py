@@ -18,7 +18,17 @@ from diag_dynamics.identification.data_checks import check_efforts, check_motion
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import Carrier, Layout
 from diag_dynamics.identification.quality import effort_scale, quality_of
-from diag_dynamics.identification.regressors import OWN, Regressors, require_single_joints
+from diag_dynamics.identification.regressors import (
+    DAMPING,
+    FRICTION,
+    LOAD,
+    OFFSET,
+    OWN,
+    ROOT,
+    ROTOR,
+    Regressors,
+    require_single_joints,
+)
 from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
@@ -130,8 +140,8 @@ class FitData:
     those without each block relative to them, (blocks, nv).
 
     `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
-    model, `moving` the joints that move enough, `measured` those with efforts (bool), `findings` on the others, `duration`
-    the time of all [s].
+    model, `able` the joints that move enough for a column, `measured` those with efforts (bool), `findings` on the others,
+    `duration` the time of all [s].
 
     Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of references, `unloaded`,
     None without any. `parts` are the segments of each block with the joints that have efforts there (bool).
@@ -154,11 +164,11 @@ class FitData:
         for one in self.datasets if with_gains else ():
             one.scale_efforts(model, self.gains[0])
         self.relations = [check_efforts(model, one) for one in self.datasets]
-        self.moving, self.findings = check_motion(
-            model, self.datasets, np.array(sliding_dofs(model))
-        )
+        able, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.measured = np.any([one.known for one in self.datasets], axis=0)
-        self.moving &= self.measured
+        able &= self.measured
+        self.able = {OFFSET: able[0], DAMPING: able[1], FRICTION: able[1]}
+        self.able |= dict.fromkeys((ROTOR, LOAD, ROOT), able[2])
         self.duration = sum(one.duration for one in self.datasets)
         self.use_load_of(model)
         if with_gains:

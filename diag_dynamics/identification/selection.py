@@ -76,8 +76,11 @@ class Selection:
         self.layout, self.warnings, self.taken = Layout(model, data.regressors, payload), [], []
         self.asks_for_joints = bool(steps)
         self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
-        self._moving = data.moving if steps else np.zeros(model.nv, dtype=bool)
-        if steps and not self._moving.any() and not payload:
+        self._moving = {
+            step: np.any([data.able[column] for column in columns], axis=0) & bool(steps)
+            for step, columns in BY_JOINT.items()
+        }
+        if steps and not data.able[FRICTION].any() and not payload:
             files = ", ".join(one.name for one in data.datasets)
             raise InputError(f"{files}: no joint moves enough: {data.findings[-1].text}.")
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
@@ -87,12 +90,12 @@ class Selection:
         self._loaded = np.array(
             [one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]]
         )
-        self._own = dict.fromkeys(BY_JOINT, self._moving)
+        self._own = dict(self._moving)
         self.kept = {step: {} for step in BY_JOINT}
         if self.layout.known[self.layout.own(ROTOR)].any():
             self._choose_rotors(steps)
         impossible = {"rotors"} if self.layout.without_rotors else set()
-        impossible |= set() if self._moving.any() else set(BY_JOINT)
+        impossible |= {step for step, joints in self._moving.items() if not joints.any()}
         self._select([step for step in steps if step not in impossible])
 
     @property
@@ -109,11 +112,15 @@ class Selection:
         free[self.layout.robot :] = True
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
-                free[self.layout.own(column)] = own[step] & (self._loaded | (column != LOAD))
+                free[self.layout.own(column)] = (
+                    own[step] & self._data.able[column] & (self._loaded | (column != LOAD))
+                )
         for places, rates in zip(self.layout.motors, self._model.motor_rates, strict=True):
             turned = rates != 0.0
             free[places] = (
-                "friction" in steps and self._moving[turned].all() and own["friction"][turned].any()
+                "friction" in steps
+                and self._data.able[FRICTION][turned].all()
+                and own["friction"][turned].any()
             )
         return free
 
@@ -235,11 +242,11 @@ class Selection:
             [one for one in STEPS if one in self.taken or one == step],
         )
         candidates = (
-            self._moving & ~(self._own[step] & again)
+            self._moving[step] & ~(self._own[step] & again)
             if step in BY_JOINT
-            else np.ones_like(self._moving)
+            else np.ones(self._model.nv, dtype=bool)
         )
-        joints = {step: self._moving} if step in BY_JOINT else {}
+        joints = {step: self._moving[step]} if step in BY_JOINT else {}
         found = self.cross_validate(self.free(steps, **joints))
         without, own = self.residuals(self.squares), self.residuals(found[1])
         gains = np.where(
@@ -250,7 +257,7 @@ class Selection:
             self.kept[step] = {
                 self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept
             }
-            joints = {step: self._moving & ~np.isin(np.arange(len(gains)), kept)}
+            joints = {step: self._moving[step] & ~np.isin(np.arange(len(gains)), kept)}
             found = (
                 self.cross_validate(self.free(steps, **joints))
                 if 0 < len(kept) < candidates.sum()

@@ -387,6 +387,22 @@ def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in said
 
 
+def test_each_parameter_has_its_own_motion(arm):
+    """The elbow moves over 0.3 rad, the pan only forward: an offset requires neither range nor both directions."""
+    t, q, qd, _ = motion()
+    q[:, 2], qd[:, 2] = 0.3 * q[:, 2] / np.ptp(q[:, 2]), 0.3 * qd[:, 2] / np.ptp(q[:, 2])
+    q[:, 0], qd[:, 0] = 0.1 * t, 0.1
+    tau = dd.DiagonalDynamics(arm).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+    tau = tau + 0.03 * np.tanh(qd / 5e-3) * [0.0, 1.0, 1.0] + 0.05
+    joints = dd.identify(
+        recording(t, q, qd, tau + noise(tau, 0.01)), arm, "friction"
+    ).parameters.joints
+    assert joints["elbow"].friction == pytest.approx(0.03, rel=0.1)
+    assert joints["pan"].friction is None
+    for name in arm.dof_names:
+        assert joints[name].effort_offset == pytest.approx(0.05, rel=0.1)
+
+
 def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
     """Stiction of standing joints carries any torque. A fault of a joint that moves names its file."""
     t, q, qd, tau = motion()
