@@ -6,6 +6,7 @@
 import numpy as np
 
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.fit import jackknife
 from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.optional import require
 
@@ -66,11 +67,10 @@ class BaseParameters:
         layout, E = self._layout, self.matrix
         robot, start = fit.x[: layout.robot], layout.known[: layout.robot]
         noise = np.einsum("ij,jk,ik->i", E, fit.covariance[: layout.robot, : layout.robot], E)
-        changes = (fits - fits.mean(axis=0))[:, : layout.robot] @ E.T
-        jackknife = (len(fits) - 1) / len(fits) * (changes**2).sum(axis=0)
+        changing = jackknife(fits[:, : layout.robot] @ E.T)
         fitted = free[: layout.robot][layout.inertial[: layout.robot]].any()
         deviations = (
-            np.sqrt(np.maximum(np.maximum(noise, 0.0), jackknife)) if fitted else [None] * len(E)
+            np.sqrt(np.maximum(np.maximum(noise, 0.0), changing)) if fitted else [None] * len(E)
         )
         singular, from_data = self._excitation(sums, fit.x, free)
         values = [np.where(np.abs(E @ x) < ZERO, 0.0, E @ x) for x in (robot, start)]

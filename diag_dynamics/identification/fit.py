@@ -40,6 +40,7 @@ ROUNDS, CONVERGED = (
     5,
     0.02,
 )  # rounds of weights by residual variance, and its relative change that ends them
+GAIN_DEVIATION = 0.05  # standard deviation of the gain of a joint's effort, beside a payload
 FALLING, MAX_ROUNDS = 0.5, 30  # without noise variances fall by this factor, and rounds go on
 MIN_VARIANCE = 1e-10  # smallest variance of the residual, relative to the effort's mean square
 BALL = inertias.of_body(
@@ -68,10 +69,11 @@ class Carrier(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Unknowns, their covariance, and the fraction of each that the rows determine: diag (A + γH)⁻¹A."""
+    """Unknowns, their covariance, that by priors and gains, and the fraction that rows determine: diag (A + γH)⁻¹A."""
 
     x: np.ndarray
     covariance: np.ndarray
+    by_gains: np.ndarray
     determined: np.ndarray
 
 
@@ -130,23 +132,35 @@ class Layout:
             for one in blocks
         }
 
-    def squares(self, rows, x):
-        """Return the sum of squared residuals of each degree of freedom."""
+    def squares(self, rows, x, any_gain=False):
+        """Return the sum of squared residuals of each degree of freedom, of :meth:`Regressors.residual_squares`."""
         own, carrying = x[: self.robot], x[: self.robot].copy()
         if self.payload:
             carrying[self._carrier] += self._placed @ x[self.robot :]
         return sum(
-            self.regressors.residual_squares(sums, carrying if loaded else own)
+            self.regressors.residual_squares(sums, carrying if loaded else own, any_gain)
             for sums, loaded in rows
         )
 
     def mean_squares(self, rows, x):
         """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
-        return self.squares(rows, x) / max(sum(sums[-1] for sums, _ in rows), 1e-300)
+        return self.squares(rows, x) / _sum_weights(rows)
+
+    def variance(self, rows, x):
+        """Return the variance of rows of each degree of freedom.
+
+        Beside a payload it is the same for any error of the gains: a small residual of a wrong gain is chance.
+        """
+        efforts = np.maximum(self.mean_squares(rows, np.zeros(self.size)), 1e-12)
+        if self.payload:
+            residual = self.squares(rows, x, any_gain=True) / _sum_weights(rows)
+            return residual + GAIN_DEVIATION**2 * efforts
+        return np.maximum(self.mean_squares(rows, x), MIN_VARIANCE * efforts)
 
     def weighted(self, rows, variance):
-        """Return A and b over all rows."""
-        A, b, own = np.zeros((self.size, self.size)), np.zeros(self.size), slice(self.robot)
+        """Return A and b over all rows, b by degree of freedom."""
+        A, own = np.zeros((self.size, self.size)), slice(self.robot)
+        b = np.zeros((self.size, self.model.nv))
         for sums, loaded in rows:
             square, right = self.regressors.weighted(sums, variance)
             A[own, own] += square
@@ -158,6 +172,10 @@ class Layout:
                 A[carried, carried] += self._placed.T @ across[self._carrier]
                 b[carried] += self._placed.T @ right[self._carrier]
         return A, b
+
+
+def _sum_weights(rows):
+    return max(sum(sums[-1] for sums, _ in rows), 1e-300)
 
 
 def fit_rows(layout, rows, free, weight, similar=None):
@@ -181,31 +199,42 @@ def fit_rows(layout, rows, free, weight, similar=None):
 
 def _fit(layout, rows, free, weight, base, similar=None):
     index, x = np.flatnonzero(free), layout.known.copy()
-    covariance, determined = np.zeros((layout.size, layout.size)), np.zeros(layout.size)
+    covariance, by_gains = np.zeros((2, layout.size, layout.size))
+    determined = np.zeros(layout.size)
     if not len(index):
-        return Fit(x, covariance, determined)
+        return Fit(x, covariance, by_gains, determined)
     start, bodies = _start(layout, free, weight, base)
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
     known, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
-    variance = scale = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
+    variance = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     if similar:
         start = similar.x
-        variance = np.maximum(layout.mean_squares(rows, start), MIN_VARIANCE * scale)
+        variance = layout.variance(rows, start)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
         problem = Problem(
-            A[np.ix_(index, index)], (b - A @ known)[index], bodies, positive, POSITIVE_WEIGHT
+            A[np.ix_(index, index)],
+            (b.sum(axis=1) - A @ known)[index],
+            bodies,
+            positive,
+            POSITIVE_WEIGHT,
         )
         near = turn > 0 or similar is not None
         x[index], hessian = solve(problem, x[index] if turn else start[index], near)
-        before, variance = variance, np.maximum(layout.mean_squares(rows, x), MIN_VARIANCE * scale)
+        before, variance = variance, layout.variance(rows, x)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
     inverse = _solve_scaled(hessian, np.eye(len(index)))
-    covariance[np.ix_(index, index)] = inverse
-    determined[index] = np.einsum("ij,ji->i", inverse, problem.A)
-    return Fit(x, covariance, determined)
+    residual = layout.mean_squares(rows, x)
+    noise, _ = layout.weighted(rows, before**2 / np.maximum(residual, MIN_VARIANCE * before))
+    by_rows = inverse @ problem.A
+    by_priors = inverse - by_rows @ inverse
+    gains = GAIN_DEVIATION * inverse @ b[index]
+    covariance[np.ix_(index, index)] = by_priors + inverse @ noise[np.ix_(index, index)] @ inverse
+    by_gains[np.ix_(index, index)] = by_priors + gains @ gains.T
+    determined[index] = np.diag(by_rows)
+    return Fit(x, covariance, by_gains, determined)
 
 
 def _start(layout, free, weight, base):
@@ -240,6 +269,11 @@ def _prior(model, body, weight):
             carried += inertias.moved(inertias.of_body(*payload), placement)
     carried *= whole[0] > carried[0]
     return inertias.floored(whole - carried), weight, -inertias.pseudo_inertia(carried)
+
+
+def jackknife(fits):
+    """Return variances of numbers, given them without each block in turn, (blocks, N)."""
+    return (len(fits) - 1) / len(fits) * ((fits - fits.mean(axis=0)) ** 2).sum(axis=0)
 
 
 class Body(NamedTuple):

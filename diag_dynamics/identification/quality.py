@@ -141,7 +141,7 @@ def quality_of(model, selection, data, last):
         else {},
         "deviations": deviations_of(layout, free, last, fits),
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
-        "payload": payload_certainty(layout, last) if layout.payload else None,
+        "payload": payload_certainty(layout, last, fits) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [
             *_shared_texts(data.datasets),

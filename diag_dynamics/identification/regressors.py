@@ -153,17 +153,25 @@ class Regressors:
         """Return the normal equations of consecutive states, without rows of joints whose effort is not known."""
         return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau, known))
 
-    def residual_squares(self, sums, x):
-        """Return sums of squared residuals of each degree of freedom, given all unknowns."""
+    def residual_squares(self, sums, x, any_gain=False):
+        """Return sums of squared residuals of each degree of freedom, given all unknowns.
+
+        With `any_gain` those that are left if another gain of the effort explains what it can.
+        """
         signed = [np.append(-x[columns], 1.0) for columns in self.columns]
-        return np.maximum([y @ one @ y for y, one in zip(signed, sums[:-1], strict=True)], 0.0)
+        squares = np.array([y @ one @ y for y, one in zip(signed, sums[:-1], strict=True)])
+        if any_gain:
+            along = np.array([one[-1] @ y for y, one in zip(signed, sums[:-1], strict=True)])
+            efforts = np.array([one[-1, -1] for one in sums[:-1]])
+            squares -= along**2 / np.maximum(efforts, 1e-300)
+        return np.maximum(squares, 0.0)
 
     def weighted(self, sums, variance):
-        """Return A and b over all rows, each degree of freedom's over its variance."""
-        A, b = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for columns, one, each in zip(self.columns, sums[:-1], variance, strict=True):
-            A[np.ix_(columns, columns)] += one[:-1, :-1] / each
-            b[columns] += one[:-1, -1] / each
+        """Return A and b over all rows, each degree of freedom's over its variance; b by degree of freedom, (size, nv)."""
+        A, b = np.zeros((self.size, self.size)), np.zeros((self.size, len(self.rows)))
+        for k, (columns, one) in enumerate(zip(self.columns, sums[:-1], strict=True)):
+            A[np.ix_(columns, columns)] += one[:-1, :-1] / variance[k]
+            b[columns, k] = one[:-1, -1] / variance[k]
         return A, b
 
 

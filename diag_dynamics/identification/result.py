@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.fit import jackknife
 from diag_dynamics.identification.regressors import (
     DAMPING,
     FRICTION,
@@ -115,8 +116,8 @@ def deviations_of(layout, free, fit, fits):
     The larger one of noise alone, and of fits without each block in turn (jackknife), which also contains what the model
     lacks.
     """
-    noise, changes = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), fits - fits.mean(axis=0)
-    larger = np.maximum(noise, np.sqrt((len(fits) - 1) / len(fits) * (changes**2).sum(axis=0)))
+    noise = np.maximum(np.diag(fit.covariance), 0.0)
+    larger = np.sqrt(np.maximum(noise, jackknife(fits)))
     places = [(key, layout.own(column)) for key, column in COLUMNS.items()]
     found = {
         name: {key: float(larger[at[k]]) for key, at in places if free[at[k]]}
@@ -191,16 +192,18 @@ def without_impossible_links(model, parameters):
     return replace(parameters, links=links, payloads=payloads), shared
 
 
-def payload_certainty(layout, fit):
-    """Return a payload's numbers with their standard deviations, as plain values."""
-    x, covariance = fit.x[layout.robot :], fit.covariance[layout.robot :, layout.robot :]
+def payload_certainty(layout, fit, fits):
+    """Return a payload's numbers with their standard deviations, as plain values.
+
+    Variances are those of the fits without each block in turn (jackknife), and those by priors and gains.
+    """
+    x, prior = fit.x[layout.robot :], fit.by_gains[layout.robot :, layout.robot :]
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
-    variances = np.einsum("ji,jk,ki->i", slopes, covariance, slopes)
-    deviations, (mass, centre, inertia) = (
-        np.sqrt(np.maximum(variances, 0.0)),
-        inertias.about_centre(x),
-    )
+    by_gains = np.maximum(np.einsum("ji,jk,ki->i", slopes, prior, slopes), 0.0)
+    left_out = np.array([_numbers(one) for one in fits[:, layout.robot :]])
+    deviations = np.sqrt(by_gains + jackknife(left_out))
+    mass, centre, inertia = inertias.about_centre(x)
     return {
         "link": layout.payload.link,
         "mass": mass,

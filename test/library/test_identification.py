@@ -176,7 +176,10 @@ def loaded(oracle):
     ("known", "seed"), list(some_of([(True, 11), (True, 12), (False, 12), (False, 11)], 2))
 )
 def test_payload(panda, known, seed):
-    """Ten seconds of noise: mass and centre, within their standard deviations; against a wrong robot by a reference run."""
+    """Ten seconds of noise: mass and centre, within their standard deviations; against a wrong robot by a reference run.
+
+    Gains, here exact, are uncertain by 5 %: no mass is more certain than the mean of seven joints.
+    """
     model, oracle = panda
     start = model if known else model.perturbed(0.35, seed)
     data = recording(start, loaded(oracle), seed, 10.0, noise=1.0, resist=np.zeros_like)
@@ -189,9 +192,9 @@ def test_payload(panda, known, seed):
     told, (mass, centre, _) = found.quality["payload"], LOAD
     assert told["mass"] == pytest.approx(mass, rel=6e-3)
     np.testing.assert_allclose(told["com"], centre, atol=3e-3)
-    assert abs(told["mass"] - mass) < 4.0 * told["mass_deviation"] < 0.05
+    assert abs(told["mass"] - mass) < 2.0 * told["mass_deviation"]
+    assert told["mass_deviation"] > 0.05 * mass / np.sqrt(7.0)
     assert (np.abs(told["com"] - centre) < 4.0 * np.array(told["com_deviation"])).all()
-    assert max(told["com_deviation"]) < 3e-3
     assert re.search("error of 20 to 50 %|not observable", told["inertia_known"])
     assert found.parameters.payloads["panda_hand"].mass == told["mass"]
     assert not found.parameters.links and not found.parameters.joints

@@ -14,6 +14,7 @@ import diag_dynamics as dd
 from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.fit import Layout
 from diag_dynamics.identification.regressors import Regressors
+from loads import Arm
 from motions import efforts, fourier, recorded
 from oracles import Oracle
 from robots import robot
@@ -124,6 +125,27 @@ def test_intervals_of_gains_and_of_what_depends_on_them(arm):
         pairs = zip(found.quality["effort_gain"].values(), GAINS, strict=True)
         own += errors(found) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
     require_coverage(own, 50, 0.85, 6.0)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["panda", "ur5"])
+def test_intervals_of_a_payload_contain_errors_of_gains(name):
+    """Of 20 recordings with gains that are wrong by 5 %, each joint's by its own; σ is the spread of the errors."""
+    arm, errors, deviations = Arm(name), [], []
+    mass, oracle = 2.0, arm.oracle({arm.link: (2.0, [0.03, -0.02, 0.08], 4e-3 * np.eye(3))})
+    model, t = arm.dynamics.model, np.arange(0.0, 20.0, 0.01)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        q, qd, qdd = arm.motion(rng, t, 1.7)
+        tau = efforts(oracle, q, qd, qdd) + 2.0 * qd + np.tanh(qd / V0)
+        noise = rng.normal(size=(3, *q.shape))
+        tau = tau * (1.0 + 0.05 * rng.normal(size=model.nv)) + 0.5 * noise[2]
+        data = recorded(model, t, q + 1e-4 * noise[0], qd + 1e-3 * noise[1], tau)
+        payload = dd.identify(data, model, ("friction", f"payload:{arm.link}")).quality["payload"]
+        errors.append(payload["mass"] - mass)
+        deviations.append(payload["mass_deviation"])
+    require_coverage(np.divide(errors, deviations), 20, 0.85, 4.0)
+    assert np.mean(deviations) < 1.3 * np.sqrt(np.mean(np.square(errors)))
 
 
 # --- Base parameters
