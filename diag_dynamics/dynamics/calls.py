@@ -22,6 +22,7 @@ from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, Singula
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
 from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
+from diag_dynamics.model.massless import joint_inertias
 from diag_dynamics.model.remarks import warn
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
@@ -144,10 +145,11 @@ class SweepCaller:
             return
         if problem and status > couplings.OPEN_LOOP:
             raise InputError(f"{problem}.")
-        # Factorized again in new memory: another thread may have used the shared one since.
-        own = self.model.new_workspace()
-        factorization.joint_inertias(own.robot, at.q, *np.empty((2, self.nv)))
-        raise_failure(self.model, status, own.work, at)
+        D = np.nan
+        if status > 0:  # in new memory: another thread may have used the shared one since
+            inertias, _ = joint_inertias(self.model, at.q, FollowerMotion(self.model))
+            D = inertias[self.model.bodies["dof"][status]]
+        raise_failure(self.model, status, D, at)
 
     def warn_of_loops(self) -> None:
         """Warn once that a loop is nearly singular at the last state."""
@@ -429,9 +431,8 @@ def _require_finite(at: States, values: Array, problem: str) -> None:
         raise InputError(f"{where}{problem}.")
 
 
-def raise_failure(model: RobotModel, status: int, work: Any, at: States) -> NoReturn:
-    """Raise the error of a kernel's status other than 0, from the `work` of its workspace."""
-    D = float(work["D"][status]) if status > 0 else np.nan
+def raise_failure(model: RobotModel, status: int, D: float, at: States) -> NoReturn:
+    """Raise the error of a kernel's status other than 0; D is that of a singular joint, otherwise NaN."""
     if np.isfinite(D):
         joint = model.dof_names[model.bodies["dof"][status]]
         raise SingularMassMatrixError(

@@ -52,7 +52,7 @@ class FollowerMotion:
     def __init__(self, model: Any) -> None:
         self.model, self.names = model, (*model.mimics, *model.followers)
         self._rows = [model.first_body(name) for name in self.names]
-        self.workspace = model.new_workspace()
+        self.workspace = model.new_workspace(eliminates=False)
 
     def memory(self) -> Array:
         """Return memory for sweeps.followers."""

@@ -30,6 +30,7 @@ from diag_dynamics.model.loops import (
     Loop,
     coupling_tables,
 )
+from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.mimic import Mimic
 from diag_dynamics.model.options import (
     Options,
@@ -49,7 +50,7 @@ from diag_dynamics.model.parameters import (
     read_parameters,
     reject_too_light,
 )
-from diag_dynamics.model.tree import Tree, massless_freedoms, positions_to_hold, reject_massless
+from diag_dynamics.model.tree import Tree
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.memory import Workspace
@@ -378,11 +379,11 @@ class RobotModel:
     @cached_property
     def workspace(self) -> Workspace:
         """Arguments of sweeps; shared, so only for those that write to no memory of the workspace."""
-        return self.new_workspace()
+        return self.new_workspace(eliminates=False)
 
-    def new_workspace(self) -> Workspace:
+    def new_workspace(self, eliminates: bool = True) -> Workspace:
         """Return arguments of sweeps with memory of their own."""
-        return Workspace(self.bodies, self.gravity, self.coupling_tables)
+        return Workspace(self.bodies, self.gravity, self.coupling_tables, eliminates)
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
         """Return this model with these texts in `omitted`, too."""

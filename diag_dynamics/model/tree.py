@@ -8,17 +8,13 @@ from collections import Counter
 import numpy as np
 
 from diag_dynamics import rotations
-from diag_dynamics.exceptions import MasslessLinkError, UrdfError
+from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import Mimic, coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
-from diag_dynamics.sweeps import factorization
-from diag_dynamics.sweeps.joints import SINGULAR
 from diag_dynamics.sweeps.records import BODY, LINK, VIRTUAL
 
 _UPPER = np.triu_indices(3)
-
-MAX_LISTED = 50  # largest number of joints that a message lists
 
 
 class MovingJoint:
@@ -352,77 +348,3 @@ def _displacement(joint, position):
     c, s = np.cos(position), np.sin(position)
     turn[:3, :3] = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
     return turn
-
-
-# --- Joints that move no inertia: the recursion finds them, they are named or locked
-
-
-def massless_freedoms(model):
-    """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
-    rng = np.random.default_rng(0)
-    own = model.new_workspace()
-    smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
-    turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
-    closed = model.start
-    for spread in (
-        (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05)
-    ):
-        q = closed.copy()
-        q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
-        D, magnitude = np.zeros(model.nv), np.zeros(model.nv)
-        if factorization.joint_inertias(own.robot, q, D, magnitude) != 0:
-            continue  # a loop cannot be closed there
-        massless &= ~(SINGULAR * magnitude < D)
-        smallest = np.minimum(smallest, D)
-    return np.flatnonzero(massless), smallest
-
-
-def positions_to_hold(model, found):
-    """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
-    at = {name: k for k, name in enumerate(model.coordinate_names)}
-    names = [name for name in _names_of(model, found[0]) if name in at]  # of one degree of freedom
-    return {
-        name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names
-    }
-
-
-def _names_of(model, dofs):
-    return [model.dof_names[k] for k in dofs]
-
-
-def reject_massless(model, tree, found):
-    """Raise, naming all joints that move no inertia, and their cures."""
-    massless, smallest = found
-    if not len(massless):
-        return
-    joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
-    own = [(link.inertial, body) for link, body, _ in tree.links]
-    heavy = {
-        body
-        for inertial, body in own
-        if inertial is not None and (inertial.mass or np.any(inertial.inertia))
-    }
-    lines = []
-    for k in massless[:MAX_LISTED]:
-        link = joints[k].joint.child if joints[k].joint else model.root_link
-        is_heavy = tree.last_body[joints[k].name] in heavy
-        why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
-        lines.append(
-            f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}"
-        )
-    if len(massless) > MAX_LISTED:
-        lines.append(f"… and {len(massless) - MAX_LISTED} more")
-    advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    if single := next(
-        (name for name in _names_of(model, massless) if name in model.coordinate_names), None
-    ):
-        advice += (
-            f" Or give the joint a rotor inertia (armature: {single}=…), or lock it "
-            f"(locked_joints: {single}=0, or massless: lock)."
-        )
-    raise MasslessLinkError(
-        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "
-        f"{'; '.join(lines)}. {advice}",
-        _names_of(model, massless),
-        smallest[massless],
-    )

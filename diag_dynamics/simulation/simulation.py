@@ -449,7 +449,8 @@ class Simulation:
         self._effort, self._wanted = effort, wanted
         if status:
             state = States(memory["q"], {"nu": memory["nu"]})
-            raise_failure(self.model, status, memory.workspace.work, state)
+            D = memory.workspace.work["D"][status] if status > 0 else np.nan
+            raise_failure(self.model, status, float(D), state)
         if self.model.flexible_links:
             warn_of_slopes(self.model, memory["q"])
 

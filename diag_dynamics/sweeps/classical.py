@@ -43,7 +43,7 @@ def aba_inward_group(robot, last, qd, qdd):
     first, Q = bodies[last].first, table[0]
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, qdd)
-    status = groups.eliminate(bodies, first, last, work, Q, False)
+    status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, qdd))

@@ -31,7 +31,7 @@ def _factorize_with_rates(bodies, q, qd, work, table):
         first = bodies[last].first
         groups.compose(bodies, first, last, work, table[0])
         groups.compose_rates(bodies, first, last, qd, work, table[1])
-        status = groups.eliminate(bodies, first, last, work, table[0], False)
+        status = groups.eliminate(bodies, first, last, work, table[0])
         for i in range(last, first - 1, -1):
             if status == 0 and groups.is_leader(bodies, i):
                 groups.eliminate_rate(bodies, first, i, work, table[0], table[1])

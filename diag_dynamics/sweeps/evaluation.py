@@ -172,7 +172,7 @@ def _inward_coupled(robot, last, qd, tau, out):
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
-    status = groups.eliminate(bodies, first, last, work, Q, False)
+    status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))

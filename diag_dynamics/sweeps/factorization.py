@@ -13,47 +13,41 @@ from diag_dynamics.sweeps import workspace as ws
 
 
 @nk.kernel
-def factor_joint(body, w, parent, lock_massless):
+def factor_joint(body, w, parent):
     """D and G of a body that is in no group (Algorithm 4.1); P⁺ goes to its parent. Returns whether it moves inertia."""
-    P = records.inertia_of(w.P)
-    D, column, G = joints.joint_inertia(body.direction, w.armature, P)
+    D, column, G = joints.joint_inertia(body.direction, w.armature, records.inertia_of(w.P))
     w.D, w.size = D, joints.scale_along(body.direction, w)
-    singular = joints.is_singular(w.size, D)
-    if singular and not lock_massless:
+    if joints.is_singular(w.size, D):
         return False
-    if not singular:
-        records.set_force(w.G, G)
+    records.set_force(w.G, G)
     if body.parent > 0:
-        if singular:
-            joints.accumulate_inertia(w, P, parent)
-        else:
-            X = records.placement_of(w)
-            joints.accumulate_scale(w, X, parent)
-            joints.propagate_inertia(w, G, column, X, parent)
+        X = records.placement_of(w)
+        joints.accumulate_scale(w, X, parent)
+        joints.propagate_inertia(w, G, column, X, parent)
     return True
 
 
 @nk.kernel
-def factorize_group(robot, last, lock_massless):
+def factorize_group(robot, last):
     """D and G of a group; returns a status."""
     bodies, _, work, table = ws.opened(robot)
     first = bodies[last].first
     groups.compose(bodies, first, last, work, table[0])
-    return groups.eliminate(bodies, first, last, work, table[0], lock_massless)
+    return groups.eliminate(bodies, first, last, work, table[0])
 
 
 @nk.large_kernel
-def factorize(robot, lock_massless=False):
-    """D and G of all initialized bodies; returns 0, or the body of a singular joint unless these are locked."""
+def factorize(robot):
+    """D and G of all initialized bodies; returns 0, or the body of a singular joint."""
     bodies, _, work, _ = ws.opened(robot)
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
         if groups.is_grouped(body):
-            status = ws.step_group(robot, ws.FACTORIZE, i, 1 if lock_massless else 0)
+            status = ws.step_group(robot, ws.FACTORIZE, i)
             if status != 0:
                 return status
-        elif not factor_joint(body, work[i], work[body.parent], lock_massless):
+        elif not factor_joint(body, work[i], work[body.parent]):
             return i
         i = body.first - 1
     return 0
@@ -79,20 +73,6 @@ def scale_by_inertia(bodies, work, exponent, x):
             x[bodies[i].dof] = (
                 x[bodies[i].dof] * factor if exponent > 0.0 else x[bodies[i].dof] / factor
             )
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
-def joint_inertias(robot, q, D, size):
-    """D of every joint and its size in is_singular; a singular joint counts as locked. Returns a status."""
-    bodies, _, work, _ = ws.opened(robot)
-    status = joints.initialize(bodies, q, work)
-    if status != 0:
-        return status
-    factorize(robot, True)
-    for i in range(1, len(bodies)):
-        if groups.is_leader(bodies, i):
-            D[bodies[i].dof], size[bodies[i].dof] = work[i].D, work[i].size
-    return 0
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_MATRIX)

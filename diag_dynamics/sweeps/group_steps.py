@@ -17,12 +17,12 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 def step(robot, which, i, x, y, out, columns):
     """Run a step at body i of a group; returns a status.
 
-    ws.INWARD: q̇, τ and `out` of evaluation.inward_group, a matrix of as many columns. ws.FACTORIZE:
-    `x` is `lock_massless`. ws.ABA_INWARD, ws.ABA_OUTWARD: q̇ and q̈. All but `x` of ws.FACTORIZE are addresses.
+    The others are addresses: for ws.INWARD q̇, τ and `out` of evaluation.inward_group, a matrix of as many columns, for
+    ws.ABA_INWARD and ws.ABA_OUTWARD q̇ and q̈.
     """
     at = ws.robot_of(robot)
     if which == ws.FACTORIZE:
-        return factorization.factorize_group(robot, i, x != 0)
+        return factorization.factorize_group(robot, i)
     qd, vector = _vector_at(x, (at.nv,)), _vector_at(y, (at.nv,))
     if which == ws.INWARD:
         return evaluation.inward_group(robot, i, qd, vector, _matrix_at(out, (ws.N_ROWS, columns)))

@@ -85,7 +85,7 @@ def compose(bodies, first, last, work, Q):
 
 
 @nk.large_kernel
-def eliminate(bodies, first, last, work, Q, lock_massless):
+def eliminate(bodies, first, last, work, Q):
     """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the base: see factorize."""
     start, base = bodies[first].start, bodies[first].parent
     for i in range(last, first - 1, -1):
@@ -95,12 +95,7 @@ def eliminate(bodies, first, last, work, Q, lock_massless):
         D, column = Q[c, c - start], records.force_of(w.G)
         w.D = D
         if joints.is_singular(w.size, D):
-            if not lock_massless:
-                return i
-            for b in range(start, c + 1):
-                Q[b, c - start] = 0.0
-            records.set_force(w.G, sp.NO_FORCE)
-            continue
+            return i
         inverse = 1.0 / D
         G = sp.scale_force(column, inverse)
         records.set_force(w.G, G)

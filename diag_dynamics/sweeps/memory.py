@@ -21,9 +21,11 @@ class Workspace:
         of a small robot. Keep the Workspace while a sweep runs.
     bodies, gravity, work, table : ndarray
         Those of the table.
+
+    For sweeps that eliminate no degrees of freedom `eliminates` may be False: then nothing is compiled for groups.
     """
 
-    def __init__(self, bodies, gravity, couplings=None):
+    def __init__(self, bodies, gravity, couplings=None, eliminates=True):
         moving, body = bodies[1:], np.arange(1, len(bodies))
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
@@ -40,7 +42,7 @@ class Workspace:
             self.work[name] = bodies[name]
         self.couplings = couplings and Couplings(self.bodies, self.work, nq, nv, couplings)
         lanes = np.zeros(len(bodies), records.LANES)
-        self._tables = couplings
+        self._options = couplings, eliminates
         self._addresses = Addresses(
             ws.ROBOT,
             bodies=self.bodies,
@@ -53,7 +55,7 @@ class Workspace:
             numbers=self.work.view(np.float64).reshape(len(bodies), -1),
             lanes=lanes,
             rows=lanes.view(np.float64).reshape(len(bodies), -1),
-            group_step=group_steps.step.address if grouped.any() else 0,
+            group_step=group_steps.step.address if eliminates and grouped.any() else 0,
         )
         self.robot = self._addresses.at
 
@@ -61,5 +63,5 @@ class Workspace:
         return type(self), (
             self.bodies,
             self.gravity,
-            self._tables,
+            *self._options,
         )  # addresses would be those of the original

@@ -59,7 +59,7 @@ INWARD, FACTORIZE, ABA_INWARD, ABA_OUTWARD = range(4)
 
 
 @nk.kernel
-def step_group(robot, step, i, x, y=0, out=0, columns=0):
+def step_group(robot, step, i, x=0, y=0, out=0, columns=0):
     """Run a step at body i of a group; the other arguments and the result are those of group_steps.step."""
     return call_address(robot_of(robot).group_step, (robot, step, i, x, y, out, columns))
 
