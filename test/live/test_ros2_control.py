@@ -101,6 +101,8 @@ class States:
         self._peer.wait_until(lambda: self._raw and stamp_of(self._raw[-1]) >= end, "states")
         self._peer.node.destroy_subscription(self._subscription)
         messages = [deserialize_message(raw, JointState) for raw in self._raw]
+        # joint_state_broadcaster may begin with a message that lacks values
+        messages = [message for message in messages if len(message.effort) == len(NAMES)]
         order = [messages[0].name.index(name) for name in NAMES]
         self.position = np.array([message.position for message in messages])[:, order]
         self.velocity = np.array([message.velocity for message in messages])[:, order]
