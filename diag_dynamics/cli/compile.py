@@ -45,6 +45,7 @@ UNITS = {
     "sweeps.mobilities": 1,
     "sweeps.followers": 1,
     "sweeps.alarms": 1,
+    "sweeps.limits": 1,
     "identification.regressors": 1,
 }
 """Modules with entry kernels, and their time to compile one after the other [CPU-s], the longest first."""
