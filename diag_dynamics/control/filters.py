@@ -172,7 +172,7 @@ class Limits:
         if self._is_new:
             self.reset(self.gravity_compensation)
         if self._springs:
-            command = self._springs.filter(q, qd, command)
+            command = self._springs.filter(q, qd, command, h)
         command = unlimited = self._rate.scaled(command, period)
         if self.energy:
             command = self.energy.filter(q, qd, command, h, external)

@@ -28,6 +28,9 @@ from diag_dynamics.sweeps.limits import project
 HEAVY = 0.9
 """Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
 
+SPRING, DAMPER = 0.2, 0.5
+"""Maximum impulses of springs and dampers at position limits in a cycle; see :class:`PositionRepulsion`."""
+
 AIM = 0.99
 """Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle."""
 
@@ -139,7 +142,9 @@ class PositionRepulsion:
 
     d is the depth of the joint in the margin, at most the margin: beyond the limit the spring is no stronger than at it.
     The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that damps rates or regulates a pose, and their
-    damping only removes energy. Under such a law a robot of less than ½k margin² of V + U reaches no hard stop.
+    damping only removes energy. Under such a law a robot of less than ½k margin² of V + U reaches no hard stop. In a cycle
+    of length h the impulse of a spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇, with the inertia D of the
+    joint while all others are free: more would drive a light joint.
 
     The margin > 0 [rad, m] from the limits inward is at most half of a joint's range. The stiffness is k > 0 [N m/rad, N/m],
     the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
@@ -163,7 +168,7 @@ class PositionRepulsion:
                 raise InputError(
                     f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in."
                 )
-        dynamics.compile("epsilon_from_tau")
+        dynamics.compile("epsilon_from_tau", "factors")
 
     def depth(self, q: VectorLike) -> Array:
         """Return the depth in the margin [rad, m], shape (nv,): positive at the upper end, negative at the lower."""
@@ -184,11 +189,18 @@ class PositionRepulsion:
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
         return -self.stiffness * d - self.damping * outward * qd
 
-    def filter(self, q: VectorLike, qd: VectorLike, command: Command) -> Command:
-        """Return the command with these efforts added; q [rad, m] and qd [rad/s, m/s], each of shape (nv,), are its state."""
-        effort = self.effort(q, qd)
+    def filter(self, q: VectorLike, qd: VectorLike, command: Command, period: float) -> Command:
+        """Return the command with these efforts added at positions q [rad, m] and rates qd [rad/s, m/s].
+
+        `period` is h > 0, until the next command [s].
+        """
+        qd = vector("qd", qd, self.dynamics.model.dof_names)
+        effort, h = self.effort(q, qd), positive("period", period, "[s]")
         if not effort.any():
             return command
+        inertia = 1.0 / np.square(self.dynamics.factors(q).l).sum(axis=0)
+        bound = inertia * (SPRING * np.abs(self.depth(q)) / h + DAMPER * np.abs(qd)) / h
+        effort = np.clip(effort, -bound, bound)
         added = self.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 
