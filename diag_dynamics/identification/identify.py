@@ -16,7 +16,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.data_checks import check_efforts, check_motion, find_gains
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
-from diag_dynamics.identification.fit import Carrier, Layout
+from diag_dynamics.identification.fit import Carrier, ConvergenceError, Layout
 from diag_dynamics.identification.quality import effort_scale, quality_of
 from diag_dynamics.identification.regressors import (
     DAMPING,
@@ -120,7 +120,16 @@ def identify(
     payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
     data = FitData(model, payloads, recordings, reference, "gains" in names)
     payload = payloads[0] if asked else None
-    selection = Selection(model, steps, payload, data)
+    try:
+        selection = Selection(model, steps, payload, data)
+    except ConvergenceError as error:
+        if not asked:
+            raise
+        text = f"{error} Leave payload:{asked[0]} out of what"
+        if not steps or reference is not None:
+            raise ConvergenceError(f"{text}.") from error
+        selection = Selection(model, steps, None, data)
+        selection.warnings.append(f"no payload was identified: {text}")
     last, free = selection.fit_all(), selection.free(selection.taken)
     quality, curves = quality_of(model, selection, data, last)
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for

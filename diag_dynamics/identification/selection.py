@@ -8,7 +8,12 @@ import copy
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.fit import MIN_VARIANCE, Layout, fit_rows
+from diag_dynamics.identification.fit import (
+    MIN_VARIANCE,
+    ConvergenceError,
+    Layout,
+    fit_rows,
+)
 from diag_dynamics.identification.regressors import (
     DAMPING,
     FRICTION,
@@ -234,6 +239,13 @@ class Selection:
         }
 
     def _try_step(self, step):
+        """Take a step if its fit converges and reduces the residual enough; else return why not."""
+        try:
+            return self._judge_step(step)
+        except ConvergenceError:
+            return f"{step}: the model's values are kept, because the fit does not converge. Leave {step} out of what"
+
+    def _judge_step(self, step):
         """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
         if step == "gears":
             self._update_load()

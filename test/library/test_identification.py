@@ -13,6 +13,8 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.identification import inertias
+from diag_dynamics.identification.fit import ConvergenceError, fit_rows
+from diag_dynamics.identification.regressors import ROTOR
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.model.parameters import urdf_with
 from examples import shortened, some_of
@@ -340,6 +342,24 @@ def test_arguments_are_checked(noisy, key):
         dd.identify(*WRONG[key](noisy))
     with pytest.raises(dd.InputError, match="what is 'friction'; expected payload"):
         dd.identify(noisy, noisy.model, "friction", reference=noisy)
+
+
+@pytest.mark.parametrize("part", ["rotors", "payload:panda_hand"])
+def test_a_part_whose_fit_does_not_converge_is_left_out(panda, noisy, monkeypatch, part):
+    """The others are identified, and a warning names it; alone it is an error."""
+
+    def fit(layout, rows, free, *others):
+        if free[layout.own(ROTOR)].any() if part == "rotors" else layout.payload:
+            raise ConvergenceError("The identification did not converge within 400 Newton steps.")
+        return fit_rows(layout, rows, free, *others)
+
+    monkeypatch.setattr("diag_dynamics.identification.selection.fit_rows", fit)
+    found = dd.identify(noisy, panda[0], ("friction", part))
+    assert found.quality["taken"] == ["friction"]
+    assert any(f"Leave {part} out of what" in text for text in found.quality["warnings"])
+    if part != "rotors":
+        with pytest.raises(ConvergenceError, match=f"Leave {part} out of what"):
+            dd.identify(noisy, panda[0], part)
 
 
 @pytest.fixture(scope="module")
