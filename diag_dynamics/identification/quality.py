@@ -156,6 +156,8 @@ def quality_of(model, selection, data, last):
             "the model's links, and other joints remain unknown"
         )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
+    if layout.payload:
+        quality["warnings"] += _warn_of_reach(model, layout.payload, quality["payload"])
     first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = (
         np.nan
     )
@@ -216,6 +218,21 @@ def _factors(names, relations):
         name: [factor, error] if np.isfinite(error + factor) else None
         for name, (error, factor) in zip(names, best, strict=True)
     }
+
+
+def _warn_of_reach(model, carrier, payload):
+    """Return a warning of a payload's centre beyond the reach of the arm to its link."""
+    reach, body = np.linalg.norm(carrier.placement[:3, 3]), carrier.body
+    while body > 0:
+        reach += np.linalg.norm(model.bodies["translation"][body])
+        body = int(model.bodies["parent"][body])
+    distance = np.linalg.norm(payload["com"])
+    if distance <= reach:
+        return []
+    return [
+        f"payload of {carrier.link}: its centre is {distance:.2g} m from the link, beyond the arm's reach of {reach:.2g} m. "
+        "Mass and centre are not credible. Check the mounting of the base and the efforts of the last joints"
+    ]
 
 
 def _warnings(quality, without_reference, nothing):

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from coupling import with_payloads
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import ConvergenceError, fit_rows
 from diag_dynamics.identification.regressors import ROTOR
@@ -205,6 +206,21 @@ def test_payload(panda, known, seed):
         any("assume a correct model of the robot" in text for text in found.quality["warnings"])
         == known
     )
+
+
+def test_a_centre_beyond_the_reach_of_the_arm_is_named(panda):
+    """The Panda reaches 1.4 m."""
+    model, oracle = panda
+    t, q, qd, qdd = motion(model, 5, 10.0, 100.0)
+    light = Oracle(
+        with_payloads(PANDA, {"panda_hand": (0.2, [3.0, 0.0, 0.0], 0.01 * np.eye(3))}),
+        model.dof_names,
+        locked_joints=HELD,
+    )
+    for arm, named in ((loaded(oracle), False), (light, True)):
+        tau = efforts(arm, q, qd, qdd)
+        found = dd.identify(recorded(model, t, q, qd, tau), model, "payload:panda_hand")
+        assert any("beyond the arm's reach" in text for text in found.quality["warnings"]) == named
 
 
 def test_a_negative_payload(panda):
