@@ -224,6 +224,13 @@ class FitData:
         ]
         self.unloaded = sum(sums) if sums else None
 
+    def sum_recordings(self):
+        """Return the normal equations of each recording."""
+        add = self.regressors.sum_segment
+        return [
+            sum(add(*segment.columns, one.known) for segment in one.segments) for one in self.loaded
+        ]
+
     def _cut_blocks(self, segments):
         """Return normal equations and segments of blocks, given all segments."""
         duration, elapsed = sum(segment.duration for segment, _ in segments), 0.0

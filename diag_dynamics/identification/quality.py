@@ -28,6 +28,7 @@ MIN_SMOOTHED, EDGE = (
     1.0,
     0.2,
 )  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
+ERRORS = 3.0  # standard deviations by which payloads of recordings may differ
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 MAX_STEPS = 900  # of a curve: twice the pixels that they are drawn on
 
@@ -158,6 +159,7 @@ def quality_of(model, selection, data, last):
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     if layout.payload:
         quality["warnings"] += _warn_of_reach(model, layout.payload, quality["payload"])
+        quality["warnings"] += _warn_of_payloads(selection, data, last)
     first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = (
         np.nan
     )
@@ -232,6 +234,24 @@ def _warn_of_reach(model, carrier, payload):
     return [
         f"payload of {carrier.link}: its centre is {distance:.2g} m from the link, beyond the arm's reach of {reach:.2g} m. "
         "Mass and centre are not credible. Check the mounting of the base and the efforts of the last joints"
+    ]
+
+
+def _warn_of_payloads(selection, data, fit):
+    """Return a warning of recordings whose payloads differ by more than their deviations allow."""
+    if len(data.loaded) == 1:
+        return []
+    masses, deviations = np.transpose(selection.payload_by_recording(fit))
+    lightest, heaviest = int(np.argmin(masses)), int(np.argmax(masses))
+    allowed = ERRORS * np.hypot(deviations[lightest], deviations[heaviest])
+    if masses[heaviest] - masses[lightest] <= allowed:
+        return []
+    texts = [
+        f"{data.loaded[k].name} {masses[k]:.3g} ± {deviations[k]:.1g} kg"
+        for k in (lightest, heaviest)
+    ]
+    return [
+        f"recordings have different payloads: {', '.join(texts)}. Identify each payload from its own recordings"
     ]
 
 

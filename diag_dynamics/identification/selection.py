@@ -138,6 +138,17 @@ class Selection:
         free = self.free(self.taken)
         return np.array([self._fit_to(sums, free).x for sums in self._data.left_out()])
 
+    def payload_by_recording(self, fit):
+        """Return mass and standard deviation of the payload in each recording, other unknowns as in a fit."""
+        layout, mass = copy.copy(self.layout), self.layout.robot
+        layout.known, masses = fit.x, []
+        free = np.arange(layout.size) >= mass
+        for sums in self._data.sum_recordings():
+            fit = fit_rows(layout, [(sums, True)], free, self._weight)
+            variance = fit.covariance[mass, mass] + fit.by_gains[mass, mass]
+            masses.append((float(fit.x[mass]), float(np.sqrt(variance))))
+        return masses
+
     def with_payload(self, payload):
         """Return mass and score of a payload that is fitted beside the steps that were taken."""
         trial = copy.copy(self)

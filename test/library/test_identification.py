@@ -223,6 +223,20 @@ def test_a_centre_beyond_the_reach_of_the_arm_is_named(panda):
         assert any("beyond the arm's reach" in text for text in found.quality["warnings"]) == named
 
 
+def test_recordings_of_different_payloads_are_named(panda):
+    """Two with the same payload are not."""
+    model, oracle = panda
+    same, other = (
+        recording(model, loaded(oracle), seed, 10.0, 100.0, 1.0, resist=np.zeros_like)
+        for seed in (1, 2)
+    )
+    without = recording(model, oracle, 2, 10.0, 100.0, 1.0, resist=np.zeros_like)
+    for data, named in (([same, other], False), ([same, without], True)):
+        found = dd.identify(data, model, "payload:panda_hand")
+        text = " ".join(found.quality["warnings"])
+        assert ("have different payloads: recordings[1]" in text) == named
+
+
 def test_a_negative_payload(panda):
     """The model has a hand that the robot lacks: its mass is found, and the links that are left are physical."""
     model, _ = panda
