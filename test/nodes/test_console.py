@@ -93,6 +93,18 @@ def test_efforts_that_gravity_contradicts(peer):
         assert line.startswith("all efforts are 0, but gravity requires others")
 
 
+def test_description_of_another_type(peer):
+    """Without a robot a line names the publisher of robot_description that cannot be used."""
+    with Monitor(peer, "/wrong", outputs=[]) as monitor:
+        node = peer.extra_node("describer", "/", apart=True)
+        node.create_publisher(JointState, "/wrong/robot_description", 1)
+        peer.pass_time(12.0)
+        (line,) = lines(monitor, "joint states")
+        assert line.startswith("/describer publishes sensor_msgs/msg/JointState on /wrong/")
+        peer.drop_node(node)
+        assert monitor.next_report().entries["joint states"].message == "no robot yet"
+
+
 def test_start_before_the_driver(peer):
     """A driver that starts within two seconds leaves no line; without one there is one line."""
     with Monitor(peer, "/early", outputs=[], robot_description=ARM.path) as monitor:

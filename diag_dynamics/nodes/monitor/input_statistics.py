@@ -85,7 +85,7 @@ class InputStatistics:
         if self.last_rejection:
             values["last rejection"] = self.last_rejection
         if not problems and not any(recent[outcome] for outcome in PUBLISHED):
-            return Status("joint states", *_silence(recent), values)
+            return Status("joint states", *_silence(robot, recent), values)
         status = problem_status("joint states", problems, "publishing", values)
         return status._replace(level=ERROR) if recent["rejected: open loop"] else status
 
@@ -101,8 +101,10 @@ class InputStatistics:
         return problems
 
 
-def _silence(recent):
+def _silence(robot, recent):
     """Return level and text of an interval without a state and without a problem."""
+    if robot is None:
+        return STALE, "no robot yet"
     if recent["awaiting velocity"]:
         return WARN, "no velocity estimate yet"
     if recent["received"]:

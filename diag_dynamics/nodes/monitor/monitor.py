@@ -43,7 +43,7 @@ from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.text import shortened
 
 START_PERIOD = 2.0
-"""Time [s] in which the first joint state of a new robot may arrive without a warning."""
+"""Time [s] after a start, or after a new robot, without warnings of inputs that are silent."""
 
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
@@ -61,7 +61,7 @@ class MonitorNode(TableNode, Node):
         require_thresholds(self.overrides)
         self._settings = Settings.of(self.values)
         self._robot = self._refused = None  # in force; a description that is not
-        self._revision = 0
+        self._revision, self._started = 0, self.time.steady()
         self._statistics = InputStatistics(self.time.steady)
         self._outputs = Outputs(self)
         for topic in TYPES:
@@ -153,7 +153,7 @@ class MonitorNode(TableNode, Node):
     def _put_in_force(self, robot):
         if self._robot:
             self._statistics.keep(self._robot)
-        self._robot, self._refused, self._in_force_at = robot, None, self.time.steady()
+        self._robot, self._refused, self._started = robot, None, self.time.steady()
         self._reaction.end()
         self._revision = robot.revision
         log = self.get_logger()
@@ -393,11 +393,8 @@ class MonitorNode(TableNode, Node):
     def _report(self):
         robot, counts = self._robot, self._statistics.counts
         states = self._statistics.report(robot, self.time.now(), *self._notes())
-        if robot is None:
-            states = states._replace(level=STALE, message="no robot yet")
-        elif not (counts["received"] or counts["odometry received"]) and (
-            self.time.steady() - self._in_force_at < START_PERIOD
-        ):
+        is_starting = self.time.steady() - self._started < START_PERIOD
+        if is_starting and not (counts["received"] or counts["odometry received"]):
             states = states._replace(level=STALE)
         statuses = [
             states,
