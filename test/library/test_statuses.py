@@ -56,6 +56,14 @@ def every_second(*phases):
     [
         ([(OK, "fine", 99)], []),
         ([(STALE, "no state", 99)], []),
+        (
+            [(WARN, "bad", 20), (STALE, "no state", 20), (WARN, "bad", 20), (STALE, "no state", 9)],
+            [(0.0, WARN, "x: bad 7"), (40.0, WARN, "x: bad 7")],
+        ),
+        (
+            [(WARN, "bad", 20), (STALE, "no state", 20), (OK, "fine", 20)],
+            [(0.0, WARN, "x: bad 7"), (40.0, OK, "x: fine (after 40 s)")],
+        ),
         ([(OK, "fine", 3), (WARN, "bad", 50)], [(3.0, WARN, "x: bad 7")]),
         (
             [(WARN, "bad", 20), (OK, "fine", 30)],

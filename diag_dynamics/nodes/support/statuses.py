@@ -69,13 +69,14 @@ class _Entry:
 
     def update(self, status, now):
         """Note a change of the fault."""
-        fault = (status.level, status.message) if status.level in (WARN, ERROR) else NO_FAULT
+        is_fault, was_fault = (level in (WARN, ERROR) for level in (status.level, self.fault[0]))
+        fault = (status.level, status.message if is_fault else "")
         if fault == self.fault:
             return
-        if fault == NO_FAULT:
+        if status.level == OK:
             self.duration = now - self.begins
-        else:
-            self.begins = now if self.fault == NO_FAULT else self.begins
+        elif is_fault:
+            self.begins = self.begins if was_fault else now
             if not status.is_logged:
                 text = status.log or status.message
                 self.texts[text] = self.texts.pop(text, 0) + 1  # the newest is the last one
@@ -108,7 +109,10 @@ class StatusLog:
     def _line(self, status, now):
         entry = self._entries.setdefault(status.name, _Entry())
         entry.update(status, now)
-        level, elapsed = entry.fault[0], now - entry.logged_at
+        if status.level == STALE and not entry.texts:  # no end of a fault
+            return None
+        level = OK if status.level == STALE else status.level
+        elapsed = now - entry.logged_at
         if elapsed >= self._period:
             entry.logged_level = OK
         elif level <= entry.logged_level:
@@ -120,5 +124,6 @@ class StatusLog:
             entry.logged_at, entry.logged_level = now, max(level, WARN)
             return entry.logged_level, f"{status.name}: {text}"
         if was_open and not entry.is_open and entry.duration >= MIN_DURATION:
+            entry.logged_at = now
             return OK, f"{status.name}: {status.message} (after {entry.duration:.0f} s)"
         return None
