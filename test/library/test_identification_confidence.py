@@ -130,7 +130,10 @@ def test_intervals_of_gains_and_of_what_depends_on_them(arm):
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["panda", "ur5"])
 def test_intervals_of_a_payload_contain_errors_of_gains(name):
-    """Of 20 recordings with gains that are wrong by 5 %, each joint's by its own; σ is the spread of the errors."""
+    """Of 20 recordings with gains that are wrong by 5 %, each joint's by its own.
+
+    σ is at most twice the errors' spread, which 20 runs give to 16 %.
+    """
     arm, errors, deviations = Arm(name), [], []
     mass, oracle = 2.0, arm.oracle({arm.link: (2.0, [0.03, -0.02, 0.08], 4e-3 * np.eye(3))})
     model, t = arm.dynamics.model, np.arange(0.0, 20.0, 0.01)
@@ -145,7 +148,7 @@ def test_intervals_of_a_payload_contain_errors_of_gains(name):
         errors.append(payload["mass"] - mass)
         deviations.append(payload["mass_deviation"])
     require_coverage(np.divide(errors, deviations), 20, 0.85, 4.0)
-    assert np.mean(deviations) < 1.3 * np.sqrt(np.mean(np.square(errors)))
+    assert np.mean(deviations) < 2.0 * np.sqrt(np.mean(np.square(errors)))
 
 
 # --- Base parameters
