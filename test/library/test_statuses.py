@@ -10,6 +10,7 @@ from diag_dynamics.nodes.support.statuses import (
     OK,
     STALE,
     WARN,
+    RepeatLimit,
     Status,
     StatusLog,
     without_numbers,
@@ -111,6 +112,16 @@ def test_fault_that_the_node_has_logged():
     log, fault = StatusLog(period=10.0), Status("x", WARN, "hit", is_logged=True)
     assert log.lines([fault], 0.0) == log.lines([fault], 5.0) == []
     assert log.lines([Status("x", OK, "free")], 12.0) == [(OK, "x: free (after 12 s)")]
+    statuses = [fault, Status("x", OK, "free")]
+    times = [at for at in range(14, 40, 2) if log.lines([statuses[at // 2 % 2 - 1]], float(at))]
+    assert times == [24, 36]  # one in ten seconds
+
+
+def test_repeated_events():
+    """Another event has a line at once, an equal one after ten seconds."""
+    limit, events = RepeatLimit(), [(0.0, "a"), (0.5, "b"), (1.0, "b"), (9.9, "a"), (10.0, "a")]
+    times = [at for at, name in events if limit.is_due(f"position of '{name}' is {at}", at)]
+    assert times == [0.0, 0.5, 10.0]
 
 
 def test_statuses_have_lines_of_their_own():

@@ -112,7 +112,7 @@ def test_while_another_controller_moves_the_arm(arm):
     np.testing.assert_allclose(arm.sent.messages[-1].data, expected, atol=1e-9)
     arm.wait_until_told("control", f"holding gravity: {reason}", b"\1")
     arm.refuses(lambda: arm.set_point.publish(joint_state(NAMES, START_AT)), reason)
-    assert f"control: holding gravity: {reason}" in arm.process.output
+    assert f"Holding gravity: {reason}." in arm.process.output
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -186,5 +186,5 @@ def test_a_restart_of_the_manager(peer):
         assert arm.activate("effort_controller", "trajectories") <= MAX_SPEED
         assert arm.run(0.5) <= MAX_SPEED
         arm.wait_until_told("control", "mode damping; choose a mode to go on after the ramp", b"\1")
-        for line in ("control: holding gravity: ", "control: ramping down: "):
+        for line in ("Holding gravity: ", "Ramping down: "):
             assert line in arm.process.output

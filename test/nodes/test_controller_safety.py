@@ -29,6 +29,7 @@ from controllers import (
 )
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controller.lifecycle import SUCCESS
+from diag_dynamics.nodes.support.statuses import LOG_PERIOD
 from nodes import LATCHED, MS, PANDA, UR5, S, description, joint_state, nanoseconds, robot
 
 pytestmark = pytest.mark.usefixtures("joints_by_graph")
@@ -226,7 +227,7 @@ def check_the_end(fed, since, published=lambda: None):
     count = len(fed.sent.messages)
     fed.answered(without, lambda s: s is not last, "a status without a command")
     assert len(fed.sent.messages) == count
-    for line in ("control: holding gravity: ", "control: ramping down: "):
+    for line in ("Holding gravity: ", "Ramping down: "):
         fed.process.wait_for_text(line)
     statuses = fed.status.messages[fed.status.messages.index(since) :]
     held = [s for s in statuses if s.phase == HOLDING]
@@ -473,14 +474,20 @@ def test_deactivation_leaves_the_gravity_torque(damped):
 def test_another_robot(fed):
     """While active, the controller rejects another description and reports it; deactivated, it loads it."""
     panda = robot(PANDA)
+    fed.settle()
     fed.descriptions.publish(description(panda.urdf))
     fed.wait_until_told(
         "control", "the controller is active. Deactivate it before another robot is loaded.", b"\2"
     )
     fed.wait_until_told("control", "mode ", b"\2")  # which is said all the same
+    fed.peer.pass_time(LOG_PERIOD)  # since a line about the same hold
+    begin = len(fed.process.output)
     fed.silence(HOLDING)
     fed.wait_until_told("control", "holding gravity: ", b"\2")
     fed.law("damping")  # still the same one
+    lines = fed.process.output[begin:].splitlines()
+    assert ["Holding gravity: the state" in line for line in lines].count(True) == 1
+    assert ["Resumed: mode " in line for line in lines].count(True) == 1
     fed.descriptions.publish(description(robot(UR5).urdf))
     fed.wait_until_told("control", "mode damping", b"\0")
     fed.descriptions.publish(description(panda.urdf))

@@ -54,7 +54,7 @@ from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
 from diag_dynamics.nodes.support.runner import Stop
-from diag_dynamics.nodes.support.statuses import ERROR, WARN, Status
+from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, RepeatLimit, Status
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
@@ -100,7 +100,8 @@ class ControllerNode(ManagedNode):
         self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
-        self._reported_phase = None  # of the supervisor
+        self._reported_phase, self._phase_is_logged = None, False  # of the supervisor
+        self._holds, self._rejections = RepeatLimit(), RepeatLimit()
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -166,6 +167,7 @@ class ControllerNode(ManagedNode):
         self._states.forget_clock()
         self._last_time = None
         self._record.begin()
+        self._reported_phase, self._phase_is_logged = None, False
         newest = QoSProfile(
             depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
         )
@@ -395,9 +397,24 @@ class ControllerNode(ManagedNode):
         self._trajectories.update()
 
     def _report_phase(self):
-        """Report at once that a hold or a ramp begins."""
-        before, self._reported_phase = self._reported_phase, self._loop.supervisor.phase
-        if self._reported_phase > (before or 0) and self._reported_phase in (HOLDING, RAMPING_DOWN):
+        """Log that a hold or a ramp begins or ends, and report its begin, at once."""
+        before, supervisor = self._reported_phase, self._loop.supervisor
+        self._reported_phase = phase = supervisor.phase
+        if phase == before:
+            return
+        log, was_logged, self._phase_is_logged = self.get_logger(), self._phase_is_logged, True
+        if phase == RAMPING_DOWN:
+            log.error(shortened(f"Ramping down: {supervisor.reason}."))
+        elif phase == HOLDING:
+            text = f"Holding gravity: {supervisor.reason}."
+            self._phase_is_logged = self._holds.is_due(text, self.time.steady())
+            if self._phase_is_logged:
+                log.warning(shortened(text))
+        elif before == RAMPING_DOWN:
+            log.warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
+        elif before == HOLDING and was_logged:
+            log.info(f"Resumed: mode {self._loop.mode}.")
+        if phase > (before or 0) and phase in (HOLDING, RAMPING_DOWN):
             self._diagnostics.publish([self._control_status(Counter())])
 
     def _send(self, effort):
@@ -418,12 +435,14 @@ class ControllerNode(ManagedNode):
         if topic in ("trajectory", ACTION):
             self._trajectories.reject(fault.reason)
         self._record.refuse(f"{topic} rejected", fault.reason)
-        if topic == ACTION:  # whose client receives no reason
-            self.get_logger().warning(f"Rejected on {topic}: {fault.reason}")
-            return False
-        self.get_logger().debug(f"{topic} rejected: {fault.reason}")
-        self.get_logger().warning(f"Rejected on {topic}: {fault.reason}", throttle_duration_sec=1.0)
+        self._log_rejected(topic, fault.reason)
         return False
+
+    def _log_rejected(self, topic, reason):
+        text, log = f"Rejected on {topic}: {reason}", self.get_logger()
+        log.debug(text)
+        if self._rejections.is_due(text, self.time.steady()):
+            log.warning(text)
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
@@ -454,7 +473,7 @@ class ControllerNode(ManagedNode):
             self._take_trajectory(goal.trajectory, tolerances)
 
         if self.phase != ACTIVE:
-            self.get_logger().warning(f"Rejected on {ACTION}: the controller is {self.phase}.")
+            self._log_rejected(ACTION, f"the controller is {self.phase}.")
         return self._take_target(ACTION, take, goal)
 
     def _cancel(self):
@@ -497,11 +516,13 @@ class ControllerNode(ManagedNode):
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
-            return (
-                status._replace(level=ERROR, message=f"{status.message}; {reason}", is_logged=True)
-                if reason
-                else status
-            )
+            status = status._replace(is_logged=self._phase_is_logged)
+            if not reason:
+                return status
+            log = f"{status.log or status.message}; {reason}"
+            is_logged = status.is_logged or status.level == OK  # the reason has a line
+            message = f"{status.message}; {reason}"
+            return status._replace(level=ERROR, message=message, log=log, is_logged=is_logged)
         if reason:
             return Status("control", ERROR, reason, values, is_logged=True)
         waiting = self.phase == INACTIVE and not self._loop

@@ -90,6 +90,21 @@ class _Entry:
         )
 
 
+class RepeatLimit:
+    """Limit equal lines of a log to one in LOG_PERIOD; measured numbers make no difference."""
+
+    def __init__(self):
+        self._logged = {}  # times by text
+
+    def is_due(self, text, now):
+        """Return whether a text may be logged at a steady time [s], and count it as logged then."""
+        text = without_numbers(text)
+        self._logged = {logged: at for logged, at in self._logged.items() if now - at < LOG_PERIOD}
+        is_due = text not in self._logged
+        self._logged.setdefault(text, now)
+        return is_due
+
+
 class StatusLog:
     """Choose lines of a log: one when a fault begins, and one when it ends.
 
