@@ -3,9 +3,14 @@
 
 """What the console says of joints that are misnamed, missing or dead: one line within two seconds."""
 
+from types import SimpleNamespace
+
 import pytest
 from sensor_msgs.msg import JointState
 
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.monitor.joint_coverage import joint_coverage
+from diag_dynamics.nodes.monitor.monitored_robot import joint_names_of
 from nodes import PANDA, Monitor, joint_state, robot
 
 ARM = robot(PANDA)
@@ -57,6 +62,34 @@ def test_joints_without_data(peer, fault):
         assert report.count("empty") == (320 if fault == "empty" else 0)
         if fault == "prefix":
             assert lines(monitor, "joints")[0].endswith(". Set joint_names to ['UR2024_*=*']")
+
+
+@pytest.mark.parametrize(
+    ("unknown", "is_empty", "entries", "text"),
+    [
+        (["b2"], False, [("b1", "a1")], ". Set joint_names to ['b1=a1', 'b2=a2']"),
+        (["b2"], False, [("c2", "a2")], ". Set joint_names to ['b2=a2']"),
+        ([], True, [], "; all joint states are empty"),
+        ([], False, [], ""),  # as of messages of locked joints
+    ],
+)
+def test_advice(unknown, is_empty, entries, text):
+    """It keeps entries of joints that arrive, and gives no joint a second name."""
+    assembler = SimpleNamespace(
+        joint_names=("a1", "a2"), missing=["a2"], unknown_names=lambda _: unknown
+    )
+    statistics = SimpleNamespace(is_foreign=False, is_empty=is_empty)
+    status = joint_coverage(assembler, (), entries, 9.0, statistics)
+    start = "joints without data: a2" + f"; unknown names arrive: {', '.join(unknown)}" * bool(
+        unknown
+    )
+    assert status.message == start + text
+
+
+@pytest.mark.parametrize("entries", [["elbow"], ["=1"], ["a=1", "b=1"], ["a*=1"]])
+def test_wrong_names(entries):
+    with pytest.raises(InputError, match=r"joint_names.* expected"):
+        joint_names_of({"joint_names": entries})
 
 
 def test_names_are_mapped(peer):

@@ -34,6 +34,7 @@ class InputStatistics:
         self.counts, self._reported = Counter(), Counter()
         self.last_rejection, self._last_stamp = "", None
         self.is_foreign = False  # whether no recent message had a joint of the robot
+        self.is_empty = False  # whether no recent message had a name
         self._start_interval()
 
     def _start_interval(self):
@@ -63,6 +64,7 @@ class InputStatistics:
         recent, self._reported = counts - self._reported, counts
         if recent["received"]:
             self.is_foreign = recent["foreign"] + recent["empty"] == recent["received"]
+            self.is_empty = recent["empty"] == recent["received"]
         elapsed = max(self._steady() - self._start, 1e-3)
         values = values | {"input rate [Hz]": f"{recent['received'] / elapsed:.4g}"}
         values["output rate [Hz]"] = f"{sum(recent[one] for one in PUBLISHED) / elapsed:.4g}"

@@ -7,23 +7,23 @@ from functools import lru_cache
 
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
-from diag_dynamics.recordings.joint_names import listed, propose_maps
+from diag_dynamics.recordings.joint_names import complete_maps, listed
 
 GRACE_PERIOD = 0.5
 """Time after the first message in which all joints may arrive [s]."""
 
-_propose_maps = lru_cache(1)(propose_maps)
+_complete_maps = lru_cache(1)(complete_maps)
 
 
-def joint_coverage(assembler, ignored, elapsed, is_foreign):
+def joint_coverage(assembler, ignored, entries, elapsed, statistics):
     """Return the status of the joints of a StateAssembler.
 
-    `ignored` are further joints of the robot, `elapsed` is the time since its first message [s] or
-    None, and `is_foreign` whether no recent message has a joint of the robot.
+    `ignored` are further joints of the robot, `entries` pairs of the parameter joint_names,
+    `elapsed` is the time since its first message [s] or None, and `statistics` InputStatistics.
     """
     if elapsed is None:
         return Status("joints", STALE, "no joint states")
-    missing = list(assembler.joint_names) if is_foreign else assembler.missing
+    missing = list(assembler.joint_names) if statistics.is_foreign else assembler.missing
     unknown = assembler.unknown_names(ignored)
     values = {"missing joints": counted(missing), "unknown names": counted(unknown)}
     if not missing:
@@ -33,12 +33,14 @@ def joint_coverage(assembler, ignored, elapsed, is_foreign):
     text = f"joints without data: {listed(missing)}"
     if unknown:
         text += f"; unknown names arrive: {listed(unknown)}"
-    elif is_foreign or not assembler.arrived:
+    elif statistics.is_empty:
         text += "; all joint states are empty"
-    maps = _propose_maps(tuple(unknown), tuple(missing))
+    entries = tuple(entry for entry in entries if entry[1] not in missing)
+    present = tuple(joint for joint in assembler.joint_names if joint not in missing)
+    maps = _complete_maps(tuple(unknown), tuple(missing), present, entries)
     if maps and len(unknown) == len(missing) == 1:
-        maps = [(*unknown, *missing)]
+        maps = [(*entries, (*unknown, *missing))]
     if maps:
-        entries = " or ".join(f"['{name}={joint}']" for name, joint in maps)
-        text += f". Set joint_names to {entries}"
+        lists = ([f"{name}={joint}" for name, joint in entries] for entries in maps)
+        text += f". Set joint_names to {' or '.join(map(str, lists))}"
     return Status("joints", WARN, text, values)

@@ -21,7 +21,7 @@ from diag_dynamics.nodes.monitor.joint_coverage import joint_coverage
 from diag_dynamics.nodes.monitor.monitored_robot import (
     MonitoredRobot,
     Refused,
-    joint_map,
+    joint_names_of,
     model_status,
 )
 from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs, frame_tokens
@@ -67,7 +67,7 @@ class MonitorNode(TableNode, Node):
         for topic in TYPES:
             self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
         check_entries(self.values)
-        joint_map(self.values)  # reject wrong entries before a robot is loaded
+        joint_names_of(self.values)  # reject wrong entries before a robot is loaded
         self._outputs.use_frames(self._settings.frames)
         self._reaction = Reaction(self)
         self._commands = EffortCommands(self)
@@ -433,7 +433,7 @@ class MonitorNode(TableNode, Node):
         ignored = (*model.fixed_joints, *model.locked_joints)
         problem = robot.effort_problem(self._commands)
         return [
-            joint_coverage(robot.assembler, ignored, elapsed, self._statistics.is_foreign),
+            joint_coverage(robot.assembler, ignored, robot.name_entries, elapsed, self._statistics),
             Status("efforts", WARN if problem else OK, problem or "not contradicted by gravity"),
         ]
 

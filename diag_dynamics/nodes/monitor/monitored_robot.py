@@ -79,8 +79,10 @@ class MonitoredRobot:
         self.description, self._source = description, _kept(description)
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
+        names = joint_names_of(settings.values)
+        self.name_entries = names.entries if names else ()
         self.assembler = StateAssembler(
-            joints_of(model), settings.inputs, self.base, joint_map(settings.values)
+            joints_of(model), settings.inputs, self.base, names and names.map_name
         )
         self._links = LinkPositions(model)
         self.energy = EnergyWatch(model, settings.thresholds)
@@ -347,10 +349,10 @@ class MonitoredRobot:
         ]
 
 
-def joint_map(values):
-    """Return the function of the parameter `joint_names` that maps names; None without entries."""
+def joint_names_of(values):
+    """Return the JointNames of the parameter `joint_names`; None without entries."""
     entries = assignments("joint_names", values["joint_names"], kind=str)
-    return JointNames(entries, "parameter 'joint_names'").map_name if entries else None
+    return JointNames(entries, "parameter 'joint_names'") if entries else None
 
 
 def _values_by(options):
