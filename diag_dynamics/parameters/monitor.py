@@ -460,7 +460,6 @@ class Settings(NamedTuple):
                 f"parameter '{sources[-1]}' is '{values[sources[-1]]}'; expected empty because "
                 f"'{'floating_base' if values['floating_base'] else sources[0]}' is set."
             )
-        assignments("joint_names", values["joint_names"], str)
         for name in ("locked_joints", "armature"):
             assignments(name, [one for one in values[name] if one != ALL])
         shares = [
