@@ -210,7 +210,7 @@ def test_flexible_joints(peer, tmp_path):
         truths = {nanoseconds(one.header.stamp): one for one in simulator.truth.messages}
         states = list(simulator.states.messages)
         log = simulator.process.output
-    assert f"Parameters of 1 joints from '{tmp_path / 'arm.yaml'}'." in log
+    assert f"Parameters of 1 joint from '{tmp_path / 'arm.yaml'}'." in log
     k, stretches = simulator.robot.names.index(name), []
     for measured in [one for one in states if nanoseconds(one.header.stamp) in truths]:
         truth, place = truths[nanoseconds(measured.header.stamp)], measured.name.index(name)

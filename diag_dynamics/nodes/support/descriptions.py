@@ -79,7 +79,8 @@ def load_robot(node, description, values):
     if path := values["parameters_file"]:
         parameters = Parameters.load(path)
         values = values | {"parameters_file": parameters}
-        text = f"Parameters of {parameters.joint_count} joints from '{path}'."
+        count = parameters.joint_count
+        text = f"Parameters of {count} joint{'s' * (count != 1)} from '{path}'."
         node.get_logger().info(shortened(text))
     with handle_warnings(warnings.append):
         model = model_of(description, values)
