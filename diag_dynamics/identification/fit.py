@@ -123,6 +123,18 @@ class Layout:
         """Return the unknowns of the k-th body."""
         return slice(PARAMETERS * k, PARAMETERS * (k + 1))
 
+    def payload_of(self, x, free):
+        """Return ten parameters of the payload, with inertias that leave its carrier a physical body.
+
+        A reference fits the carrier along, but the model keeps its own unless it is `free`.
+        """
+        payload, place = x[self.robot :], self._carrier
+        whole = np.where(free, x, self.known)[place] + self._placed @ payload
+        if whole[0] <= 0.0 or inertias.is_physical(whole):
+            return payload
+        raised = inertias.parameters_of_pseudo(inertias.floored(whole))
+        return payload + np.linalg.solve(self._placed, raised - whole)
+
     def effective_parameters(self, fit):
         """Return how many of its ten parameters the rows determine, by link of the bodies with mass."""
         names, links = self.model.link_names, self.model.bodies["link"][self.bodies]

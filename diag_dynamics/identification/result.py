@@ -74,7 +74,7 @@ def parameters_of(layout, x, free, origin=None):
     """Return the :class:`Parameters` of the `free` unknowns (bool), of rotors that were left out and of all couplings."""
     model, links, payloads = layout.model, {}, {}
     if layout.payload:
-        payloads[layout.payload.link] = Payload(*inertias.about_centre(x[layout.robot :]))
+        payloads[layout.payload.link] = Payload(*inertias.about_centre(layout.payload_of(x, free)))
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             links |= _split_body(model, body, x[layout.block(k)])

@@ -199,6 +199,6 @@ def test_ends(closed, end, reason):
     end(closed)
     closed.go(0.01)
     assert first.outcome.code == -1 and reason in first.outcome.reason
-    assert first.outcome.canceled == (end is ENDS["cancel"][0])
+    assert first.outcome.canceled == (end in (ENDS["cancel"][0], ENDS["trajectory"][0]))
     closed.go(1.0)
     assert np.abs(closed.arm.q - place).max() < 0.05 and np.abs(closed.arm.qd).max() < 0.02
