@@ -6,6 +6,7 @@
 import json
 import time
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -179,6 +180,7 @@ class RobotSubscription:
             (),
         )
         self._diagnostics, self._faults, self.difference = {}, {}, ""
+        self._lock = Lock()  # of the faults
         self.stream.set_waiting(f"waiting for the parameters of {monitor}")
 
     @property
@@ -266,13 +268,14 @@ class RobotSubscription:
     # --- Faults ---
 
     def _set_fault(self, source, text):
-        """Show why something failed; an empty text removes the fault."""
-        if text == self._faults.get(source, ""):
-            return
-        self._faults = {name: old for name, old in self._faults.items() if name != source}
-        if text:
-            self._faults[source] = text = shortened(text)
-        self.stream.set_error(self.fault)
+        """Show why something failed; an empty text removes the fault. Threads may call it."""
+        text = shortened(text)
+        with self._lock:
+            if text == self._faults.get(source, ""):
+                return
+            faults = {name: old for name, old in self._faults.items() if name != source}
+            self._faults = faults | ({source: text} if text else {})
+            self.stream.set_error(self.fault)
 
     def _try(self, source, action, *arguments):
         """Return the result of an action, None if it fails; the fault stays until an action has a result."""
@@ -378,13 +381,13 @@ class RobotSubscription:
             raise loaded
         *robot, difference = loaded
         dynamics, _, meshes, _ = robot
+        for source in ("description", "states"):  # of the robot before
+            self._set_fault(source, "")
         self.stream.set_robot(*robot, difference)
         name, log, self.difference = dynamics.model.name, self._node.get_logger(), difference
         log.info(shortened(f"Showing robot '{name}' of {self.monitor}."))
         for why in list(meshes.missing.values())[:3]:
             log.warning(shortened(f"Robot '{name}' lacks a mesh: {why}"))
-        if difference:
-            log.warning(f"Robot '{name}' differs from the monitor's: {difference}")
         return dynamics.model
 
     # --- States ---

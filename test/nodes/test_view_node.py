@@ -253,6 +253,19 @@ def test_what_will_never_come_is_an_error(peer, view):
     peer.drop_node(player)
 
 
+def test_errors_of_the_robot_before(peer, view):
+    """They end with a monitor that has the description as a parameter."""
+    describer = peer.extra_node("describer", "/")
+    describer.create_publisher(String, "/late/robot_description", 1)  # not latched
+    with Monitor(peer, "/late") as monitor:
+        peer.pass_time(3.0)
+        assert "QoS of /describer" in error_of(view, "/late")
+        monitor.process.stop()
+    with start_monitor(peer, UR5, "/late"):
+        assert error_of(view, "/late") == ""
+    peer.drop_node(describer)
+
+
 def test_a_robot_without_its_parameters_file(peer, view, panda, tmp_path):
     """Page and diagnostics say that a file of the monitor's machine is missing here."""
     path = tmp_path / "arm.yaml"
