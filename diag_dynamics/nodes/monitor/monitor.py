@@ -69,6 +69,7 @@ class MonitorNode(TableNode, Node):
         check_entries(self.values)
         joint_names_of(self.values)  # reject wrong entries before a robot is loaded
         self._outputs.use_frames(self._settings.frames)
+        self._unobserved_frames = set()  # that the log has
         self._reaction = Reaction(self)
         self._commands = EffortCommands(self)
         self._diagnostics = Diagnostics(
@@ -155,6 +156,7 @@ class MonitorNode(TableNode, Node):
             self._statistics.keep(self._robot)
         self._robot, self._refused, self._started = robot, None, self.time.steady()
         self._reaction.end()
+        self._unobserved_frames.clear()
         self._revision = robot.revision
         log = self.get_logger()
         if robot.without_rotors:
@@ -302,11 +304,11 @@ class MonitorNode(TableNode, Node):
                 state.newest, robot.wrench, robot.encoder, state
             )
             watch.withheld_wrenches += len(withheld)
-            if withheld:
+            if frames := set(withheld) - self._unobserved_frames:
+                self._unobserved_frames |= frames
                 self.get_logger().warning(
-                    f"No external wrench at {shortened(', '.join(withheld))}: the joints do not observe "
-                    "all directions (docs/external-wrench.md).",
-                    throttle_duration_sec=5.0,
+                    f"No external wrench at {shortened(', '.join(sorted(frames)))}: the joints do "
+                    "not observe all directions (docs/external-wrench.md)."
                 )
         if watch.load:
             self._publish_load(robot, state)
