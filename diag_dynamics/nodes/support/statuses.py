@@ -20,7 +20,7 @@ MIN_DURATION = 1.0
 NO_FAULT = OK, ""
 
 _MEASURED = re.compile(
-    r"'[^']*'|= [^\s,;]+|\[|(?<![\w/.^])[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
+    r"'[^']*'|= [^\s,;]+|\[|(?<![\w/.^])(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
 )
 
 _OPEN_END = re.compile(r"(?:[\s:,;(<>=~]|\b(?:is|are|has|for|by|of|to|from|than|at|within))+$")
@@ -44,11 +44,14 @@ class Status(NamedTuple):
 def without_numbers(text):
     """Return what is before the first measured number of a text, such as ``position of 'a'``.
 
-    Numbers of parameters (``name = number``) and within names stay.
+    Numbers of parameters (``name = number``) and within names stay. The text stays whole where fewer
+    than two words would be left.
     """
     measured = (found for found in _MEASURED.finditer(text) if found[0][0] not in "'=")
     first = next(measured, None)
-    return _OPEN_END.sub("", text[: first.start()]) if first else text
+    start = _OPEN_END.sub("", text[: first.start()]) if first else text
+    words = re.findall(r"\w+", re.sub("'[^']*'", "", start))
+    return start if len(words) > 1 else text
 
 
 def problem_status(name, problems, message, values, is_logged=False):
