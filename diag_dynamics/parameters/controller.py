@@ -108,7 +108,9 @@ _WHILE_UNCONFIGURED = {
         "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none.",
     ),
     "energy_rate": Spec(
-        50.0, "Rate alpha towards energy limits [1/s], at most 1 / period in effect.", 1e-6
+        50.0,
+        "Rate alpha towards energy limits [1/s]; values above 1 / period act as 1 / period.",
+        1e-6,
     ),
     "tank_energy": Spec(
         0.0,

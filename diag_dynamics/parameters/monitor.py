@@ -52,7 +52,7 @@ RATES |= {"contact": 50.0, "markers": 20.0, "load": 20.0}
 _FIXED = {
     "joint_names": Spec(
         [""],
-        "Joint of a name in joint_states that is not the robot's, each as name=joint; one * in both: ur_*=*.",
+        "Map names in joint_states to joints, each as name=joint, with one * in both or none: ur_*=*.",
     ),
     "odom_twist_frame": Spec(
         "child",
