@@ -44,14 +44,13 @@ class Status(NamedTuple):
 def without_numbers(text):
     """Return what is before the first measured number of a text, such as ``position of 'a'``.
 
-    Numbers of parameters (``name = number``) and within names stay. The text stays whole where fewer
-    than two words would be left.
+    Numbers of parameters (``name = number``) and within names stay. The text stays whole if no
+    word without quotes would be left.
     """
     measured = (found for found in _MEASURED.finditer(text) if found[0][0] not in "'=")
     first = next(measured, None)
     start = _OPEN_END.sub("", text[: first.start()]) if first else text
-    words = re.findall(r"\w+", re.sub("'[^']*'", "", start))
-    return start if len(words) > 1 else text
+    return start if re.search(r"\w", re.sub("'[^']*'", "", start)) else text
 
 
 def problem_status(name, problems, message, values, is_logged=False):
