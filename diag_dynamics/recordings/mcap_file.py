@@ -198,9 +198,10 @@ class McapFile:
         try:
             return _decompress(chunk)
         except Exception:
-            if not raw.endswith(UNWRITTEN):
+            if not _lacks_end(chunk):
                 raise
-            self._lose(str(part), "its end is empty: all records there")
+            reason = "its end was not written; later records are lost, read without CRC"
+            self._lose(str(part), reason)
             return _decompress_begin(library, chunk)
 
     def _read_messages(self, part, places):
@@ -274,6 +275,18 @@ def _read_chunk(raw, size):
     ):
         raise DamageError(f"{length} bytes is not the uncompressed size")
     return library, chunk
+
+
+def _lacks_end(chunk):
+    """Return whether the end of a chunk was not written: zeros follow its last record.
+
+    Compressed data do not end with zeros.
+    """
+    data = chunk.data
+    if not data.endswith(UNWRITTEN):
+        return False
+    tail = data[_find_records(data)[2] :]
+    return bool(chunk.compression) or (len(tail) > 0 and not any(tail))
 
 
 def _decompress(chunk):

@@ -27,7 +27,10 @@ from bags import (
     NO_INDEX,
     PLAIN,
     SQLITE,
+    START,
+    STRING,
     TEXT,
+    Message,
     arm,
     file_of,
     numbered,
@@ -311,6 +314,19 @@ def test_mcap_whose_only_chunk_has_no_end(tmp_path, compression, is_cut):
     numbers, findings = read(path)
     assert numbers == list(range(len(numbers))) and 1000 < len(numbers) < 3000
     assert unread(findings)
+
+
+def test_mcap_chunk_that_ends_with_zeros(tmp_path):
+    """They are the content of its last message, so that a flipped bit loses the chunk."""
+    messages = numbered(20, longest=1)
+    size = 10 * (31 + len(messages[0].data)) + 1000  # with declarations, without zeros
+    parts = [(*messages[k : k + 10], Message("/x", START, bytes(2000), STRING)) for k in (0, 10)]
+    path = write_mcap(tmp_path / "x.mcap", [*parts[0], *parts[1]], PLAIN, chunk_size=size)
+    content = bytearray(path.read_bytes())
+    content[content.index(messages[3].data) + len(messages[3].data) - 2] ^= 1
+    path.write_bytes(content)
+    numbers, findings = read(path)
+    assert numbers == list(range(10, 20)) and "crc" in unread(findings)[0]
 
 
 HUGE = st.sampled_from([b"\xff" * 8, b"\0" * 8, b"\xff\xff\xff\x7f\0\0\0\0", b"\xff" * 7 + b"\x7f"])
