@@ -17,6 +17,7 @@ from launch.actions import (
     OpaqueFunction,
     RegisterEventHandler,
 )
+from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch_ros.actions import LifecycleNode, Node
@@ -28,7 +29,7 @@ ARGUMENTS = {
         str(Path(__file__).parents[1] / "config" / "effort_controllers.yaml"),
         "YAML file of parameters of all nodes.",
     ),
-    "activate": ("true", "Whether effort_controller is activated in the end."),
+    "activate": ("true", "Whether effort_controller is activated in the end, once."),
     "log_level": ("info", "Log level of the controller node."),
 }
 """Arguments: default and description."""
@@ -49,7 +50,7 @@ def start(context):
         )
 
     def after(process, action):
-        """Return the handler that starts an action after a process without error."""
+        """Return the handler that starts an action after a process; its error ends the launch."""
 
         def on_exit(event, _):
             return EmitEvent(event=Shutdown(reason="a step failed")) if event.returncode else action
@@ -70,19 +71,22 @@ def start(context):
         **common,
     )
     actions = [manager, states, after(states, efforts), after(efforts, controller)]
-    if arguments["activate"] == "true":
-        # Not a second spawner: it would configure effort_controller again.
-        command = ["ros2", "control", "switch_controllers", "--activate", "effort_controller"]
-        where = ["--controller-manager", str(Path("/", namespace, "controller_manager"))]
-        switch = ExecuteProcess(cmd=[*command, "--strict", *where], output="both")
-        actions.append(
-            RegisterEventHandler(
-                OnStateTransition(
-                    target_lifecycle_node=controller, goal_state="active", entities=[switch]
-                )
-            )
-        )
-    return actions
+    # Not a second spawner: it would configure effort_controller again.
+    command = ["ros2", "control", "switch_controllers", "--activate", "effort_controller"]
+    where = ["--controller-manager", str(Path("/", namespace, "controller_manager"))]
+    switch = ExecuteProcess(cmd=[*command, "--strict", *where], output="both")
+    is_active = OnStateTransition(
+        target_lifecycle_node=controller,
+        goal_state="active",
+        entities=[switch],
+        handle_once=True,  # a reaction or a person may deactivate effort_controller later
+    )
+    activates = IfCondition(arguments["activate"])
+    return [
+        *actions,
+        RegisterEventHandler(is_active, condition=activates),
+        after(switch, None),
+    ]
 
 
 def generate_launch_description():
