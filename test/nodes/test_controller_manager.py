@@ -13,6 +13,7 @@ from arm import pinocchio_command
 from controlled import frictionless
 from controller_managers import ControllerManager
 from controllers import HOLDING, RAMPING_DOWN, START_AT, Controller, gravity_of
+from diag_dynamics.nodes.support.statuses import LOG_PERIOD
 from nodes import MS, UR5, S, joint_state, robot
 
 NAMES = robot(UR5).names
@@ -159,6 +160,22 @@ def test_a_controller_that_is_loaded_and_activated_at_once(arm):
     arm.manager.states |= {"trajectories": "inactive", "effort_controller": "active"}
     arm.manager.publish()
     assert arm.run(0.4) <= MAX_SPEED
+
+
+def test_a_hold_for_another_reason(arm):
+    """Each reason has a line, the second one within ten seconds."""
+    arm.activate("effort_controller", "trajectories")
+    arm.run(0.1)
+    arm.peer.pass_time(LOG_PERIOD)  # since a line about an equal hold
+    begin = len(arm.process.output)
+    arm.run(0.05, publishes=False)
+    arm.manager.switch(["effort_controller"], ["trajectories"])
+    arm.run(0.1)
+    reason = "holding gravity: controller 'effort_controller' is inactive"
+    arm.wait_until_told("control", reason)
+    arm.peer.pass_time(LOG_PERIOD + 1.0)
+    for line in ("Holding gravity: the state is too old", f"control: {reason}"):
+        assert line in arm.process.output[begin:]
 
 
 def test_a_restart_of_the_manager(peer):

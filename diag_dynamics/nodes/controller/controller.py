@@ -54,7 +54,14 @@ from diag_dynamics.nodes.support.graph import clock_notes
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
 from diag_dynamics.nodes.support.runner import Stop
-from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, RepeatLimit, Status
+from diag_dynamics.nodes.support.statuses import (
+    ERROR,
+    OK,
+    WARN,
+    RepeatLimit,
+    Status,
+    without_numbers,
+)
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact import bounded_points
@@ -100,7 +107,7 @@ class ControllerNode(ManagedNode):
         self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
-        self._reported_phase, self._phase_is_logged = None, False  # of the supervisor
+        self._reported_phase = self._logged_reason = None  # of the supervisor
         self._holds, self._rejections = RepeatLimit(), RepeatLimit()
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
@@ -167,7 +174,7 @@ class ControllerNode(ManagedNode):
         self._states.forget_clock()
         self._last_time = None
         self._record.begin()
-        self._reported_phase, self._phase_is_logged = None, False
+        self._reported_phase = self._logged_reason = None
         newest = QoSProfile(
             depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
         )
@@ -402,14 +409,15 @@ class ControllerNode(ManagedNode):
         self._reported_phase = phase = supervisor.phase
         if phase == before:
             return
-        log, was_logged, self._phase_is_logged = self.get_logger(), self._phase_is_logged, True
+        log, was_logged = self.get_logger(), self._logged_reason is not None
+        self._logged_reason = supervisor.reason
         if phase == RAMPING_DOWN:
             log.error(shortened(f"Ramping down: {supervisor.reason}."))
         elif phase == HOLDING:
-            text = f"Holding gravity: {supervisor.reason}."
-            self._phase_is_logged = self._holds.is_due(text, self.time.steady())
-            if self._phase_is_logged:
-                log.warning(shortened(text))
+            if self._holds.is_due(supervisor.reason, self.time.steady()):
+                log.warning(shortened(f"Holding gravity: {supervisor.reason}."))
+            else:
+                self._logged_reason = None
         elif before == RAMPING_DOWN:
             log.warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
         elif before == HOLDING and was_logged:
@@ -516,7 +524,7 @@ class ControllerNode(ManagedNode):
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
-            status = status._replace(is_logged=self._phase_is_logged)
+            status = status._replace(is_logged=self._phase_is_logged())
             if not reason:
                 return status
             log = f"{status.log or status.message}; {reason}"
@@ -531,6 +539,11 @@ class ControllerNode(ManagedNode):
             message = f"{self.phase}; loading a robot_description"
         is_logged = self._loop is None  # what the node waits for
         return Status("control", WARN, message, values, is_logged=is_logged)
+
+    def _phase_is_logged(self):
+        """Return whether the log has the phase of the supervisor and its reason."""
+        reason, logged = self._loop.supervisor.reason, self._logged_reason
+        return logged is not None and without_numbers(reason) == without_numbers(logged)
 
     def _listeners(self):
         """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
