@@ -415,7 +415,8 @@ class ExternalWrench(NamedTuple):
     Attributes
     ----------
     wrench : ndarray, shape (6,)
-        f̂ [N, N m] of the environment on the robot: zero along the directions that are not observed.
+        f̂ [N, N m] of the environment on the robot: zero along the directions that are not
+        observed.
     covariance : ndarray, shape (6, 6)
         Σ deviation² d dᵀ over the observed directions d [N², N² m, N² m²]. Variances of components
         in which an unobserved direction has a part are infinite.
@@ -428,8 +429,8 @@ class ExternalWrench(NamedTuple):
     observed : ndarray of bool, shape (6,)
         Whether it is at most 1; without a covariance, whether it is finite.
     chi_square : float
-        Squared length of Σ^−½(τ̂ − Jᵀf̂): what the wrench does not explain. For a contact at the point
-        its mean is nv less the number of observed directions.
+        Squared length of Σ^−½(τ̂ − Jᵀf̂): what the wrench does not explain. For a contact at the
+        point its mean is nv less the number of observed directions.
     """
 
     wrench: Array

@@ -144,7 +144,8 @@ def _stamp_file():
 def _stamp():
     """Return a text that changes with the sources, their times, the machine, the units and the files of compiled code.
 
-    numba ignores compiled code if the time of its source is another one, as after a checkout of another version and back.
+    numba ignores compiled code if the time of its source is another one, as after a checkout of
+    another version and back.
     """
     modules = [f"diag_dynamics.{unit}" for unit in UNITS]
     times = [str(path.stat().st_mtime_ns) for path in map(source_path, modules) if path.is_file()]

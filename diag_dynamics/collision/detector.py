@@ -45,7 +45,8 @@ class AlarmThresholds:
     hold_off : float
         Time after an alarm within which another rise belongs to it [s].
     standing : float
-        Age of an alarm from which an offset follows the torque [s]; inf: never. See docs/collision.md.
+        Age of an alarm from which an offset follows the torque [s]; inf: never. See
+        docs/collision.md.
     rest_joints, rest_external_torque
         As `joints` and `external_torque`, for the change of m r within 0.2 s of an arm at rest.
 
@@ -115,9 +116,11 @@ class Judged(NamedTuple):
     joints : ndarray of bool, shape (T, nv)
         Whether the detector of each joint is active.
     values : ndarray, shape (T, nv + 2)
-        |m r| of joints, ‖m r‖ and |r|, lowered by the offset, as they are compared with the thresholds.
+        |m r| of joints, ‖m r‖ and |r|, lowered by the offset, as they are compared with the
+        thresholds.
     changes : ndarray, shape (T, nv + 1)
-        Changes of m r, of joints and of all, as they are compared with the thresholds at rest; 0 in motion.
+        Changes of m r, of joints and of all, as they are compared with the thresholds at rest; 0 in
+        motion.
     rest : ndarray of bool, shape (T,)
         Whether the arm is at rest; False without thresholds at rest.
     """
@@ -135,13 +138,14 @@ class AlarmDetector:
 
     A detector becomes active above its threshold and releases below `release` of it. A rise within
     `hold_off` after an alarm belongs to that alarm. Once an alarm has been on for `standing`, an
-    offset follows m r and r with a time constant of `standing` / 2, and afterwards decreasing torques.
-    The test statistic is min(|x|, |x − offset|): a standing torque holds no alarm, a further push is
-    one. The offset is reset where all torques are below their release thresholds.
+    offset follows m r and r with a time constant of `standing` / 2, and afterwards decreasing
+    torques. The test statistic is min(|x|, |x − offset|): a standing torque holds no alarm, a
+    further push is one. The offset is reset where all torques are below their release thresholds.
 
-    An arm is at rest if all rates have been below 0.05 rad/s or m/s for 0.5 s, each with a result of the observer. Thresholds
-    at rest are compared with the change of m r within the last 0.2 s, during an alarm with the change since before it. The
-    other detectors then begin with an offset, the torque of stiction.
+    An arm is at rest if all rates have been below 0.05 rad/s or m/s for 0.5 s, each with a result
+    of the observer. Thresholds at rest are compared with the change of m r within the last 0.2 s,
+    during an alarm with the change since before it. The other detectors then begin with an offset,
+    the torque of stiction.
 
     Parameters
     ----------
@@ -262,7 +266,8 @@ class AlarmDetector:
         restarts : ndarray of bool, shape (T,), optional
             States before which the detector is reset.
         given : tuple, optional
-            Maxima of values and changes, of the shapes in Judged, where a row stands for several states.
+            Maxima of values and changes, of the shapes in Judged, where a row stands for several
+            states.
         velocity : ndarray, shape (T, m), optional
             Rates, or the largest ones [rad/s, m/s]. Without them the arm counts as moving.
         unknown : ndarray of bool, shape (T, nv), optional

@@ -229,7 +229,8 @@ def find_level(
 ) -> Level | None:
     """Return the level that a score exceeds at a rate [1/s]; None for too few peaks.
 
-    It is counted in long data, otherwise extrapolated from peaks of alarms or from one-second maxima.
+    It is counted in long data, otherwise extrapolated from peaks of alarms or from one-second
+    maxima.
     """
     scores = np.concatenate([score for _, score in segments])
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]

@@ -55,13 +55,14 @@ def link_geometry(
 ) -> LinkGeometry:
     """Return at most `most` points of every link, for ContactPoints: of its collision shapes, else of its visual ones.
 
-    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. If these are too many, or a
-    shape is round, corners are the support points in many directions, moved outward until their hull holds the shapes.
-    Speed is largest at a corner, but the transferable energy may be larger at the points between them. A link without such
-    shapes has its frames: its own origin and those of the joints that it carries.
+    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. If
+    these are too many, or a shape is round, corners are the support points in many directions,
+    moved outward until their hull holds the shapes. Speed is largest at a corner, but the
+    transferable energy may be larger at the points between them. A link without such shapes has its
+    frames: its own origin and those of the joints that it carries.
 
-    The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files that the URDF names: they
-    are not for untrusted descriptions.
+    The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files
+    that the URDF names: they are not for untrusted descriptions.
     """
     choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))

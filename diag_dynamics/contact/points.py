@@ -87,8 +87,8 @@ class BodyRegion:
 class ContactLimits:
     """Which body regions the links of a robot may meet, and the contact points there.
 
-    An additional point is a dict of `link`, `xyz` [m] in the link's axes, and optionally `direction` (by default that of the
-    motion) and `regions` (by default those of the link).
+    An additional point is a dict of `link`, `xyz` [m] in the link's axes, and optionally
+    `direction` (by default that of the motion) and `regions` (by default those of the link).
     """
 
     regions: Mapping[str, BodyRegion] = field(
@@ -177,10 +177,10 @@ class ContactLimits:
 class ContactPoints:
     """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact`.
 
-    Points are ContactPoint or tuples of its fields; those on links that nothing moves are left out. Without limits there is
-    no force. The worst of an entry's points has the largest transferable energy along its motion, the largest force against
-    any of the entry's body regions, or the largest ratio of speed to allowed speed. Without regions or limits it is the
-    energy.
+    Points are ContactPoint or tuples of its fields; those on links that nothing moves are left out.
+    Without limits there is no force. The worst of an entry's points has the largest transferable
+    energy along its motion, the largest force against any of the entry's body regions, or the
+    largest ratio of speed to allowed speed. Without regions or limits it is the energy.
     """
 
     names: tuple[str, ...]  #: of the entries

@@ -3,9 +3,10 @@
 
 """Predicted contact at the points of a robot, and impacts.
 
-The transient model is that of ISO/TS 15066, now in ISO 10218-2. A robot of the reflected mass m_u comes with the speed v
-along u to a body region of the mass m_H, free to move, with a stiffness k. In the frame of the common centre of mass the
-energy is ½μv², 1/μ = 1/m_u + 1/m_H; the spring takes it up: ½F²/k = ½μv².
+The transient model is that of ISO/TS 15066, now in ISO 10218-2. A robot of the reflected mass m_u
+comes with the speed v along u to a body region of the mass m_H, free to move, with a stiffness k.
+In the frame of the common centre of mass the energy is ½μv², 1/μ = 1/m_u + 1/m_H; the spring takes
+it up: ½F²/k = ½μv².
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _XYZ = tuple(slice(first, first + 3) for first in (contacts.POSITION, contacts.D
 class Contact:
     """Predicted contact at the worst point of each entry of :class:`ContactPoints`; read-only.
 
-    Arrays have a number or three coordinates for each of `names`; those of many states have a row for each state.
+    Arrays have a number or three coordinates for each of `names`; those of many states have a row
+    for each state.
     """
 
     __slots__ = ("_results", "links", "names", "nu", "points")
@@ -163,8 +165,8 @@ class Impact(NamedTuple):
 def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0) -> Impact:
     """Return the impact with a mass at rest; `qd_after` is empty, :meth:`DiagonalDynamics.impact` computes it.
 
-    w = ℓJᵀu [kg^−½] belongs to the direction u at the point. The mass m_H [kg] is free to move, or clamped if inf. The
-    restitution e is from 0 to 1.
+    w = ℓJᵀu [kg^−½] belongs to the direction u at the point. The mass m_H [kg] is free to move, or
+    clamped if inf. The restitution e is from 0 to 1.
     """
     mass = mass if mass == math.inf else positive("mass", mass, "[kg]")
     e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)

@@ -29,19 +29,21 @@ MARGIN = 0.25
 class AdaptiveTracking(JointTracking):
     """Joint tracking with an adaptive payload on a link: τ = (that of JointTracking) + Y(q, q̇, q̇_r, q̈_r)(π̂ − π₀).
 
-    π are the ten parameters of the link's body with the payload, π₀ those of the model. Their pseudo-inertia is
-    P = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite for every physical body. Points of the body
-    move by Hr̄, their reference accelerations less gravity are Gr̄, so that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of
-    HᵀG for the rates q̇ − q̇_r. With the natural metric (Lee, Kwon and Park 2018)
+    π are the ten parameters of the link's body with the payload, π₀ those of the model. Their
+    pseudo-inertia is P = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite
+    for every physical body. Points of the body move by Hr̄, their reference accelerations less
+    gravity are Gr̄, so that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of HᵀG for the rates
+    q̇ − q̇_r. With the natural metric (Lee, Kwon and Park 2018)
 
         dP̂/dt = −γP̂LP̂,
 
-    ½(q̇ − q̇_r)ᵀM(q̇ − q̇_r) + (ln(|P̂|/|P|) + tr(P̂⁻¹P) − 4)/γ falls at −sᵀKs: the tracking error vanishes, and P̂ stays
-    positive definite. M and P are those with payload, which are not known: the V of commands is ½|s|² of the model, and its
-    rate as if P̂ were P. The estimate becomes that of the payload if the motion excites it. It adapts to lasting pushes, too.
+    ½(q̇ − q̇_r)ᵀM(q̇ − q̇_r) + (ln(|P̂|/|P|) + tr(P̂⁻¹P) − 4)/γ falls at −sᵀKs: the tracking error
+    vanishes, and P̂ stays positive definite. M and P are those with payload, which are not known:
+    the V of commands is ½|s|² of the model, and its rate as if P̂ were P. The estimate becomes that
+    of the payload if the motion excites it. It adapts to lasting pushes, too.
 
-    The adaptation rate is γ > 0 [1/J]; the estimate keeps the mass of the payload below `max_mass` > 0 [kg]. Call `adapt`
-    once after each command.
+    The adaptation rate is γ > 0 [1/J]; the estimate keeps the mass of the payload below
+    `max_mass` > 0 [kg]. Call `adapt` once after each command.
 
     Example
     -------

@@ -33,12 +33,14 @@ ROUNDING = 1e-12
 class EffortRate:
     """Efforts within |dτ_k/dt| ≤ R_k.
 
-    A law whose efforts have to change faster than R acts late, and late springs do work. So that it stays stable, all that
-    moves the robot is scaled as a whole, τ = g + s(τ − g). s falls at the rate DECAY while s·d(τ − g)/dt exceeds SHARE of R
-    in CYCLES successive cycles, and grows back at the rate GROWTH.
+    A law whose efforts have to change faster than R acts late, and late springs do work. So that it
+    stays stable, all that moves the robot is scaled as a whole, τ = g + s(τ − g). s falls at the
+    rate DECAY while s·d(τ − g)/dt exceeds SHARE of R in CYCLES successive cycles, and grows back at
+    the rate GROWTH.
 
-    Then each joint approaches its effort at its own rate, because a slow joint must not delay the gravity torque of the
-    others. With an energy limit they approach no further than efforts from which braking at the rate R keeps the limit: see
+    Then each joint approaches its effort at its own rate, because a slow joint must not delay the
+    gravity torque of the others. With an energy limit they approach no further than efforts from
+    which braking at the rate R keeps the limit: see
     :func:`~diag_dynamics.sweeps.limits.foresee`.
 
     The rate is R > 0 [N m/s, N/s].

@@ -53,14 +53,16 @@ class Limited(NamedTuple):
 class Limits:
     """Filters of the commands of one robot, in this order.
 
-    Springs before position limits, scale of a law whose efforts would change too fast, kinetic energy, energy tank with
-    its measurement, contact, effort limits, effort rates. Pass the effort of each result on to the robot, and nothing else.
+    Springs before position limits, scale of a law whose efforts would change too fast, kinetic
+    energy, energy tank with its measurement, contact, effort limits, effort rates. Pass the effort
+    of each result on to the robot, and nothing else.
 
     Parameters
     ----------
     dynamics : DiagonalDynamics
     margin : float
-        Range of the springs before position limits [rad, m]; 0: none. At a limit a spring has half of the effort limit.
+        Range of the springs before position limits [rad, m]; 0: none. At a limit a spring has half
+        of the effort limit.
     energy_limit, joint_energy_limit, energy_rate
         Those of :class:`EnergyLimiter` [J, J, 1/s]; by default no limit.
     tank_energy : float
@@ -163,8 +165,9 @@ class Limits:
     ) -> Limited:
         """Return the :class:`Limited` command of a law at positions q [rad, m] and rates qd [rad/s, m/s].
 
-        `period` is the length of a cycle [s], since the last command and until the next one; 0 for a first command leaves
-        efforts as they are. `external` are working moments of external forces [J^½/s], such as an observer's residual.
+        `period` is the length of a cycle [s], since the last command and until the next one; 0 for
+        a first command leaves efforts as they are. `external` are working moments of external
+        forces [J^½/s], such as an observer's residual.
         """
         not_negative("period", period, "[s]")
         h, q = period or FIRST_PERIOD, vector("q", q, self._names)

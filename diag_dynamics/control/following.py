@@ -75,8 +75,8 @@ class Following:
     def check(self, state, desired):
         """Compare the errors of a RobotState with the tolerances; return the reason of a failure, else an empty text.
 
-        A joint must remain within its path tolerance until the end, and be within its goal tolerance from the end to
-        the goal time at least once, with all others.
+        A joint must remain within its path tolerance until the end, and be within its goal
+        tolerance from the end to the goal time at least once, with all others.
         """
         if self.outcome:
             return ""

@@ -3,8 +3,9 @@
 
 """Control laws in (ν, ε) and their commands: damping, gravity compensation, joints that track or are regulated, poses.
 
-Gains are one number for all degrees of freedom, or one for each. `law.require_stable(q, period)` raises InputError if a
-loop of this period [s] would make a gain unstable, and names the largest gain that is stable.
+Gains are one number for all degrees of freedom, or one for each. `law.require_stable(q, period)`
+raises InputError if a loop of this period [s] would make a gain unstable, and names the largest
+gain that is stable.
 """
 
 from __future__ import annotations
@@ -123,7 +124,8 @@ def require_at_most(what: str, value: float, largest: float, unit: str, period: 
 class RateDamping(Law):
     """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own; the gain is c > 0 [1/s].
 
-    V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as exp(−2ct), in any configuration and motion.
+    V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as exp(−2ct), in any configuration
+    and motion.
     """
 
     def __init__(self, dynamics: DiagonalDynamics, gain: Gain) -> None:
@@ -219,15 +221,18 @@ class JointLaw(Law):
 class JointTracking(JointLaw):
     """Joint-space tracking in total rates: s = ν − ν_r decays as ṡ = −(K + B)s, with B skew.
 
-    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks − ρ sat(s/φ). B is skew and
-    B ν = C(q, ν), so V = ½|s|² falls at −sᵀ(Ks + ρ sat(s/φ)) in every configuration. Once s is zero, q − q_d decays at Λ.
-    ν̇_r + Bν_r is evaluated as ℓ(M q̈_r + C_s q̇_r), q̈_r = q̈_d − Λ(q̇ − q̇_d).
+    With q̇_r = q̇_d − Λ(q − q_d) and ν_r = mᵀq̇_r the law is ε = ν̇_r + B(q, ν)ν_r − Ks − ρ
+    sat(s/φ). B is skew and B ν = C(q, ν), so V = ½|s|² falls at −sᵀ(Ks + ρ sat(s/φ)) in every
+    configuration. Once s is zero, q − q_d decays at Λ. ν̇_r + Bν_r is evaluated as ℓ(M q̈_r + C_s
+    q̇_r), q̈_r = q̈_d − Λ(q̇ − q̇_d).
 
-    The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that reduces the error
-    [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V falls as before.
+    The gain is K > 0 [1/s], the convergence Λ > 0 [1/s]. `closing` is the largest part of q̇_r that
+    reduces the error [rad/s, m/s]; inf for none. A larger error is reduced at this rate, and V
+    falls as before.
 
-    The bound ρ ≥ 0 [J^½/s] rejects disturbances d = ℓτ_d of an unknown load or friction: V̇ ≤ −sᵀKs − Σ(ρ − |d_k|)|s_k| for
-    |s_k| ≥ φ. The width φ > 0 [J^½] of this boundary layer makes it a gain ρ/φ near s = 0.
+    The bound ρ ≥ 0 [J^½/s] rejects disturbances d = ℓτ_d of an unknown load or friction:
+    V̇ ≤ −sᵀKs − Σ(ρ − |d_k|)|s_k| for |s_k| ≥ φ. The width φ > 0 [J^½] of this boundary layer makes
+    it a gain ρ/φ near s = 0.
     """
 
     def __init__(
@@ -272,8 +277,9 @@ class JointTracking(JointLaw):
 class JointRegulation(JointLaw):
     """Joint springs with one damping ratio ζ: τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c s, s = ν − mᵀq̇_d.
 
-    With K̃ = ℓK_qℓᵀ and c = 2ζK̃^½ (symmetric root) the motion about a set-point is z̈ + 2ζK̃^½ż + K̃z = 0: every mode
-    has the damping ratio ζ in every configuration. V = ½|s|² + ½(q_d − q)ᵀK_q(q_d − q) falls at −sᵀcs.
+    With K̃ = ℓK_qℓᵀ and c = 2ζK̃^½ (symmetric root) the motion about a set-point is
+    z̈ + 2ζK̃^½ż + K̃z = 0: every mode has the damping ratio ζ in every configuration.
+    V = ½|s|² + ½(q_d − q)ᵀK_q(q_d − q) falls at −sᵀcs.
 
     The stiffness is K_q > 0 [N m/rad, N/m], the damping ratio ζ > 0; 1 is critical.
 
@@ -315,7 +321,8 @@ class JointRegulation(JointLaw):
 def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:
     """Return 2ζK̃^½ν [J^½/s] of a stiffness K̃ = root rootᵀ, shape (nv, k).
 
-    Modes below the frequency `least` [rad/s], such as those without stiffness, are damped like a mode of that frequency.
+    Modes below the frequency `least` [rad/s], such as those without stiffness, are damped like a
+    mode of that frequency.
     """
     U, frequencies, _ = np.linalg.svd(root)
     rates = np.full(len(nu), least)
@@ -332,18 +339,20 @@ def largest_frequency(ratio: float, period: float) -> float:
 class PoseRegulation(Law):
     """Pose regulation ε = −c₁ν + ℓJᵀC₂e (Control 8.2, with the sign that converges): springs pull a frame to its target.
 
-    e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j] with c = C₂e, a wrench
-    at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν, which includes the null space of a redundant arm. The robot comes to
-    rest where ℓJᵀC₂e = 0: at the target; at a singularity or a target out of reach; and at an orientation error of exactly
-    180°, if its stiffness is the same about all axes.
+    e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j]
+    with c = C₂e, a wrench at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν, which includes the null
+    space of a redundant arm. The robot comes to rest where ℓJᵀC₂e = 0: at the target; at a
+    singularity or a target out of reach; and at an orientation error of exactly 180°, if its
+    stiffness is the same about all axes.
 
-    The frame has the link's axes and its origin at a point [m] in these. The position stiffness is C₂ > 0 [N/m], one number
-    or one for each of the root link's axes. The orientation stiffness > 0 [N m/rad] against small rotations is twice the
-    weight C₂ of an axis.
+    The frame has the link's axes and its origin at a point [m] in these. The position stiffness is
+    C₂ > 0 [N/m], one number or one for each of the root link's axes. The orientation stiffness > 0
+    [N m/rad] against small rotations is twice the weight C₂ of an axis.
 
-    Either the damping c₁ > 0 [1/s] is constant, or a damping ratio ζ > 0 is the same for all modes and configurations:
-    c₁ = 2ζK̃^½ with K̃ = ℓJᵀK_xJℓᵀ, as of :class:`JointRegulation`. Motion in the null space of K̃ is then damped by 2ζω, ω
-    the `null_frequency` > 0 [rad/s]; slower modes are, too, so that c₁ is continuous at singularities.
+    Either the damping c₁ > 0 [1/s] is constant, or a damping ratio ζ > 0 is the same for all modes
+    and configurations: c₁ = 2ζK̃^½ with K̃ = ℓJᵀK_xJℓᵀ, as of :class:`JointRegulation`. Motion in
+    the null space of K̃ is then damped by 2ζω, ω the `null_frequency` > 0 [rad/s]; slower modes
+    are, too, so that c₁ is continuous at singularities.
     """
 
     def __init__(
@@ -391,8 +400,8 @@ class PoseRegulation(Law):
     ) -> None:
         """Set the target in the root link's axes, which a command requires; a part that is None is not regulated.
 
-        The position [m] is from the root link's origin, shape (3,). The orientation is a rotation matrix, with the frame's
-        axes as columns, or a unit quaternion (x, y, z, w).
+        The position [m] is from the root link's origin, shape (3,). The orientation is a rotation
+        matrix, with the frame's axes as columns, or a unit quaternion (x, y, z, w).
         """
         if position is None and orientation is None:
             raise InputError("position and orientation are both None: there is nothing to aim at.")

@@ -3,8 +3,8 @@
 
 """Filters of commands: limits of kinetic energy, contact, efforts and joint positions; :class:`.filters.Limits` calls them.
 
-Limits and gains are one number for all degrees of freedom, or one for each. `external` are working moments of external
-forces [J^½/s], such as a disturbance observer's residual.
+Limits and gains are one number for all degrees of freedom, or one for each. `external` are working
+moments of external forces [J^½/s], such as a disturbance observer's residual.
 """
 
 from __future__ import annotations
@@ -49,16 +49,18 @@ def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
 class EnergyLimiter:
     """Limiter of the kinetic energy and of its shares by joint, a filter on any law's command.
 
-    In total joint rates K = ½|ν|², so that K ≤ K_max is a ball and ½ν_k² ≤ K_k a box. Efforts last for a cycle of length h,
-    at whose end ν₊ = ν + h(ε − C). The filter clips ν₊ to the box and scales it to the ball of the energies
+    In total joint rates K = ½|ν|², so that K ≤ K_max is a ball and ½ν_k² ≤ K_k a box. Efforts last
+    for a cycle of length h, at whose end ν₊ = ν + h(ε − C). The filter clips ν₊ to the box and
+    scales it to the ball of the energies
 
         ½ν_k² + min(αh, 1)(K_k − ½ν_k²)   and   K + min(αh, 1)(K_max − K),
 
-    and converts the change of ν₊ back to efforts. K stays below K_max, at any period, and returns to it at the rate α from
-    above. External forces of the power P let K rise to K_max + P/α, unless an estimate of them is passed on.
+    and converts the change of ν₊ back to efforts. K stays below K_max, at any period, and returns
+    to it at the rate α from above. External forces of the power P let K rise to K_max + P/α, unless
+    an estimate of them is passed on.
 
-    The limits are K_max > 0 [J] and, by degree of freedom, K_k > 0 [J], inf for none; the rate is α > 0 [1/s]. ν_k is the
-    rate of joint k and of all that it induces further out, not q̇_k.
+    The limits are K_max > 0 [J] and, by degree of freedom, K_k > 0 [J], inf for none; the rate is
+    α > 0 [1/s]. ν_k is the rate of joint k and of all that it induces further out, not q̇_k.
     """
 
     def __init__(
@@ -103,9 +105,10 @@ class EnergyLimiter:
 class EffortSaturation:
     """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
 
-    Gravity compensation has priority over motion. One factor for the rest keeps the sign of its power νᵀε, where cuts joint
-    by joint can turn braking into driving. A joint whose gravity torque alone exceeds its limit is at its limit, and has no
-    part in s. Between `HEAVY` of its limit and all of it the two cases are interpolated.
+    Gravity compensation has priority over motion. One factor for the rest keeps the sign of its
+    power νᵀε, where cuts joint by joint can turn braking into driving. A joint whose gravity torque
+    alone exceeds its limit is at its limit, and has no part in s. Between `HEAVY` of its limit and
+    all of it the two cases are interpolated.
 
     The limit is L > 0 [N m, N], shape (nv,), by default the URDF's; inf where there is none.
     """
@@ -140,14 +143,15 @@ class EffortSaturation:
 class PositionRepulsion:
     """Springs before the position limits: within the margin of one, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
 
-    d is the depth of the joint in the margin, at most the margin: beyond the limit the spring is no stronger than at it.
-    The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that damps rates or regulates a pose, and their
-    damping only removes energy. Under such a law a robot of less than ½k margin² of V + U reaches no hard stop. In a cycle
-    of length h the impulse of a spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇, with the inertia D of the
+    d is the depth of the joint in the margin, at most the margin: beyond the limit the spring is no
+    stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
+    damps rates or regulates a pose, and their damping only removes energy. Under such a law a robot
+    of less than ½k margin² of V + U reaches no hard stop. In a cycle of length h the impulse of a
+    spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇, with the inertia D of the
     joint while all others are free: more would drive a light joint.
 
-    The margin > 0 [rad, m] from the limits inward is at most half of a joint's range. The stiffness is k > 0 [N m/rad, N/m],
-    the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
+    The margin > 0 [rad, m] from the limits inward is at most half of a joint's range. The stiffness
+    is k > 0 [N m/rad, N/m], the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
     """
 
     def __init__(
@@ -218,18 +222,21 @@ class ContactSeen(NamedTuple):
 class ContactLimiter:
     """Contact limiter, a filter on any law's command: no point with a limit exceeds its allowed speed.
 
-    B = (v/v_max)² of a point along its own motion is its transferable energy, or the square of its contact force, relative
-    to its limit. The filter predicts the state at the end of the cycle. Where a point has B above B₀ + αh(σ² − B₀) there, it
-    changes ν along one direction, ŵ of the impulse Λv, Λ = (JM⁻¹Jᵀ)⁻¹, that slows the point without turning it:
+    B = (v/v_max)² of a point along its own motion is its transferable energy, or the square of its
+    contact force, relative to its limit. The filter predicts the state at the end of the cycle.
+    Where a point has B above B₀ + αh(σ² − B₀) there, it changes ν along one direction, ŵ of the
+    impulse Λv, Λ = (JM⁻¹Jᵀ)⁻¹, that slows the point without turning it:
 
         ν ← ν − (1 − f) ℓJᵀΛv,  then v ← f v and B ← f²B.
 
-    An impulse along the motion itself, ŵ = ℓJᵀv/|ℓJᵀv|, would turn the point towards its lighter directions: with more than
-    45° between v and JM⁻¹Jᵀv its energy along the motion rises while ν along ŵ falls. The filter slows the worst point first,
-    at most `PASSES` of them, each by a contact evaluation and three sweeps, and then all of ν. It only removes power.
-    External forces come on top, unless an estimate of them is passed on.
+    An impulse along the motion itself, ŵ = ℓJᵀv/|ℓJᵀv|, would turn the point towards its lighter
+    directions: with more than 45° between v and JM⁻¹Jᵀv its energy along the motion rises while ν
+    along ŵ falls. The filter slows the worst point first, at most `PASSES` of them, each by a
+    contact evaluation and three sweeps, and then all of ν. It only removes power. External forces
+    come on top, unless an estimate of them is passed on.
 
-    At least one of the points has a limit. The rate is α > 0 [1/s], of the approach to a limit and of the return from above.
+    At least one of the points has a limit. The rate is α > 0 [1/s], of the approach to a limit and
+    of the return from above.
     """
 
     seen: ContactSeen | None = None  #: contact at the last state

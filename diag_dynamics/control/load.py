@@ -72,19 +72,22 @@ class Load(NamedTuple):
 class LoadEstimator:
     """Recursive least squares of mass and first moment of a load on a link, from the external torque m r of an observer.
 
-    The torque of a load π = (m, mc) on the robot is −[d/dt(Y_p π) + (Y_g − Y_∂)π], linear in π. The estimator filters these
-    columns as an observer that settles on torque filters the external torque, without accelerations:
+    The torque of a load π = (m, mc) on the robot is −[d/dt(Y_p π) + (Y_g − Y_∂)π], linear in π. The
+    estimator filters these columns as an observer that settles on torque filters the external
+    torque, without accelerations:
 
         m r = −Φπ,   Φ = K_O(Y_p − F Y_p) + F(Y_g − Y_∂),   F = K_O/(s + K_O)
 
-    The weight of older states decays with the time constant `memory`. The noise of m r is correlated over 1/K_O, and errors
-    of the model longer. Therefore a state counts dt·K_O/10.
+    The weight of older states decays with the time constant `memory`. The noise of m r is
+    correlated over 1/K_O, and errors of the model longer. Therefore a state counts dt·K_O/10.
 
-    `is_load` is set after `hold` seconds with all of these: the load explains `min_explained` of the energy of m r beyond
-    its noise, this energy is above twice that of the noise, the mass is above two standard deviations, and the centre is
-    within 0.4 m of the link's origin. It begins only in a state where the load explains more of m r than any constant
-    joint torque. At rest Φ is constant, so that no load does: move the arm. It lasts at rest. A downward force on one
-    point of a moving link is like a weight; after `hold` it may count as a load. Use an estimator in one thread.
+    `is_load` is set after `hold` seconds with all of these: the load explains `min_explained` of
+    the energy of m r beyond its noise, this energy is above twice that of the noise, the mass is
+    above two standard deviations, and the centre is within 0.4 m of the link's origin. It begins
+    only in a state where the load explains more of m r than any constant joint torque. At rest Φ is
+    constant, so that no load does: move the arm. It lasts at rest. A downward force on one point of
+    a moving link is like a weight; after `hold` it may count as a load. Use an estimator in one
+    thread.
 
     Parameters
     ----------
@@ -162,7 +165,8 @@ class LoadEstimator:
         q, qd : array_like, shapes (nq,) and (nv,)
             Positions and rates.
         external_torque : array_like, shape (nv,), or None
-            m r [N m, N]. None resets: the observer has restarted at this state. Do not pass states that it has skipped.
+            m r [N m, N]. None resets: the observer has restarted at this state. Do not pass states
+            that it has skipped.
         """
         time, model = number("time", time, "a finite number [s]"), self.dynamics.model
         q, qd = vector("q", q, model.coordinate_names), vector("qd", qd, model.dof_names)

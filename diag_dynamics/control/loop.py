@@ -96,11 +96,12 @@ def _limits(dynamics, values, compensated, points):
 class ControlLoop:
     """Laws, filters and safety of one RobotModel, without ROS.
 
-    `values` are those of parameters.controller.PARAMETERS, `compensated` is whether the robot adds gravity compensation to
-    the efforts that it receives, and `points` are ContactPoints with limits. `modes` are those that the parameters allow, by
-    name, `state` is the last valid RobotState or None, `energy` its kinetic energy [J], `following` the :class:`Following` of
-    the last trajectory or None, and `tolerances` the default ones of trajectories. `not_executed`
-    is why the robot does not execute the commands, empty if it does.
+    `values` are those of parameters.controller.PARAMETERS, `compensated` is whether the robot adds
+    gravity compensation to the efforts that it receives, and `points` are ContactPoints with
+    limits. `modes` are those that the parameters allow, by name, `state` is the last valid
+    RobotState or None, `energy` its kinetic energy [J], `following` the :class:`Following` of the
+    last trajectory or None, and `tolerances` the default ones of trajectories. `not_executed` is
+    why the robot does not execute the commands, empty if it does.
     """
 
     def __init__(self, model, values, compensated, points=None):
@@ -162,8 +163,8 @@ class ControlLoop:
     def switch(self, mode):
         """Put a mode in force from the next state on, with that state as its target.
 
-        Efforts approach those of the new law at the effort rate, and the energy tank is filled. An InputError names gains
-        that are unstable at the rate of the states.
+        Efforts approach those of the new law at the effort rate, and the energy tank is filled. An
+        InputError names gains that are unstable at the rate of the states.
         """
         chosen = self._mode_of(mode)
         if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
@@ -223,7 +224,8 @@ class ControlLoop:
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
 
-        They are in the axes of a link and from its origin, where these are now. Each target replaces the one before.
+        They are in the axes of a link and from its origin, where these are now. Each target
+        replaces the one before.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
@@ -237,7 +239,8 @@ class ControlLoop:
     def take_trajectory(self, waypoints, stamp, now, tolerances=None):
         """Follow Waypoints within position and velocity limits and Tolerances; see :class:`Trajectory`.
 
-        The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the last state.
+        The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the
+        last state.
         """
         self.require("trajectory")
         tolerances = tolerances or self.tolerances

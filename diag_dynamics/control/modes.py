@@ -47,7 +47,8 @@ MAX_OVERSPEED = 1.1
 class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
-    The constructors of subclasses take the dynamics and the values of parameters.controller.PARAMETERS.
+    The constructors of subclasses take the dynamics and the values of
+    parameters.controller.PARAMETERS.
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>

@@ -75,15 +75,16 @@ class DisturbanceObserver:
     * "working_moment": ṙ = K_O(ε_ext − r), from ν̇ = ε + ε_ext − C − ε_g − ε_fric. A constant τ_ext on a moving arm is a
       varying ε_ext, which r follows with a lag of 1/K_O.
 
-    The mean of τ_ext or ε_ext between two samples is the change of p or ν over the interval, minus the mean of the other
-    terms by the trapezoidal rule. The filter's response to it is exact: stable for any K_O dt, where an Euler step
-    requires K_O dt < 0.5.
+    The mean of τ_ext or ε_ext between two samples is the change of p or ν over the interval, minus
+    the mean of the other terms by the trapezoidal rule. The filter's response to it is exact:
+    stable for any K_O dt, where an Euler step requires K_O dt < 0.5.
 
-    The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the threshold of |r| [J^½/s],
-    by default never, and reset below `release`, by default half of it. Efforts are "sampled" with the state, or "held" on the
-    joints since the last sample, as a command is. The friction is that of the model, if any, without static friction, which
-    remains in r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets.
-    Use an observer in one thread.
+    The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the
+    threshold of |r| [J^½/s], by default never, and reset below `release`, by default half of it.
+    Efforts are "sampled" with the state, or "held" on the joints since the last sample, as a
+    command is. The friction is that of the model, if any, without static friction, which remains in
+    r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. Use
+    an observer in one thread.
     """
 
     def __init__(
@@ -144,12 +145,14 @@ class DisturbanceObserver:
     ) -> Disturbance:
         """Update r by a sample; after an InputError the observer is unchanged.
 
-        A time before the last one, or more than `max_gap` after it, resets. A sample at the time of the last one is ignored.
-        One without efforts counts as lost: the next one integrates over the gap.
+        A time before the last one, or more than `max_gap` after it, resets. A sample at the time of
+        the last one is ignored. One without efforts counts as lost: the next one integrates over
+        the gap.
 
-        The sample is the time [s], positions [rad, m], shape (nq,), rates [rad/s, m/s], shape (nv,), and joint efforts
-        [N m, N] with gravity, shape (nv,): nan where unknown, None if all are. m r of joints with unknown efforts is nan, and
-        so are the components of r that these change; "working_moment" and "held" efforts require all.
+        The sample is the time [s], positions [rad, m], shape (nq,), rates [rad/s, m/s], shape
+        (nv,), and joint efforts [N m, N] with gravity, shape (nv,): nan where unknown, None if all
+        are. m r of joints with unknown efforts is nan, and so are the components of r that these
+        change; "working_moment" and "held" efforts require all.
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:

@@ -55,13 +55,14 @@ def nearest(position, to, continuous):
 class SetPoint:
     """Motion of each joint to a position, at bounded speed and acceleration.
 
-    A step of the target would need efforts beyond the limits, and late efforts oscillate. The velocity is √(2aδ) at a
-    distance δ, for a braking acceleration a, up to the speed; near the target it is kδ. All joints slow down for a robot that
-    lags behind.
+    A step of the target would need efforts beyond the limits, and late efforts oscillate. The
+    velocity is √(2aδ) at a distance δ, for a braking acceleration a, up to the speed; near the
+    target it is kδ. All joints slow down for a robot that lags behind.
 
-    The motion goes on from the desired one at a time [ns], and ends that within the distance `room` [rad, m]. `speed`
-    [rad/s, m/s] is reached within :data:`WITHIN`; `rate` is k [1/s]. Continuous joints go the shorter way. After a stall a
-    step takes `max_period` [s] at most. All have shape (nv,).
+    The motion goes on from the desired one at a time [ns], and ends that within the distance `room`
+    [rad, m]. `speed` [rad/s, m/s] is reached within :data:`WITHIN`; `rate` is k [1/s]. Continuous
+    joints go the shorter way. After a stall a step takes `max_period` [s] at most. All have shape
+    (nv,).
     """
 
     def __init__(
@@ -78,8 +79,8 @@ class SetPoint:
     def sample(self, time, lag=0.0):
         """Return the desired motion at a time [ns], which does not decrease.
 
-        `lag` is V of the law relative to following_energy: the target slows down from a quarter on, and rests from three
-        quarters on.
+        `lag` is V of the law relative to following_energy: the target slows down from a quarter on,
+        and rests from three quarters on.
         """
         elapsed, self._time = min(max(time - self._time, 0) * 1e-9, self._max_period), time
         if elapsed == 0.0:
@@ -104,9 +105,9 @@ class SetPoint:
 class PoseTarget:
     """Motion to a pose as of a :class:`SetPoint`: straight, and about the axis of the smallest rotation.
 
-    `goal` and `start` are position [m], shape (3,), and axes as columns, shape (3, 3), at the end and at a time [ns]. `speed`
-    [m/s, rad/s] and `rate` [1/s] have shape (2,). The motion of the target `before` goes on as far as it leads to the goal,
-    because targets may come in a stream.
+    `goal` and `start` are position [m], shape (3,), and axes as columns, shape (3, 3), at the end
+    and at a time [ns]. `speed` [m/s, rad/s] and `rate` [1/s] have shape (2,). The motion of the
+    target `before` goes on as far as it leads to the goal, because targets may come in a stream.
     """
 
     def __init__(self, goal, time, start, speed, rate, max_period, before=None):
@@ -156,12 +157,14 @@ class Waypoints(NamedTuple):
 class Trajectory:
     """Trajectory of the joints of a robot.
 
-    The positions between two points are a quintic of time if both have accelerations, a cubic if both have velocities, else
-    linear. The approach to the first point starts from the robot's motion at the start; the robot rests at the last point. A
-    continuous joint goes to the first point the shorter way round.
+    The positions between two points are a quintic of time if both have accelerations, a cubic if
+    both have velocities, else linear. The approach to the first point starts from the robot's
+    motion at the start; the robot rests at the last point. A continuous joint goes to the first
+    point the shorter way round.
 
-    Times of waypoints increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last velocity is zero. `names` are
-    the joints of the robot in its order, and `stamp` is the start [ns]; 0: the first state.
+    Times of waypoints increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last
+    velocity is zero. `names` are the joints of the robot in its order, and `stamp` is the start
+    [ns]; 0: the first state.
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):
@@ -193,7 +196,8 @@ class Trajectory:
     def begin(self, time, position, velocity):
         """Start at a time [ns], or at the stamp, from the position and velocity at that time.
 
-        A cubic to a first point far ahead would follow that velocity a long way before it turns: :data:`MAX_COAST` bounds it.
+        A cubic to a first point far ahead would follow that velocity a long way before it turns:
+        :data:`MAX_COAST` bounds it.
         """
         self._start = self._stamp or time
         self._begin = (time - self._start) * 1e-9

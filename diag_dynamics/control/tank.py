@@ -23,23 +23,25 @@ RESERVE = 0.1
 class EnergyTank:
     """Energy x that a law may still add, a filter on any law's command; what the robot gives back refills it.
 
-    K̇ = νᵀε + νᵀε_ext, because νᵀC = 0 and the law compensates gravity. An effort τ held for a cycle does the work τᵀΔq
-    exactly, so `measure` takes W = τᵀΔq − ΔU from x, with the potential energy U at both positions, and loses x above the
-    capacity. Then K + x rises by no more than the work of external forces, with any law, delay of its set-point and period:
-    a person who holds the robot extracts at most K + x, less with friction. With gravity compensation U is that of the
+    K̇ = νᵀε + νᵀε_ext, because νᵀC = 0 and the law compensates gravity. An effort τ held for a
+    cycle does the work τᵀΔq exactly, so `measure` takes W = τᵀΔq − ΔU from x, with the potential
+    energy U at both positions, and loses x above the capacity. Then K + x rises by no more than the
+    work of external forces, with any law, delay of its set-point and period: a person who holds the
+    robot extracts at most K + x, less with friction. With gravity compensation U is that of the
     robot; the compensation, held for a cycle, does the work τ_gᵀΔq − ΔU, which counts, too.
 
     Two steps keep x ≥ 0. The first one removes power along ν and leaves forces across it:
 
         ε ← ε − sν,  s|ν|² = min(νᵀε − α(x − x_r), max(νᵀε, 0) + α|ν|²) if that is positive.
 
-    The reserve x_r is `RESERVE` of the capacity. Below it the robot brakes, at most as damped by α. The second step predicts
-    the work of a held fτ', τ' = mε, by the motion Δq₀ without it, W(f) = f τ'ᵀΔq₀ + ½f²h²|ε|², and takes the largest f in
-    [0, 1] with W(f) ≤ x. It acts near the end of the reserve; gravity compensation is never scaled. Errors of the prediction
-    (unknown pushes, late states, later filters) can make x < 0, but cost nothing of the bound on K + x.
+    The reserve x_r is `RESERVE` of the capacity. Below it the robot brakes, at most as damped by α.
+    The second step predicts the work of a held fτ', τ' = mε, by the motion Δq₀ without it, W(f) = f
+    τ'ᵀΔq₀ + ½f²h²|ε|², and takes the largest f in [0, 1] with W(f) ≤ x. It acts near the end of the
+    reserve; gravity compensation is never scaled. Errors of the prediction (unknown pushes, late
+    states, later filters) can make x < 0, but cost nothing of the bound on K + x.
 
-    The capacity is x_max > 0 [J], at first full, the rate α > 0 [1/s], at most 1/h in effect. `gravity` is whether efforts
-    contain gravity compensation.
+    The capacity is x_max > 0 [J], at first full, the rate α > 0 [1/s], at most 1/h in effect.
+    `gravity` is whether efforts contain gravity compensation.
     """
 
     energy: float  #: x [J]
@@ -68,7 +70,8 @@ class EnergyTank:
     def measure(self, q: VectorLike, tau: VectorLike | None = None, held: bool = True) -> float:
         """Take from x the work of the effort `tau` [N m, N] since the last call, and return x; q [rad, m] are positions now.
 
-        Without an effort x stays. Where it was not `held` all the time, its work counts only if it is positive.
+        Without an effort x stays. Where it was not `held` all the time, its work counts only if it
+        is positive.
         """
         names = self.dynamics.model.dof_names
         q = vector("q", q, names)

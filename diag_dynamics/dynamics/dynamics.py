@@ -233,10 +233,11 @@ class DiagonalDynamics:
     ) -> Array:
         """Return τ_fric = d q̇ + (f + μ|g(q)|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o [N m, N], shape (nv,) or (T, nv).
 
-        The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and v₀,
-        its `friction_velocity`. At 5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with the
-        sign of a noisy velocity. Friction of followers acts at their own rates: Gᵀτ_fric(Gq̇). Positions q are
-        required with it or load friction only. Other quantities include no friction unless requested.
+        The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and
+        v₀, its `friction_velocity`. At 5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with
+        the sign of a noisy velocity. Friction of followers acts at their own rates: Gᵀτ_fric(Gq̇).
+        Positions q are required with it or load friction only. Other quantities include no friction
+        unless requested.
         """
         if q is not None:
             return self._caller.friction(self._arguments.states(q, threads, qd=qd))
@@ -268,8 +269,9 @@ class DiagonalDynamics:
     def momentum(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Momentum:
         """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`, in O(N) without M.
 
-        ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of
-        the components in body axes for joints of several degrees of freedom.
+        ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the
+        derivative of q, and that of the components in body axes for joints of several degrees of
+        freedom.
         """
         both = None
         try:

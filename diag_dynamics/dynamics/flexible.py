@@ -29,8 +29,9 @@ def potential_energy(model: RobotModel, q: VectorLike) -> float:
 class FlexibleEvaluation(NamedTuple):
     """Terms of ν̇ + C + ε_g = ε (+ ℓJᵀf_ext of the links) for links, then motors: shape (nv + nf,), nf flexible joints.
 
-    ν = (mᵀq̇, B^½θ̇), C = (C(q, ν_q), 0), ε_g = (ℓg, 0), ε = (ℓτ_J, B^−½(τ_motor − τ_J)): the reduced model (Spong 1987).
-    Powers balance: kinetic_power + Σ spring_power + Σ loss = q̇ᵀ(τ − g) + θ̇ᵀτ_motor, with τ of joints without a spring.
+    ν = (mᵀq̇, B^½θ̇), C = (C(q, ν_q), 0), ε_g = (ℓg, 0), ε = (ℓτ_J, B^−½(τ_motor − τ_J)): the
+    reduced model (Spong 1987). Powers balance: kinetic_power + Σ spring_power + Σ
+    loss = q̇ᵀ(τ − g) + θ̇ᵀτ_motor, with τ of joints without a spring.
     """
 
     link: Evaluation  # of the links, with τ_J as effort of flexible joints; its kinetic_energy is ½|ν_q|²
@@ -50,10 +51,11 @@ class FlexibleEvaluation(NamedTuple):
 class FlexibleDynamics:
     """Dynamics of links, in O(N) sweeps, and of motors behind the springs of flexible joints, which are scalars.
 
-    q [rad, m], shape (nq,), and qd, shape (nv,), are of the links. theta and thetad, shape (nf,), are θ and θ̇ of the motors,
-    motor angle over gear. tau [N m, N], shape (nv,), has the efforts of motors, gear times torque, at flexible joints. Wrong
-    arguments raise InputError. The model may have no flexible joints; without its rotor a joint may move no inertia, which
-    is a MasslessLinkError.
+    q [rad, m], shape (nq,), and qd, shape (nv,), are of the links. theta and thetad, shape (nf,),
+    are θ and θ̇ of the motors, motor angle over gear. tau [N m, N], shape (nv,), has the efforts of
+    motors, gear times torque, at flexible joints. Wrong arguments raise InputError. The model may
+    have no flexible joints; without its rotor a joint may move no inertia, which is a
+    MasslessLinkError.
 
     Attributes
     ----------
@@ -154,8 +156,9 @@ class FlexibleDynamics:
     def squared_frequencies(self, q: VectorLike, *, motors_held: bool = True) -> Array:
         """Return squared natural frequencies at q without gravity [1/s²], ascending.
 
-        With motors held they are the eigenvalues of ℓ k ℓᵀ, shape (nv,). With free motors ℓ and k have the motors, too:
-        shape (nv + nf,). In each case nf springs resist; the other values are zero.
+        With motors held they are the eigenvalues of ℓ k ℓᵀ, shape (nv,). With free motors ℓ and k
+        have the motors, too: shape (nv + nf,). In each case nf springs resist; the other values are
+        zero.
         """
         rows = self.link.factors(q).l[:, self.dofs]
         rows = rows if motors_held else np.vstack([rows, -np.diag(self.rotor_inertia**-0.5)])

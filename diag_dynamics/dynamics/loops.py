@@ -14,7 +14,8 @@ from diag_dynamics.model.followers import FollowerMotion, FollowerState
 class LoopBalance:
     """Energy by which rates break loops: the least ½|mᵀ(q̇ − N x)|² of the cut tree over rates N x with a closed group.
 
-    N has a column for each joint that does not follow others in the group, with G of those that do. For one thread.
+    N has a column for each joint that does not follow others in the group, with G of those that do.
+    For one thread.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -24,7 +25,8 @@ class LoopBalance:
     def energies(self, q: Array, qd: Array, rates: Array) -> tuple[dict[str, float], FollowerState]:
         """Return the energy [J] by the loops of each group, and the FollowerState; LoopError where one cannot be closed.
 
-        `q` and `qd` are of the model, `rates` (f,) [rad/s, m/s] are measured ones of followers, NaN for unknown ones.
+        `q` and `qd` are of the model, `rates` (f,) [rad/s, m/s] are measured ones of followers, NaN
+        for unknown ones.
         """
         model, cut, now = self._model, self._cut.model, self._motion.at(q, qd)
         rates = np.where(np.isfinite(rates), rates, now.rate)

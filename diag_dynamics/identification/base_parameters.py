@@ -26,9 +26,9 @@ RANK, SMALL, ZERO = (
 class BaseParameters:
     """Base parameters β = E π of a robot: the columns of the regressor that a pivoted QR factorization keeps.
 
-    Momentum and gravity at random states have all columns that torques have. `matrix` is E, (count, layout.robot), of the
-    unknowns of a :class:`Layout`; `combinations` name each β by symbols of links in the axes of these links: mass, first
-    moments, and inertias about the link's origin.
+    Momentum and gravity at random states have all columns that torques have. `matrix` is E, (count,
+    layout.robot), of the unknowns of a :class:`Layout`; `combinations` name each β by symbols of
+    links in the axes of these links: mass, first moments, and inertias about the link's origin.
     """
 
     def __init__(self, layout):
@@ -61,8 +61,9 @@ class BaseParameters:
     def describe(self, fit, fits, free, sums):
         """Return values, standard deviations and excitation as plain values.
 
-        The first deviation is that of the fit, the larger of noise and of `fits` without each block, None unless inertias
-        are `free`; `from_data` is that of the data alone, with friction unknown, and None if they do not show it.
+        The first deviation is that of the fit, the larger of noise and of `fits` without each
+        block, None unless inertias are `free`; `from_data` is that of the data alone, with friction
+        unknown, and None if they do not show it.
         """
         layout, E = self._layout, self.matrix
         robot, start = fit.x[: layout.robot], layout.known[: layout.robot]

@@ -92,7 +92,8 @@ def find_delay(model, name, segments):
 def find_effort_delay(model, dataset):
     """Return the delay of efforts against positions [s], 0 if it hardly matters; a finding if the search ends before it.
 
-    It minimizes what no multiples of gravity, inertia, acceleration and friction of the joint explain.
+    It minimizes what no multiples of gravity, inertia, acceleration and friction of the joint
+    explain.
     """
     longest = min(MAX_DELAY, 0.1 * max(one.duration for one in dataset.segments))
     columns, times, tracks = zip(
@@ -218,7 +219,8 @@ def check_efforts(model, dataset):
 def check_motion(model, datasets, slides):
     """Return which joints move, which in each direction, and which of these far, bool (3, nv), and findings on the others.
 
-    An offset requires the first, friction the second, and what depends on acceleration or load the third.
+    An offset requires the first, friction the second, and what depends on acceleration or load the
+    third.
     """
     unit, times = np.where(slides, PRISMATIC, 1.0), np.zeros((2, model.nv))
     segments = [segment for one in datasets for segment in one.segments]

@@ -83,12 +83,13 @@ def list_recordings(name, recordings):
 class Dataset:
     """Segments of a recording that can be fitted. A long recording is thinned while it is read.
 
-    Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were removed. `spans` are the
-    times of the segments that have both [s], which begin and end between states. `known` are the joints with efforts
-    (bool); those of the others are the model's. Errors begin with `name`, the path if there is one. `origin` has path, robot,
-    number of all states, and times of the first and the last one [s]; `zero` is the stamp of the first one
-    [ns]. Raises InputError if the recording is of another robot, lacks states or efforts, or has velocities
-    in another unit.
+    Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were
+    removed. `spans` are the times of the segments that have both [s], which begin and end between
+    states. `known` are the joints with efforts (bool); those of the others are the model's. Errors
+    begin with `name`, the path if there is one. `origin` has path, robot, number of all states, and
+    times of the first and the last one [s]; `zero` is the stamp of the first one [ns]. Raises
+    InputError if the recording is of another robot, lacks states or efforts, or has velocities in
+    another unit.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):

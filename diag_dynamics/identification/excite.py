@@ -115,9 +115,10 @@ def excite(
 ) -> Excitation:
     """Find a trajectory within limits that excites the unknowns of an identification.
 
-    Each joint follows a Fourier series that begins and ends at rest and without acceleration. Random
-    coefficients are improved, so that the condition number of the regressor becomes small. Collisions of
-    the robot with itself or its surroundings are not checked: give `ranges`, and simulate the trajectory.
+    Each joint follows a Fourier series that begins and ends at rest and without acceleration.
+    Random coefficients are improved, so that the condition number of the regressor becomes small.
+    Collisions of the robot with itself or its surroundings are not checked: give `ranges`, and
+    simulate the trajectory.
 
     Parameters
     ----------
@@ -132,10 +133,12 @@ def excite(
     ranges : mapping, optional
         Lower and upper bound of a joint's position [rad, m], by name, within its limits.
     velocity_limits, position_limits : mapping, optional
-        Limits [rad/s, m/s], and lower and upper limits [rad, m], by name, of joints for which the model
-        has none: zero, negative, infinite or absent. ``*`` stands for all joints that lack one.
+        Limits [rad/s, m/s], and lower and upper limits [rad, m], by name, of joints for which the
+        model has none: zero, negative, infinite or absent. ``*`` stands for all joints that lack
+        one.
     velocity, effort : float
-        Fractions of the limits of velocity and effort. A joint without an effort limit has no bound.
+        Fractions of the limits of velocity and effort. A joint without an effort limit has no
+        bound.
     margin : float
         Fraction of a joint's range at either end that is left free.
     trials, seed : int
@@ -152,8 +155,8 @@ def excite(
     Raises
     ------
     InputError
-        An argument has a wrong value, a joint that moves has no limit of velocity or position, the robot
-        has no degrees of freedom, or a joint would stand still or need too much effort.
+        An argument has a wrong value, a joint that moves has no limit of velocity or position, the
+        robot has no degrees of freedom, or a joint would stand still or need too much effort.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """

@@ -3,14 +3,15 @@
 
 """A fit: its unknowns, the normal equations that it is made to, and its numbers with their certainty.
 
-Least squares over physical inertias and positive friction, by Newton's method along the central path:
+Least squares over physical inertias and positive friction, by Newton's method along the central
+path:
 
     min ½ xᵀA x − bᵀx + Σ γ [tr(J₀⁻¹J) − ln det J] + γ' Σ [x_k/x₀ − ln x_k]
 
 J is the pseudo-inertia of a body, linear in x, and J₀ that of the model. The barrier of J is its
 prior, smallest at J = J₀. That of positive unknowns is smallest at x₀: where a joint moves one way
-only, the rows do not bound its friction beside its offset. Plain Newton crawls along the boundary of
-the cone. Logarithms with large weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
+only, the rows do not bound its friction beside its offset. Plain Newton crawls along the boundary
+of the cone. Logarithms with large weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
 from functools import partial
@@ -80,10 +81,11 @@ class Fit(NamedTuple):
 class Layout:
     """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload in its link's frame.
 
-    The first `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are positive, and
-    which are of bodies with mass; `motors` has places of damping and friction of each coupled motor; `without_rotors`
-    whether the model's rotor inertias are left out. Arguments `rows` are lists of pairs: normal equations, and whether the
-    robot carries the payload in them.
+    The first `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell
+    which are positive, and which are of bodies with mass; `motors` has places of damping and
+    friction of each coupled motor; `without_rotors` whether the model's rotor inertias are left
+    out. Arguments `rows` are lists of pairs: normal equations, and whether the robot carries the
+    payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -161,7 +163,8 @@ class Layout:
     def variance(self, rows, x):
         """Return the variance of rows of each degree of freedom.
 
-        Beside a payload it is the same for any error of the gains: a small residual of a wrong gain is chance.
+        Beside a payload it is the same for any error of the gains: a small residual of a wrong gain
+        is chance.
         """
         efforts = np.maximum(self.mean_squares(rows, np.zeros(self.size)), 1e-12)
         if self.payload:

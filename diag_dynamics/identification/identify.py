@@ -58,28 +58,30 @@ def identify(
 ) -> Identification:
     """Identify friction, rotor inertias, a payload or link inertias from recordings without contact.
 
-    The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations. Inertias stay
-    physical, and near the model's where the motion does not determine them; friction and rotor inertias
-    stay positive. A step is taken if it reduces the residual in cross-validation over blocks of all
-    recordings, friction and rotors joint by joint. All rows are then fitted. See docs/identification.md for
-    the equations.
+    The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations.
+    Inertias stay physical, and near the model's where the motion does not determine them; friction
+    and rotor inertias stay positive. A step is taken if it reduces the residual in cross-validation
+    over blocks of all recordings, friction and rotors joint by joint. All rows are then fitted. See
+    docs/identification.md for the equations.
 
     Parameters
     ----------
     recordings : Recording, callable, or sequence of these
-        Without contact, with efforts that contain gravity [N m, N]. A callable returns the pieces of one
-        recording: ``lambda: dd.stream_recording(path, model)``. Long ones are thinned while they are read.
+        Without contact, with efforts that contain gravity [N m, N]. A callable returns the pieces
+        of one recording: ``lambda: dd.stream_recording(path, model)``. Long ones are thinned while
+        they are read.
     model : RobotModel
         With a fixed base, and joints of one degree of freedom each.
     what : str or sequence of str
-        ``"friction"`` (damping, Coulomb friction and offset of each joint that moves enough), ``"rotors"``
-        (reflected inertia of motors, for efforts measured by current), ``"gears"`` (friction by the torque of
-        gravity and by the root of the rate), ``"gains"`` (torque by unit of effort of joints that carry
-        weight, for currents and raw units of drives), ``"payload:<link>"`` (mass that a
-        link carries beside the model, or lacks), ``"inertias"`` (of all links; alone, it includes the other steps).
+        ``"friction"`` (damping, Coulomb friction and offset of each joint that moves enough),
+        ``"rotors"`` (reflected inertia of motors, for efforts measured by current), ``"gears"``
+        (friction by the torque of gravity and by the root of the rate), ``"gains"`` (torque by unit
+        of effort of joints that carry weight, for currents and raw units of drives),
+        ``"payload:<link>"`` (mass that a link carries beside the model, or lacks), ``"inertias"``
+        (of all links; alone, it includes the other steps).
     reference : Recording, callable, or sequence of these, optional
-        Of the same robot without the payload: its links are then fitted too, so that their errors do not
-        become part of the payload.
+        Of the same robot without the payload: its links are then fitted too, so that their errors
+        do not become part of the payload.
 
     Returns
     -------
@@ -88,8 +90,8 @@ def identify(
     Raises
     ------
     InputError
-        An argument has a wrong value, a recording is of another robot, has no efforts, or has velocities or
-        efforts that cannot be in SI units, or no joint moves enough.
+        An argument has a wrong value, a recording is of another robot, has no efforts, or has
+        velocities or efforts that cannot be in SI units, or no joint moves enough.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """
@@ -145,15 +147,16 @@ def identify(
 class FitData:
     """Recordings of an identification: their checks and their normal equations.
 
-    `gains` are those of the efforts with standard deviations, (2, nv), None if efforts are in N m and N; `left_out_gains`
-    those without each block relative to them, (blocks, nv).
+    `gains` are those of the efforts with standard deviations, (2, nv), None if efforts are in N m
+    and N; `left_out_gains` those without each block relative to them, (blocks, nv).
 
-    `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations` their efforts against the
-    model, `able` the joints that move enough for a column, `measured` those with efforts (bool), `findings` on the others,
-    `duration` the time of all [s].
+    `loaded` are the Datasets of recordings, `datasets` these and those of references, `relations`
+    their efforts against the model, `able` the joints that move enough for a column, `measured`
+    those with efforts (bool), `findings` on the others, `duration` the time of all [s].
 
-    Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of references, `unloaded`,
-    None without any. `parts` are the segments of each block with the joints that have efforts there (bool).
+    Normal equations are those of `blocks`, parts of equal duration, and their sum `fitted`; and of
+    references, `unloaded`, None without any. `parts` are the segments of each block with the joints
+    that have efforts there (bool).
     """
 
     def __init__(self, model, payloads, recordings, reference, with_gains):

@@ -36,7 +36,8 @@ MAX_STEPS = 900  # of a curve: twice the pixels that they are drawn on
 class Curves(NamedTuple):
     """Efforts below 5 Hz on held-out parts, downsampled to minima and maxima: times [s] (P,), others (P, nv) [N m, N].
 
-    Efforts were measured, or are those of the model before and after with friction; NaN interrupts them.
+    Efforts were measured, or are those of the model before and after with friction; NaN interrupts
+    them.
     """
 
     t: np.ndarray
@@ -50,8 +51,8 @@ class Curves(NamedTuple):
 def validate(models, parts):
     """Return how well models explain a block each, by key of the quality; NaN and None are unknown.
 
-    A block is pairs of a segment and of the joints that have efforts there. Then rows of curves: time, measured effort,
-    the model's and the error of each joint.
+    A block is pairs of a segment and of the joints that have efforts there. Then rows of curves:
+    time, measured effort, the model's and the error of each joint.
     """
     model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
     each = -(-sum(len(one.t) for block in parts for one, _ in block) // MAX_STEPS)

@@ -41,13 +41,13 @@ def require_single_joints(model):
 class Regressors:
     """Rows Y_p and Y_g − Y_∂ with d/dt(Y_p π) + (Y_g − Y_∂) π = τ, without friction and rotors.
 
-    Unknowns are ten parameters of each body with inertia, and of those in `also`, then damping, Coulomb
-    friction, offset, rotor inertia, load and root friction of each degree of freedom, and damping and Coulomb
-    friction of coupled motors. The load is the torque
-    of gravity of the dynamics `load_of`, 0 if None. The row of a degree of freedom has `columns`
-    of them, of the bodies that it moves and its own, and then the effort. `rows` are their places in the row
-    of all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ] of each degree of freedom, and the sum of
-    weights.
+    Unknowns are ten parameters of each body with inertia, and of those in `also`, then damping,
+    Coulomb friction, offset, rotor inertia, load and root friction of each degree of freedom, and
+    damping and Coulomb friction of coupled motors. The load is the torque of gravity of the
+    dynamics `load_of`, 0 if None. The row of a degree of freedom has `columns` of them, of the
+    bodies that it moves and its own, and then the effort. `rows` are their places in the row of
+    all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ] of each degree of freedom, and the
+    sum of weights.
     """
 
     def __init__(self, model, also=()):
@@ -99,10 +99,10 @@ class Regressors:
     def filtered_rows(self, t, q, qd, tau, known=True):
         """Yield rows and weights of consecutive states from the second one on.
 
-        Those of joints whose effort is not `known` are zero. A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂),
-        F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀), q̇/√max(|q̇|, v₀)] and Fτ. F of momentum
-        begins at its first value, other filters at 0. The weight is min(1, λΔ/2), as rows that are closer
-        than the filter's memory say the same.
+        Those of joints whose effort is not `known` are zero. A row is λ(Y_p − F
+        Y_p) + F(Y_g − Y_∂), F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀), q̇/√max(|q̇|,
+        v₀)] and Fτ. F of momentum begins at its first value, other filters at 0. The weight is
+        min(1, λΔ/2), as rows that are closer than the filter's memory say the same.
         """
         own, state = np.array([row.stop - len(OWN) - 1 for row in self.rows]), None
         for first in range(0, len(t) - 1, SIZE):
@@ -182,8 +182,8 @@ class Regressors:
 def propagate_directions(bodies, gravity, q, qd, work, directions):
     """Compute V and −g in the frame of each body, and its own and inboard directions.
 
-    ``directions[i, k]`` has S_k, a mimic joint's times its multiplier, and V_k × S_k in the frame of
-    body i, V_k that of the joint's last body.
+    ``directions[i, k]`` has S_k, a mimic joint's times its multiplier, and V_k × S_k in the frame
+    of body i, V_k that of the joint's last body.
     """
     propagate_motions(bodies, len(bodies) - 1, gravity, q, qd, work)
     for i in range(1, len(bodies)):
@@ -217,8 +217,8 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
 def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
     """Fill rows of Y_p and Y_g − Y_∂ at states, a row of Q and QD each; all joints' rows in one.
 
-    ``first[k, i]`` is where the parameters of body i begin in the row of degree of freedom k, or −1.
-    `directions`, (N + 1, N + 1, 12), is memory to work in.
+    ``first[k, i]`` is where the parameters of body i begin in the row of degree of freedom k, or
+    −1. `directions`, (N + 1, N + 1, 12), is memory to work in.
     """
     bodies, gravity, work, _ = opened(robot)
     for t in range(len(Q)):

@@ -42,8 +42,8 @@ class Identification:
         With the parameters.
     parameters : Parameters
     quality : dict
-        Plain values in SI units by the keys of docs/identification.md. Pairs are before and after, on the part
-        held out, for parameters fitted to the rest.
+        Plain values in SI units by the keys of docs/identification.md. Pairs are before and after,
+        on the part held out, for parameters fitted to the rest.
     curves : Curves
         Efforts on held-out parts, which the report draws.
     """
@@ -113,8 +113,8 @@ def _joints(layout, x, free):
 def deviations_of(layout, free, fit, fits):
     """Return standard deviations of the numbers of joints that were fitted, by joint and name.
 
-    The larger one of noise alone, and of fits without each block in turn (jackknife), which also contains what the model
-    lacks.
+    The larger one of noise alone, and of fits without each block in turn (jackknife), which also
+    contains what the model lacks.
     """
     noise = np.maximum(np.diag(fit.covariance), 0.0)
     larger = np.sqrt(np.maximum(noise, jackknife(fits)))
@@ -195,7 +195,8 @@ def without_impossible_links(model, parameters):
 def payload_certainty(layout, fit, fits):
     """Return a payload's numbers with their standard deviations, as plain values.
 
-    Variances are those of the fits without each block in turn (jackknife), and those by priors and gains.
+    Variances are those of the fits without each block in turn (jackknife), and those by priors and
+    gains.
     """
     x, prior = fit.x[layout.robot :], fit.by_gains[layout.robot :, layout.robot :]
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))

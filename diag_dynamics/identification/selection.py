@@ -69,10 +69,11 @@ def read_what(what, model):
 class Selection:
     """Choose steps, and the joints of a step, by cross-validation over blocks of all recordings.
 
-    Each block is left out of the fit in turn. A step has to reduce the residual of some joint over all blocks by GAIN, and
-    the geometric mean over joints; friction and rotors are taken at such joints only. `fits` without each block,
-    (blocks, size), and the `squares` of that block's residuals, (blocks, nv), are those of the steps `taken`. `ladder` has
-    the steps that were tried with their scores, `kept` by step and joint that keeps the model's values the residuals with
+    Each block is left out of the fit in turn. A step has to reduce the residual of some joint over
+    all blocks by GAIN, and the geometric mean over joints; friction and rotors are taken at such
+    joints only. `fits` without each block, (blocks, size), and the `squares` of that block's
+    residuals, (blocks, nv), are those of the steps `taken`. `ladder` has the steps that were tried
+    with their scores, `kept` by step and joint that keeps the model's values the residuals with
     these and with its own.
     """
 

@@ -25,8 +25,8 @@ from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.model.sources import folder_of
 
 SEVERITIES = ("ok", "note", "warning", "error")
-"""In ascending order: what may be intended, what is very likely a mistake of the URDF, and what keeps
-results from being computed, in part or wholly."""
+"""In ascending order: what may be intended, what is very likely a mistake of the URDF, and what
+keeps results from being computed, in part or wholly."""
 
 OF_GEOMETRY = (
     *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),

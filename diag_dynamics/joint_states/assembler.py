@@ -68,9 +68,10 @@ IN_STEP = {-1: None, 0: False, 1: True}
 class StateAssembler:
     """Complete states of a robot from joint states, each of which may have only some of its joints.
 
-    `base` is the OdometryBase of a floating base, `map_name` returns the robot's name of a joint, `labels` name joints, then
-    mimic joints, in texts. `counts` and `last_texts` are by event, `stuck` counts stuck sensors by text, `arrived` has
-    names in messages. InputError names joints of the options that the robot lacks.
+    `base` is the OdometryBase of a floating base, `map_name` returns the robot's name of a joint,
+    `labels` name joints, then mimic joints, in texts. `counts` and `last_texts` are by event,
+    `stuck` counts stuck sensors by text, `arrived` has names in messages. InputError names joints
+    of the options that the robot lacks.
     """
 
     def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
@@ -266,7 +267,8 @@ class StateAssembler:
     def accept(self, message, now):
         """Judge a JointState, or its bytes, received at `now` [ns]; return Accepted or Rejected.
 
-        A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on.
+        A rejected message leaves no trace but what a later restart of time, setting of a clock or
+        jump depends on.
         """
         if not isinstance(message, bytes):
             stamp, fields = (

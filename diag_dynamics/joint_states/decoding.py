@@ -12,8 +12,8 @@ import numpy as np
 from diag_dynamics.wire.definitions import Reader
 
 MAX_LAYOUTS, MAX_BYTES = 64, 1 << 20
-"""Lists of names and lengths whose places are kept, and the length of their messages together [bytes]. An entry takes about
-ten times the length of its message."""
+"""Lists of names and lengths whose places are kept, and the length of their messages together
+[bytes]. An entry takes about ten times the length of its message."""
 
 FIELDS = "position", "velocity", "effort"
 

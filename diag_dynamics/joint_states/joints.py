@@ -148,9 +148,10 @@ def age_limits(names, options):
 class EffortMeaning:
     """Unit of a driver's efforts, whether they include gravity, and whether they are available.
 
-    `factors` of joints, then mimic joints, are NaN without usable efforts; `without_gravity` is 1 for joints whose efforts
-    lack gravity, None without any; `undeclared` joints lack a scale or gravity. Undeclared efforts are N m with gravity. The
-    `scale` of a robot's parameters is used for joints without one in the options.
+    `factors` of joints, then mimic joints, are NaN without usable efforts; `without_gravity` is 1
+    for joints whose efforts lack gravity, None without any; `undeclared` joints lack a scale or
+    gravity. Undeclared efforts are N m with gravity. The `scale` of a robot's parameters is used
+    for joints without one in the options.
     """
 
     def __init__(self, joints, followers, options, scale):
@@ -176,8 +177,8 @@ class EffortMeaning:
 class LinkPositions:
     """Converts states in their order: q = θ − δ, q̇ = θ̇ − δ̇, with the stretch δ = (τ_J − d δ̇)/k and δ̇ = τ̇_J/k.
 
-    τ̇_J is the difference to the state before. Without that state δ̇ is 0, without an effort δ is 0, too.
-    `has_any` is whether a joint has a motor position and a spring torque.
+    τ̇_J is the difference to the state before. Without that state δ̇ is 0, without an effort δ is
+    0, too. `has_any` is whether a joint has a motor position and a spring torque.
     """
 
     def __init__(self, model):

@@ -3,7 +3,8 @@
 
 """Arrays that the rules of joint states work on: options, memory of joints and followers, layouts, messages, outcomes.
 
-Times are in nanoseconds, but for `filter_time` and `lasting` [s]. A flag is 0 or 1. A stamp of −1 is none.
+Times are in nanoseconds, but for `filter_time` and `lasting` [s]. A flag is 0 or 1. A stamp of −1
+is none.
 """
 
 from typing import NamedTuple
@@ -78,8 +79,9 @@ FOLLOWER = _record(
 """An element for each follower."""
 
 ERROR, JOINT_COUNT, FOLLOWER_COUNT, NUMBER_COUNT, HEAD = range(5)
-"""First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices of joints, those of
-followers, and pairs for each number that is used: its place in `Batch.numbers`, and in the values of the scratch."""
+"""First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices
+of joints, those of followers, and pairs for each number that is used: its place in `Batch.numbers`,
+and in the values of the scratch."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
 """An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""

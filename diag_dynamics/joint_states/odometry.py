@@ -15,7 +15,8 @@ from diag_dynamics.joint_states.joints import Joints, Options
 class OdometryBase:
     """Store the newest state of a floating base; `position`, `velocity` and `stamp` [ns] are None before.
 
-    Stamps follow the rules of those of a joint. `twist_in_header`: twists are in the axes of header.frame_id.
+    Stamps follow the rules of those of a joint. `twist_in_header`: twists are in the axes of
+    header.frame_id.
     """
 
     def __init__(self, model, twist_in_header):
@@ -81,8 +82,8 @@ class OdometryBase:
 def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     """Return x y z qx qy qz qw and the body twist of the root link, linear first.
 
-    `position` [m] and `quaternion` (x y z w) are the pose of a link attached to the root, `twist` [m/s, rad/s] that of its
-    origin, in its own axes or in those of the world.
+    `position` [m] and `quaternion` (x y z w) are the pose of a link attached to the root, `twist`
+    [m/s, rad/s] that of its origin, in its own axes or in those of the world.
     """
     values = {"position": (position, 3), "orientation": (quaternion, 4), "twist": (twist, 6)}
     for name, (value, length) in values.items():

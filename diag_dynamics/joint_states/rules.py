@@ -3,8 +3,8 @@
 
 """The rules of joint states, compiled: one loop over messages, of which there may be one or many.
 
-A rejected message leaves no trace but what a later restart of time, setting of a clock or jump depends on. So every rule that
-rejects comes before the first line that stores a value.
+A rejected message leaves no trace but what a later restart of time, setting of a clock or jump
+depends on. So every rule that rejects comes before the first line that stores a value.
 """
 
 import math
@@ -268,8 +268,8 @@ def _accept_stamp(memory, source, anew, stamp, unstamped, now):
     elif now and not unstamped:
         shared.apart = now - stamp
         apart = abs(shared.apart)
-        # A stamp of another clock must come within half of the bound before the bound holds for it. At the bound itself it
-        # would be accepted and rejected by turns.
+        # A stamp of another clock must come within half of the bound before the bound holds for it.
+        # At the bound itself it would be accepted and rejected by turns.
         within = apart <= shared.max_age and (shared.in_step != 0 or 2 * apart <= shared.max_age)
         shared.in_step, shared.refused = int(within), 0
 

@@ -5,9 +5,10 @@
 
 Steps are garbage, a re-zeroed encoder, a simulator's reset or a second source.
 
-A joint may move by twice the larger of both velocities times the time between two messages, or at its velocity limit, and by
-a slack besides. A joint of unknown velocity may move at the highest velocity that is accepted. A message beyond that is
-rejected and stored as the candidate, apart from the state in force. The candidate takes the place of that state in two cases:
+A joint may move by twice the larger of both velocities times the time between two messages, or at
+its velocity limit, and by a slack besides. A joint of unknown velocity may move at the highest
+velocity that is accepted. A message beyond that is rejected and stored as the candidate, apart from
+the state in force. The candidate takes the place of that state in two cases:
 
 * Three messages in a row agree with the candidate. The robot was moved, or its encoders were set.
 * The candidate comes again between accepted messages, so sources are interleaved. It moves
@@ -24,8 +25,9 @@ STATES = 3
 """Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
 
 MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
-"""Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the longest over which a step is
-judged, with a velocity limit and without. Over a longer one the two velocities do not bound the way in between."""
+"""Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the
+longest over which a step is judged, with a velocity limit and without. Over a longer one the two
+velocities do not bound the way in between."""
 
 CANDIDATE_TIMEOUT = 500_000_000
 """Time [ns] after which a message is not compared with the candidate."""

@@ -3,8 +3,8 @@
 
 """Robot models from URDFs and MJCFs.
 
-A wrong argument raises an InputError that names the argument, its value and what was expected. A mistake in a robot's file
-raises a UrdfError that names the element.
+A wrong argument raises an InputError that names the argument, its value and what was expected. A
+mistake in a robot's file raises a UrdfError that names the element.
 """
 
 from diag_dynamics.model.catalog import load_robot

@@ -3,9 +3,10 @@
 
 """Flexible links by assumed modes: shapes of beams and of finite elements, and the joints that follow modes.
 
-A mode is an independent prismatic joint of a link without mass. Each section of the link, and the frame at its tip, is the
-end of a chain of joints that follow the modes η: displacements Φη − ½ e ηᵀHη along the axes of the beam, e its axis, and
-rotations R_z R_y R_x of Θη. H is the foreshortening of a beam that bends and keeps its length.
+A mode is an independent prismatic joint of a link without mass. Each section of the link, and the
+frame at its tip, is the end of a chain of joints that follow the modes η: displacements Φη − ½ e
+ηᵀHη along the axes of the beam, e its axis, and rotations R_z R_y R_x of Θη. H is the
+foreshortening of a beam that bends and keeps its length.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class FlexibleLink(NamedTuple):
     Attributes
     ----------
     modes : tuple of str
-        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it; others are ``<link>/m1`` ….
+        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it; others
+        are ``<link>/m1`` ….
     axes : ndarray, shape (3, 3)
         Axes of the beam in the link: x leads to the tip.
     frequencies, damping_ratio : ndarray, shape (n,)
@@ -61,7 +63,8 @@ class FlexibleLink(NamedTuple):
     tips : mapping
         :class:`Station` of each joint that the modes move.
     bends : ndarray, shape (p, 2, n)
-        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of `bending_energy`.
+        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of
+        `bending_energy`.
     """
 
     modes: tuple[str, ...]

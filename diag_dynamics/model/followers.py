@@ -28,9 +28,10 @@ SHORTER, SHORTEST = 0.8, 1e-3
 class FollowerState(NamedTuple):
     """Followers at a state, f of them, and how they depend on the independent joints.
 
-    `position` [rad, m] and `rate` [rad/s, m/s] have the shape (f,), `ratios` G = ∂rate/∂q̇ and `ratio_rates` Ġ have (f, nv).
-    `singularity` is the smallest |R_kk| of J_d = QR by the longest column of J of each closed group, in the order of
-    `RobotModel.loops`: near 0 the independent joints do not determine the others.
+    `position` [rad, m] and `rate` [rad/s, m/s] have the shape (f,), `ratios` G = ∂rate/∂q̇ and
+    `ratio_rates` Ġ have (f, nv). `singularity` is the smallest |R_kk| of J_d = QR by the longest
+    column of J of each closed group, in the order of `RobotModel.loops`: near 0 the independent
+    joints do not determine the others.
     """
 
     names: tuple[str, ...]
@@ -113,8 +114,8 @@ def closed(model: Any, q: Array) -> Array:
 def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> list[str]:
     """Narrow the limits of independent joints to where followers are within theirs and loops can be closed.
 
-    Return texts on followers whose limits do not count: those of several joints, of continuous ones, and those that are
-    beyond their limits at the start.
+    Return texts on followers whose limits do not count: those of several joints, of continuous
+    ones, and those that are beyond their limits at the start.
     """
     ends = {
         name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")]

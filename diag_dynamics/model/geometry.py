@@ -211,8 +211,9 @@ class Estimated(NamedTuple):
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     """Return the URDF with an inertia for every link that has geometry and lacks one, at a uniform density [kg/m³].
 
-    The collision geometry counts, or the visual one if that cannot be measured. Primitives and watertight meshes are exact,
-    other meshes are replaced by their convex hull. Meshes begin from `folder`.
+    The collision geometry counts, or the visual one if that cannot be measured. Primitives and
+    watertight meshes are exact, other meshes are replaced by their convex hull. Meshes begin from
+    `folder`.
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
     if rho > LARGEST_DENSITY:

@@ -20,8 +20,8 @@ LARGEST = 1e9  # largest mass, length, inertia or armature accepted, in SI units
 class Payload(NamedTuple):
     """A rigid body attached to a link, in the link's axes.
 
-    `mass` [kg]; `com`, shape (3,), the centre of mass from the link's origin [m]; `inertia`, shape (3, 3), about the centre
-    of mass [kg m²], that of a point by default.
+    `mass` [kg]; `com`, shape (3,), the centre of mass from the link's origin [m]; `inertia`, shape
+    (3, 3), about the centre of mass [kg m²], that of a point by default.
     """
 
     mass: float

@@ -26,15 +26,15 @@ SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 def end_effector_link(model: RobotModel) -> str:
     """Return the name of the end-effector link; the root link, if no joint moves.
 
-    It is the deepest link of the first longest chain of actuated joints whose end carries no other joints than fingers. A
-    mimic joint is not actuated. A floating base counts as one joint.
+    It is the deepest link of the first longest chain of actuated joints whose end carries no other
+    joints than fingers. A mimic joint is not actuated. A floating base counts as one joint.
 
-    Fingers are the moving children of a moving link: at least two, none of them with more joints than the chain that carries
-    them, none longer than :data:`FINGER_LENGTH` of that chain. The jaws of a gripper, casters and rotors are fingers. Legs
-    and the arms of a torso are none.
+    Fingers are the moving children of a moving link: at least two, none of them with more joints
+    than the chain that carries them, none longer than :data:`FINGER_LENGTH` of that chain. The jaws
+    of a gripper, casters and rotors are fingers. Legs and the arms of a torso are none.
 
-    The deepest link is the one farthest outboard, of those fixed to each other that have :data:`MIN_MASS`: neither the frame
-    of a camera nor a tool centre point.
+    The deepest link is the one farthest outboard, of those fixed to each other that have
+    :data:`MIN_MASS`: neither the frame of a camera nor a tool centre point.
     """
     bodies = model.bodies
     count = len(bodies)
@@ -75,7 +75,8 @@ def _deepest_link(model: RobotModel, body: int) -> str:
     for record in links:
         name = model.link_names[int(record["index"])]
         distance = float(np.linalg.norm(model.placement_in_body(name)[1][:3, 3]))
-        # Links are in the order of the tree: of two at one place the second one is on the first one.
+        # Links are in the order of the tree: of two at one place the second one is on the first
+        # one.
         if record["mass"] >= MIN_MASS * links["mass"].sum() and distance >= farthest - SAME_PLACE:
             deepest, farthest = name, distance
     return deepest
@@ -89,7 +90,8 @@ def wrenches_on_links(
 ) -> npt.NDArray[np.void]:
     """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world".
 
-    With a number of states, records follow state by state, and there may be as many rows of numbers.
+    With a number of states, records follow state by state, and there may be as many rows of
+    numbers.
     """
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)

@@ -69,40 +69,46 @@ def load_urdf(
     Parameters
     ----------
     source : str, bytes, os.PathLike or file
-        Path of a URDF file, an open one, or XML text. The package `xacro`, if installed, expands a file whose name ends with
-        .xacro; its arguments may follow the path: ``"arm.urdf.xacro prefix:=left_"``.
+        Path of a URDF file, an open one, or XML text. The package `xacro`, if installed, expands a
+        file whose name ends with .xacro; its arguments may follow the path: ``"arm.urdf.xacro
+        prefix:=left_"``.
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
         See :class:`RobotModel`; within ±1000 m/s².
     mimic : {"embed", "free", "lock"}
-        Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent; or lock them at the
-        positions that belong to leaders at zero, or at their locked positions.
+        Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent;
+        or lock them at the positions that belong to leaders at zero, or at their locked positions.
     massless : {"error", "lock"}
-        Treatment of joints that move no inertia: raise, or lock them at zero or the position limit next to it.
+        Treatment of joints that move no inertia: raise, or lock them at zero or the position limit
+        next to it.
     locked_joints : dict
-        Positions [rad, m] of locked joints. These numbers, and those of `armature` and `payloads`, are within ±1e9; those of
-        the URDF within ±1e30.
+        Positions [rad, m] of locked joints. These numbers, and those of `armature` and `payloads`,
+        are within ±1e9; those of the URDF within ±1e30.
     armature : dict or float
-        Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints of one degree of
-        freedom. It replaces that of `parameters`, which replaces N²J of the URDF's transmissions.
+        Reflected rotor inertia [kg m², prismatic: kg] by joint name, or one number for all joints
+        of one degree of freedom. It replaces that of `parameters`, which replaces N²J of the URDF's
+        transmissions.
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
     max_joints, max_coupled : int
-        Maximum number of joints, fixed ones included, and of bodies of a coupled group. Loading takes time in proportion to
-        the former, an evaluation as the cube of the latter.
+        Maximum number of joints, fixed ones included, and of bodies of a coupled group. Loading
+        takes time in proportion to the former, an evaluation as the cube of the latter.
     friction_velocity : float
-        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of `parameters`, or 5e-3.
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of
+        `parameters`, or 5e-3.
     xacro_args : dict
         Arguments of a xacro file, by name.
     estimate_inertias : float
-        Density [kg/m³] of links that have geometry and no <inertial>. It opens the files that the URDF names, so it is not
-        for untrusted descriptions; meshes need trimesh.
+        Density [kg/m³] of links that have geometry and no <inertial>. It opens the files that the
+        URDF names, so it is not for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
-        Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in it.
+        Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in
+        it.
     loops : str, os.PathLike, dict or list
-        Closed loops, non-linear mimic joints and flexible links: a YAML file or its content, or a list of :class:`Loop`.
-        Loops that the URDF describes are closed without it; ``[]`` opens them.
+        Closed loops, non-linear mimic joints and flexible links: a YAML file or its content, or a
+        list of :class:`Loop`. Loops that the URDF describes are closed without it; ``[]`` opens
+        them.
 
     Raises
     ------
@@ -111,14 +117,16 @@ def load_urdf(
     MimicJointError
         A mimic joint has no valid source, or a coupled group is too large.
     LoopError
-        A loop cannot be closed from its start values, or its independent joints are not as many as it has.
+        A loop cannot be closed from its start values, or its independent joints are not as many as
+        it has.
     MasslessLinkError
         Joints move no inertia: the mass matrix would be singular.
 
     Warns
     -----
     ModelWarning
-        The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid body, or was estimated.
+        The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid
+        body, or was estimated.
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))

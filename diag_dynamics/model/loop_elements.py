@@ -3,9 +3,9 @@
 
 """Closed loops and non-linear mimic joints in elements of a URDF.
 
-`<loop_joint>` is that of Isaac Sim, `<constraint>` the one proposed to urdfdom_headers (pull request 108). Elements `<start
-joint position>` and `<independent joint>` in them, and the attribute `polynomial` of `<mimic>`, which replaces multiplier and
-offset, belong to this package.
+`<loop_joint>` is that of Isaac Sim, `<constraint>` the one proposed to urdfdom_headers (pull
+request 108). Elements `<start joint position>` and `<independent joint>` in them, and the attribute
+`polynomial` of `<mimic>`, which replaces multiplier and offset, belong to this package.
 """
 
 from __future__ import annotations

@@ -70,9 +70,10 @@ class LoopEnd(NamedTuple):
 class Loop(NamedTuple):
     """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
 
-    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of freedom, chosen if it is empty.
-    `start` has positions [rad, m] near those in which loops are first closed, by joint: they choose the branch. Those of
-    all loops of a robot count for each of its loops.
+    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of
+    freedom, chosen if it is empty. `start` has positions [rad, m] near those in which loops are
+    first closed, by joint: they choose the branch. Those of all loops of a robot count for each of
+    its loops.
     """
 
     name: str
@@ -96,8 +97,9 @@ class Loop(NamedTuple):
 class Curve(NamedTuple):
     """A joint whose position is a function of that of another one, as pieces of a polynomial.
 
-    A row of `pieces` has the source's position where a piece begins, and coefficients of the distance from there, the
-    constant first. `argument` and `result` are factor and offset of the source's position and of the polynomial.
+    A row of `pieces` has the source's position where a piece begins, and coefficients of the
+    distance from there, the constant first. `argument` and `result` are factor and offset of the
+    source's position and of the polynomial.
     """
 
     source: str
@@ -123,8 +125,8 @@ def read_couplings(
 ) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
     """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone.
 
-    `loops` and `curves` are those of the robot's own file. Loops of a source replace them, and take from one of the same
-    name the fields that they lack.
+    `loops` and `curves` are those of the robot's own file. Loops of a source replace them, and take
+    from one of the same name the fields that they lack.
     """
     if source is None:
         return tuple(loops), dict(curves)
@@ -240,8 +242,9 @@ class Group(NamedTuple):
 class Coupled(NamedTuple):
     """Joints of a robot that depend on others by changing ratios.
 
-    `followers` has the independent joints on which each depends, by name; `mimics` are those of a constant ratio, `curves`
-    those that are in no group. `start` are positions in which loops are closed. Joints of `flexible` links follow modes.
+    `followers` has the independent joints on which each depends, by name; `mimics` are those of a
+    constant ratio, `curves` those that are in no group. `start` are positions in which loops are
+    closed. Joints of `flexible` links follow modes.
     """
 
     followers: dict[str, tuple[str, ...]]
@@ -268,7 +271,8 @@ def resolve_curves(
 ) -> dict[str, Curve]:
     """Return curves by follower with independent sources, those of mimic joints of followers too.
 
-    Followers of a joint that is held are held as well, and mimic joints of a follower leave `mimics`.
+    Followers of a joint that is held are held as well, and mimic joints of a follower leave
+    `mimics`.
     """
     joints, found = {joint.name: joint for joint in robot.joints}, {}
     for name, curve in curves.items():
@@ -629,7 +633,8 @@ class _Cut:
     ) -> tuple[list[Any], float]:
         """Return the closures of a group, only directions in which the points of a pair can part, and the largest gap there.
 
-        Positions beside the loop show them: no joint of a planar loop moves a point out of its plane.
+        Positions beside the loop show them: no joint of a planar loop moves a point out of its
+        plane.
         """
         rng, X = np.random.default_rng(0), np.empty((3, 4))
         carrier = self.tree.parent(self.tree.first_body(names[0]))

@@ -38,8 +38,9 @@ def massless_freedoms(model):
 def joint_inertias(model, q, motion):
     """Return D of each degree of freedom and its size, see sweeps.joints; a massless joint counts as locked.
 
-    `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed. The mass matrix of
-    a group belongs to the twist of its carrier and the rates in the group, as in sweeps.groups.
+    `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed.
+    The mass matrix of a group belongs to the twist of its carrier and the rates in the group, as in
+    sweeps.groups.
     """
     bodies = model.bodies
     position, ratio = np.zeros(len(bodies)), bodies["multiplier"]

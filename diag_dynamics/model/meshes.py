@@ -26,7 +26,8 @@ _REMOTE = re.compile(
 def find_mesh(name: str, folder: Path | None) -> Path:
     """Return the path of a mesh that a URDF names ``package://<package>/<file>``, ``file://<file>`` or by a path.
 
-    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder` relative paths begin from.
+    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder`
+    relative paths begin from.
     """
     if found := _PACKAGE.fullmatch(name.strip()):
         package, file = found.groups()

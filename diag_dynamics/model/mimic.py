@@ -106,9 +106,9 @@ def coupled_groups(
 ) -> dict[str, set[str]]:
     """Return the group of each joint that is eliminated together with others, the same set for all of its members.
 
-    A group is all moving joints from the lowest body that carries a source joint and its mimic joints, exclusive, down to
-    these, or the joints of a `closed` loop. Groups that share a joint are one group. `carriers` has the joint that carries
-    each moving joint, or None.
+    A group is all moving joints from the lowest body that carries a source joint and its mimic
+    joints, exclusive, down to these, or the joints of a `closed` loop. Groups that share a joint
+    are one group. `carriers` has the joint that carries each moving joint, or None.
     """
     depth: dict[str | None, int] = {None: 0}
     for name, carrier in carriers.items():
@@ -150,10 +150,11 @@ def _joints_between(
 class Followers:
     """Positions of joints that follow others by their sources, and efforts of followers on their sources.
 
-    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has followers whose
-    position is an angle that wraps. A measured position of a follower may differ by `tolerance` [rad, m] from the position
-    by its source; 0 accepts any. `motion` is the FollowerMotion of a model whose ratios change. Vectors of followers are in
-    the order of `names`, mimic joints first, NaN for unknown values.
+    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has
+    followers whose position is an angle that wraps. A measured position of a follower may differ by
+    `tolerance` [rad, m] from the position by its source; 0 accepts any. `motion` is the
+    FollowerMotion of a model whose ratios change. Vectors of followers are in the order of `names`,
+    mimic joints first, NaN for unknown values.
     """
 
     def __init__(

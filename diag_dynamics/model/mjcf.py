@@ -31,7 +31,8 @@ OPTIONS = (
 NEAR_SINGULAR = np.sin(np.radians(10.0))
 """Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
 
-# MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on the version
+# MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
+# the version
 FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
     ("equality", "frictionloss", "limit"), "CONSTRAINT"
 )
@@ -58,8 +59,8 @@ class Described(NamedTuple):
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for gravity, floating_base,
-    armature and estimate_inertias, which the file has.
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for
+    gravity, floating_base, armature and estimate_inertias, which the file has.
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
@@ -466,7 +467,8 @@ class _Writer:
                     c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3)
                 )
             return
-        # Each joint turns or shifts all that follows about its anchor; links between joints of one body have no inertia.
+        # Each joint turns or shifts all that follows about its anchor; links between joints of one
+        # body have no inertia.
         place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
             joint = c.name("joint", j)

@@ -18,7 +18,8 @@ from lxml import etree
 from diag_dynamics.exceptions import ModelWarning
 from diag_dynamics.model.origins import floats, short
 
-# Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with a prefix are free
+# Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
+# a prefix are free
 ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "robot": ("name", "version"),
     "link": ("name", "type"),

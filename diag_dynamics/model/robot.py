@@ -68,15 +68,18 @@ REACH = 1.0  # distance from zero of random positions without limits [m]; angles
 class RobotModel:
     """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
 
-    Degrees of freedom are in Pinocchio's order: base to tip, depth first, with siblings sorted by joint name. Units are
-    SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for prismatic.
+    Degrees of freedom are in Pinocchio's order: base to tip, depth first, with siblings sorted by
+    joint name. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for
+    prismatic.
 
-    A mimic joint that is coupled to its leader is no degree of freedom. A coupled group is all moving joints from the
-    lowest body that carries both leader and followers, exclusive, down to them; groups that share a joint are one. Its
-    degrees of freedom come together, before those of what the group carries.
+    A mimic joint that is coupled to its leader is no degree of freedom. A coupled group is all
+    moving joints from the lowest body that carries both leader and followers, exclusive, down to
+    them; groups that share a joint are one. Its degrees of freedom come together, before those of
+    what the group carries.
 
-    A planar joint moves in the plane normal to its axis: positions x, y, theta, rates v_x, v_y, w_z in the moving body's
-    axes. A floating joint has positions x y z qx qy qz qw and as rates the body's twist in its own axes, linear first.
+    A planar joint moves in the plane normal to its axis: positions x, y, theta, rates v_x, v_y, w_z
+    in the moving body's axes. A floating joint has positions x y z qx qy qz qw and as rates the
+    body's twist in its own axes, linear first.
 
     Attributes
     ----------
@@ -85,13 +88,15 @@ class RobotModel:
     floating_base : bool
         Whether the root link moves freely.
     dof_names, coordinate_names : tuple of str
-        The nv degrees of freedom, the order of every vector of rates or efforts, and the nq position coordinates: a
-        joint's name, or ``<joint>/v_x`` … ``<joint>/w_z``, ``<joint>/x`` … ``<joint>/qw`` of a joint of several; the joint
-        of a floating base is ``root_joint``.
+        The nv degrees of freedom, the order of every vector of rates or efforts, and the nq
+        position coordinates: a joint's name, or ``<joint>/v_x`` … ``<joint>/w_z``, ``<joint>/x`` …
+        ``<joint>/qw`` of a joint of several; the joint of a floating base is ``root_joint``.
     orientations : tuple of int
-        For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or -1.
+        For each position coordinate, which component of a quaternion it is (x y z w: 0 to 3), or
+        -1.
     joint_names, fixed_joints, mimic_joints : tuple of str
-        Joints that move, in the same order; joints of the URDF that do not move; those that follow another one there.
+        Joints that move, in the same order; joints of the URDF that do not move; those that follow
+        another one there.
     continuous_joints : tuple of str
         Joints whose position is an angle that turns round, be they independent or not.
     link_names : tuple of str
@@ -99,28 +104,34 @@ class RobotModel:
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
-        Position limits [rad, m]; infinite where there are none. Those of mimic joints do not bind their leaders. A joint that
-        others follow by changing ratios stays where they are within theirs and its loop can be closed.
+        Position limits [rad, m]; infinite where there are none. Those of mimic joints do not bind
+        their leaders. A joint that others follow by changing ratios stays where they are within
+        theirs and its loop can be closed.
     velocity_limit, effort_limit, velocity_bound, effort_bound : ndarray, shape (nv,)
-        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are infinite where it has 0, too.
+        Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are
+        infinite where it has 0, too.
     damping, friction, effort_offset : ndarray, shape (nv,)
-        Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured where none acts
-        [N m, N], of the URDF or parameters beside it, those of mimic joints included. Dynamics ignores them by default.
+        Joint damping [N m s/rad, N s/m], Coulomb friction [N m, N], and the effort that is measured
+        where none acts [N m, N], of the URDF or parameters beside it, those of mimic joints
+        included. Dynamics ignores them by default.
     follower_damping, follower_friction : ndarray
         Damping and Coulomb friction of each of `followers` by its own rate.
     load_friction, root_friction : ndarray, shape (nv,)
-        Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N √(s/m)], of parameters.
+        Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N
+        √(s/m)], of parameters.
     couplings, motor_efforts : mapping, bool
         :class:`Coupling` of motors that turn several joints, by name; whether reported efforts are of these.
     motor_rates : ndarray, shape (m, nv)
         Rate of each coupled motor by the rates of joints.
     effort_scale : mapping
-        Effort by reported unit [N m, N] of joints whose parameters have it, by name; readers of joint states apply it.
+        Effort by reported unit [N m, N] of joints whose parameters have it, by name; readers of
+        joint states apply it.
     friction_velocity : float
-        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction has none.
+        v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). A simulation's friction
+        has none.
     armature : ndarray, shape (nv,)
-        Reflected rotor inertia [kg m², kg], that of mimic joints included. A flexible joint has B where its effort is the
-        motor's, as if it were rigid, and 0 where it is the spring torque.
+        Reflected rotor inertia [kg m², kg], that of mimic joints included. A flexible joint has B
+        where its effort is the motor's, as if it were rigid, and 0 where it is the spring torque.
     flexible_joints : mapping
         :class:`FlexibleJoint` of degrees of freedom with a spring, by name.
     mimics : mapping
@@ -128,16 +139,18 @@ class RobotModel:
     flexible_links : mapping
         :class:`FlexibleLink`: modes, frequencies and shapes of links that bend, by name.
     followers, loops, loop_joints : mapping, tuple of tuple of Loop, tuple of tuple of str
-        Independent joints by each joint that follows them by changing ratios; loops and joints of each closed group.
+        Independent joints by each joint that follows them by changing ratios; loops and joints of
+        each closed group.
     coupled_groups : tuple of tuple of str
         Joints, independent ones and followers, of each coupled group, base to tip.
     locked_joints : mapping
-        Joints that are held, with their positions [rad, m]; followers of joints that stand still are among them.
+        Joints that are held, with their positions [rad, m]; followers of joints that stand still
+        are among them.
     payloads : mapping
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
     estimated_links, omitted : tuple of str
-        Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics omit of an MJCF, such as
-        ``spring of joint 'knee'``.
+        Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics
+        omit of an MJCF, such as ``spring of joint 'knee'``.
     """
 
     def __init__(self, tree: Tree, options: Options) -> None:
@@ -307,7 +320,8 @@ class RobotModel:
     def followers_at(self, q: VectorLike, qd: VectorLike | None = None) -> FollowerState:
         """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), at rest by default.
 
-        It has positions, rates and ratios of mimic joints and `followers`. Raise LoopError where a loop cannot be closed.
+        It has positions, rates and ratios of mimic joints and `followers`. Raise LoopError where a
+        loop cannot be closed.
         """
         rate = None if qd is None else vector("qd", qd, self.dof_names)
         return FollowerMotion(self).at(self._positions("q", q), rate)
@@ -348,7 +362,8 @@ class RobotModel:
     def difference(self, q0: VectorLike, q1: VectorLike) -> Array:
         """Return v, shape (nv,), with ``integrate(q0, v)`` at q1: [rad, m].
 
-        Of a planar and a floating joint, and of a continuous one that no other joint follows, it is the shorter way round.
+        Of a planar and a floating joint, and of a continuous one that no other joint follows, it is
+        the shorter way round.
         """
         turning = set(self.continuous_joints) - {mimic.leader for mimic in self.mimics.values()}
         turns = np.array([1.0 if name in turning else 0.0 for name in self.dof_names])
@@ -360,7 +375,8 @@ class RobotModel:
     def modal_effort(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return the efforts of stiffness and damping on the modes of flexible links, shape (nv,), zero on other joints.
 
-        A :class:`Simulation` has them; dynamics is without, as it is without friction: add them to tau.
+        A :class:`Simulation` has them; dynamics is without, as it is without friction: add them to
+        tau.
         """
         return modal_effort(self, self._positions("q", q), vector("qd", qd, self.dof_names))
 
@@ -402,8 +418,8 @@ class RobotModel:
     ) -> RobotModel:
         """Return this model with a payload on a link, in place of one that is there already.
 
-        `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off. Joints that
-        ``massless="lock"`` holds stay held.
+        `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off.
+        Joints that ``massless="lock"`` holds stay held.
         """
         added = checked_payloads(
             {link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot
@@ -424,8 +440,8 @@ class RobotModel:
     ) -> RobotModel:
         """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
 
-        They are the path of a file, see :class:`Parameters`, or a dict with the file's keys. Payloads are added to those that
-        are there. ``massless="lock"`` is applied again.
+        They are the path of a file, see :class:`Parameters`, or a dict with the file's keys.
+        Payloads are added to those that are there. ``massless="lock"`` is applied again.
         """
         given = read_parameters(parameters)
         if flexible := sorted(given.links.keys() & self.flexible_links.keys()):
@@ -464,8 +480,9 @@ class RobotModel:
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
 
-        `part`, from 0 to 0.9, is the largest relative error of masses, of centres in radii of gyration, and twice that
-        of lengths. Rigid bodies stay such. Payloads, rotors and friction do not change.
+        `part`, from 0 to 0.9, is the largest relative error of masses, of centres in radii of
+        gyration, and twice that of lengths. Rigid bodies stay such. Payloads, rotors and friction
+        do not change.
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))

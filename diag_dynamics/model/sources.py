@@ -50,8 +50,8 @@ _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def urdf_text(source: Any) -> str:
     """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
 
-    Bytes that are not in the encoding count as Latin-1. Comments with ``--`` and bare ampersands, which XML forbids, are
-    corrected. Lines keep their numbers.
+    Bytes that are not in the encoding count as Latin-1. Comments with ``--`` and bare ampersands,
+    which XML forbids, are corrected. Lines keep their numbers.
     """
     data = _read(source)
     text = data if isinstance(data, str) else _decoded(bytes(data))

@@ -15,7 +15,8 @@ from diag_dynamics.model.joint_types import SINGLE
 from diag_dynamics.model.origins import floats, local_name, short
 from diag_dynamics.model.remarks import Remark
 
-# Names without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>, <drake:gear_ratio>
+# Names without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>,
+# <drake:gear_ratio>
 INERTIA = ("rotorinertia", "motorinertia")
 REDUCTION = ("mechanicalreduction", "gearratio", "reduction")
 

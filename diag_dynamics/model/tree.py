@@ -45,9 +45,10 @@ class MovingJoint:
 class Tree:
     """A robot (yourdfpy.Robot) walked from its root, with positions of locked joints and :class:`Mimic` by name.
 
-    `joints` are independent, base to tip. Those of a coupled group come together, before what the group carries; `groups`
-    has the names of all of its joints, `group_sizes` its number of bodies. `links` has each link (yourdfpy.Link) with its
-    body, and its placement (4, 4) in that body's frame.
+    `joints` are independent, base to tip. Those of a coupled group come together, before what the
+    group carries; `groups` has the names of all of its joints, `group_sizes` its number of bodies.
+    `links` has each link (yourdfpy.Link) with its body, and its placement (4, 4) in that body's
+    frame.
     """
 
     def __init__(self, robot, root, floating_base, locked, mimics, coupled=None):

@@ -3,8 +3,9 @@
 
 """Checked links and joints from the text of a URDF, the one place for XML and yourdfpy.
 
-The text may come from a topic: no entities, no network, no files, bounded size and depth. yourdfpy reads a reduced copy
-with the elements that dynamics needs, so broken visuals and unknown extensions do not matter.
+The text may come from a topic: no entities, no network, no files, bounded size and depth. yourdfpy
+reads a reduced copy with the elements that dynamics needs, so broken visuals and unknown extensions
+do not matter.
 """
 
 import io
@@ -30,7 +31,8 @@ UNEXPANDED = (
     "it is unexpanded xacro. Run xacro on it first. A file whose path ends with .xacro is expanded."
 )
 
-# Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other dialects, lower case
+# Parts of the names of elements that close loops or couple joints, of Isaac Sim, URDF+ and other
+# dialects, lower case
 LOOPS = ("loop", "constraint", "coupling", "gear_joint", "gearjoint")
 TREE = (
     "expected a tree. Describe a loop by <loop_joint>, <constraint> or a file of loops "

@@ -42,8 +42,8 @@ PUSH_PERIOD, PUSH_TIME = 6.0, 0.3
 """Time between two pushes, and how long each lasts [s]."""
 
 FORCE, ALARM, CONTACT, DEVIATION = 0.15, 0.03, 0.015, 0.003
-"""Force of a push, as a fraction of the robot's weight; external torque of an alarm and of a contact, and its standard
-deviation at each joint, as fractions of weight × 1 m."""
+"""Force of a push, as a fraction of the robot's weight; external torque of an alarm and of a
+contact, and its standard deviation at each joint, as fractions of weight × 1 m."""
 
 OBSERVER_GAIN, GRAVITY = 25.0, 9.81
 """Gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""

@@ -68,8 +68,8 @@ MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque, contact or load [s]."""
 
 REMOVAL_TIMEOUT, LOADING_TIMEOUT, RETRY_PERIOD = 10.0, 10.0, 5.0
-"""Time without a publisher after which a robot is removed, time without a model after which it gives way to another
-one, and time until an unanswered request is repeated [s]."""
+"""Time without a publisher after which a robot is removed, time without a model after which it
+gives way to another one, and time until an unanswered request is repeated [s]."""
 
 VECTORS = (
     "position",

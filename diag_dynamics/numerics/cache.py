@@ -70,7 +70,8 @@ def source_hash(module):
 def code_folder(module):
     """Return the folder for compiled code of a module, or None where none is writable.
 
-    Its name contains the hash of all sources, because numba compares the file of an entry alone with its cache.
+    Its name contains the hash of all sources, because numba compares the file of an entry alone
+    with its cache.
     """
     if cache_folder() is None:
         return None
@@ -125,8 +126,9 @@ def make_private(folder):
 def cache_folder():
     """Return the folder of all compiled code, or None where none is writable.
 
-    ``$NUMBA_CACHE_DIR/diag_dynamics`` if set, else ``$XDG_CACHE_HOME/diag_dynamics`` (``~/.cache/diag_dynamics``), else
-    ``diag_dynamics-<user>`` in the system's folder of temporary files.
+    ``$NUMBA_CACHE_DIR/diag_dynamics`` if set, else ``$XDG_CACHE_HOME/diag_dynamics``
+    (``~/.cache/diag_dynamics``), else ``diag_dynamics-<user>`` in the system's folder of temporary
+    files.
     """
     configured = os.environ.get("NUMBA_CACHE_DIR")
     if configured:

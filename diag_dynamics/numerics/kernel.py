@@ -3,8 +3,9 @@
 
 """The decorators that compile the physics, and the types of its arguments: numba's documented interface.
 
-Kernels are compiled into the entries that call them. An entry is called from Python with one pointer and a few arrays. It
-is compiled on its first call, for the types that it declares, and kept on disk.
+Kernels are compiled into the entries that call them. An entry is called from Python with one
+pointer and a few arrays. It is compiled on its first call, for the types that it declares, and kept
+on disk.
 """
 
 import functools
@@ -69,8 +70,8 @@ def large_kernel(function):
 def entry_kernel(*signature, nogil=False):
     """Compile a function on its first call from Python, for arguments of these types alone; keep the code on disk.
 
-    Arguments of other types raise TypeError. `nogil` lets other threads run meanwhile; it costs 0.1 µs a call. Kernels that
-    call an entry have it compiled as :func:`large_kernel` does.
+    Arguments of other types raise TypeError. `nogil` lets other threads run meanwhile; it costs 0.1
+    µs a call. Kernels that call an entry have it compiled as :func:`large_kernel` does.
     """
     return lambda function: Entry(function, signature, nogil)
 
@@ -99,7 +100,8 @@ def _decorator(kind, **options):
 class Entry:
     """A function that Python calls: see :func:`entry_kernel`.
 
-    `run` is the compiled function, or one that compiles it. It saves the 0.1 µs that a call of the entry costs.
+    `run` is the compiled function, or one that compiles it. It saves the 0.1 µs that a call of the
+    entry costs.
     """
 
     def __init__(self, function, signature, nogil):

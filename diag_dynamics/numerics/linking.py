@@ -3,8 +3,9 @@
 
 """Compile kernels in half the time. Everything here is private to numba, and may be missing.
 
-numba optimizes each function together with all functions that it calls, and emits machine code for it. Python calls entries
-alone: the code of a kernel is inlined into its callers' code, simplified, and not emitted.
+numba optimizes each function together with all functions that it calls, and emits machine code for
+it. Python calls entries alone: the code of a kernel is inlined into its callers' code, simplified,
+and not emitted.
 """
 
 import logging

@@ -62,8 +62,9 @@ def array(dtype, ndim=1):
 class Table:
     """Declaration of a table: Python writes it and kernels read it by the same names.
 
-    Its fields are :class:`int`, :class:`float` or an :func:`array`; numba distinguishes types of tables by `name`. The
-    kernel `opened` of the address of a table returns a named tuple. Only those fields are read that are used.
+    Its fields are :class:`int`, :class:`float` or an :func:`array`; numba distinguishes types of
+    tables by `name`. The kernel `opened` of the address of a table returns a named tuple. Only
+    those fields are read that are used.
     """
 
     def __init__(self, name, /, **fields):
@@ -82,7 +83,8 @@ class Table:
 def _reader(name, fields, dtype):
     """Kernel (address) that returns a table as a named tuple.
 
-    Its source is generated, because numba compiles a composition of one kernel for each field twenty times slower.
+    Its source is generated, because numba compiles a composition of one kernel for each field
+    twenty times slower.
     """
     names, values = (
         {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)},

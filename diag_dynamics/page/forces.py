@@ -95,8 +95,8 @@ class Forces:
     def _at_center(self, q, torque, k):
         """Return the force on a link at the centre of mass of its body, in the world's axes.
 
-        It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of one standard deviation;
-        NaN where a direction of the force is not observed.
+        It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of
+        one standard deviation; NaN where a direction of the force is not observed.
         """
         w = force_at_center(self._dynamics, q, torque, self._names[k], "world", **self._options)
         unobserved = 3 - w.observed.sum(axis=1)

@@ -17,8 +17,8 @@ GAP = 0.5
 """Largest time between two states over which dK/dt is a difference [s]."""
 
 MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
-"""Delay above which a state is flagged `late` [s]; relative difference between K and the sum of link energies above which
-the monitor has another model."""
+"""Delay above which a state is flagged `late` [s]; relative difference between K and the sum of
+link energies above which the monitor has another model."""
 
 ROUNDING = 1e-12
 """Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for rounding."""
@@ -133,9 +133,9 @@ class FrameMaker:
     def chosen(self, q, nu, link):
         """Return the fields of a chosen link, float32, in the world's axes.
 
-        With F the linear columns of ℓJᵀ at the link's origin, the linear part of JM⁻¹Jᵀ is FᵀF [1/kg]. Its symmetric root
-        maps the unit sphere to the ellipsoid of velocities that ½ J allows; the frame has its upper triangle, row by row.
-        The velocity is Fᵀν [m/s].
+        With F the linear columns of ℓJᵀ at the link's origin, the linear part of JM⁻¹Jᵀ is FᵀF
+        [1/kg]. Its symmetric root maps the unit sphere to the ellipsoid of velocities that ½ J
+        allows; the frame has its upper triangle, row by row. The velocity is Fᵀν [m/s].
         """
         if link not in self._wrenches:
             self._wrenches[link] = wrenches_at(

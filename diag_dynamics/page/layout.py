@@ -22,11 +22,12 @@ KINDS = {REVOLUTE: "revolute", PRISMATIC: "prismatic", PLANAR: "planar", FLOATIN
 def tree_of(model):
     """Return the tree of a RobotModel, for JSON.
 
-    ``bodies``: parent, kind of the joint (its axis is z), q (index of its first position; those of followers with changing
-    ratios come after the model's, see :func:`with_followers`), multiplier and offset of a mimic joint's position, placement
-    in the parent at position 0 (4x4, row by row). A body precedes those that it carries; body 0
-    is the world. ``links``: body, placement in it, dofs that move the link, centre of mass of the body in the link's axes.
-    ``link_of_dof``: see :func:`links_of_dofs`.
+    ``bodies``: parent, kind of the joint (its axis is z), q (index of its first position; those of
+    followers with changing ratios come after the model's, see :func:`with_followers`), multiplier
+    and offset of a mimic joint's position, placement in the parent at position 0 (4x4, row by row).
+    A body precedes those that it carries; body 0 is the world. ``links``: body, placement in it,
+    dofs that move the link, centre of mass of the body in the link's axes. ``link_of_dof``: see
+    :func:`links_of_dofs`.
     """
     bodies = [_body(body, bool(number)) for number, body in enumerate(model.bodies)]
     for k, name in enumerate(model.followers):
@@ -87,8 +88,9 @@ CAUSES = {
     **{"velocity_estimated": 1, "effort_missing": 2, "no_external_torque": 4, "collision": 8},
     **{"late": 16, "receive_time": 32, "other_model": 64, "contact": 128},
 }
-"""Bits of the field `flags`. late: the stamp is more than 1 s behind the clock. receive_time: the source sent no stamp.
-other_model: the monitor has another model than this process, so that values of links are not the monitor's."""
+"""Bits of the field `flags`. late: the stamp is more than 1 s behind the clock. receive_time: the
+source sent no stamp. other_model: the monitor has another model than this process, so that values
+of links are not the monitor's."""
 
 CHOSEN = ("mobility_root", "link_velocity")
 """Fields of the link that a page has chosen. They are the last ones: all others are the same for all pages."""
@@ -152,7 +154,8 @@ class Layout:
     size, common : int
         Numbers of a frame, and those before the fields of a chosen link.
     dtype : numpy.dtype
-        A frame: `t` [s], float64, and `numbers`, float32 of shape (size,). Little-endian, without padding.
+        A frame: `t` [s], float64, and `numbers`, float32 of shape (size,). Little-endian, without
+        padding.
     """
 
     def __init__(self, model, points=(), frames=()):
@@ -182,8 +185,9 @@ class Layout:
     def to_json(self, scene=None, thresholds=None, frames_only=0):
         """Return all that a page needs before the first frame, as JSON.
 
-        `scene` is of :func:`~diag_dynamics.page.scene.scene_of`, `thresholds` of :func:`thresholds_of`. `frames_only`
-        counts the links without a usable shape, of which contact is known at their frames only.
+        `scene` is of :func:`~diag_dynamics.page.scene.scene_of`, `thresholds` of
+        :func:`thresholds_of`. `frames_only` counts the links without a usable shape, of which
+        contact is known at their frames only.
         """
         model, none = self._model, [math.inf] * (self._model.nv + 2)
         own = (body for k, body in enumerate(model.bodies) if k and body["leader"] == k)

@@ -25,7 +25,8 @@ class MeshLibrary:
     Parameters
     ----------
     folders : iterable of Path
-        Folders for files that no ROS package has, see :func:`~diag_dynamics.model.meshes.find_mesh`.
+        Folders for files that no ROS package has, see
+        :func:`~diag_dynamics.model.meshes.find_mesh`.
 
     Attributes
     ----------
@@ -108,8 +109,9 @@ class Packed(NamedTuple):
 def pack(numbers, levels=LEVELS, of_noise=0.0):
     """Pack a matrix, shape (T, k), column by column. Numbers that are not finite are unknown.
 
-    A column is rounded to `levels` values between its minimum and maximum, or to steps of the fraction `of_noise` of the
-    standard deviation of its noise, where these are coarser. Columns of integers that span less are exact.
+    A column is rounded to `levels` values between its minimum and maximum, or to steps of the
+    fraction `of_noise` of the standard deviation of its noise, where these are coarser. Columns of
+    integers that span less are exact.
     """
     columns, planes = [], []
     for column in np.asarray(numbers, dtype=float).T:

@@ -32,9 +32,10 @@ MIN_SIZE = 0.02
 class LinkGeometry(NamedTuple):
     """The geometry of one link, in the link's axes.
 
-    `shapes` are visual ones, or the collision shapes of a link with mass that has no others; `mass` [kg] is with payload;
-    `ellipsoid` (4x4, or None) maps the unit sphere to what stands for a link without shapes: the solid ellipsoid of its
-    inertia, scaled into the link; `bones` are the origins of the joints that it carries and its ends of loops [m].
+    `shapes` are visual ones, or the collision shapes of a link with mass that has no others; `mass`
+    [kg] is with payload; `ellipsoid` (4x4, or None) maps the unit sphere to what stands for a link
+    without shapes: the solid ellipsoid of its inertia, scaled into the link; `bones` are the
+    origins of the joints that it carries and its ends of loops [m].
     """
 
     name: str
@@ -130,10 +131,11 @@ def mesh_folders(source=None):
 def scene_of(model, source, meshes=None):
     """Return the scene of a robot, for JSON.
 
-    ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a link without them:
-    ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]). ``rest``: positions next to the start within
-    their limits. ``missing``: reasons why shapes are missing, by name. `model` and `source` are those of :func:`links_of`;
-    the MeshLibrary loads and keeps meshes. Without one the scene has none.
+    ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a
+    link without them: ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]).
+    ``rest``: positions next to the start within their limits. ``missing``: reasons why shapes are
+    missing, by name. `model` and `source` are those of :func:`links_of`; the MeshLibrary loads and
+    keeps meshes. Without one the scene has none.
     """
     missing = {}
     geometry = links_of(model, source, missing)

@@ -77,13 +77,15 @@ class PageServer:
     Parameters
     ----------
     robots : callable
-        Returns the :class:`~diag_dynamics.page.stream.RobotStream` of each robot, in the order of the list.
+        Returns the :class:`~diag_dynamics.page.stream.RobotStream` of each robot, in the order of
+        the list.
     host, port : str, int
         Address to listen on; port 0 is any free one.
     rate, max_streams : float, int
         Maximum frames per second of a stream, and maximum number of streams.
     on_push : callable, optional
-        Called with the link that a tab shows when its button pushes a simulated robot. Without it, pages have no button.
+        Called with the link that a tab shows when its button pushes a simulated robot. Without it,
+        pages have no button.
 
     Attributes
     ----------

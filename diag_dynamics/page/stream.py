@@ -73,7 +73,8 @@ class RobotStream:
     name : str
         Namespace of the robot, by which pages ask for it.
     read : callable
-        Called with the DiagonalDynamics in force by one thread at a time; returns the newest state since the last call as
+        Called with the DiagonalDynamics in force by one thread at a time; returns the newest state
+        since the last call as
         :class:`Received`, or None. It raises nothing.
     notifies : bool
         Whether :meth:`notify` is called for each new state; `read` is polled otherwise.
@@ -165,7 +166,8 @@ class RobotStream:
     def about(self):
         """Return name, robot, whether it is alive, age and rate of its states, for JSON.
 
-        `waiting` is why there is no state, `error` why none will come, `difference` that of :meth:`set_robot`.
+        `waiting` is why there is no state, `error` why none will come, `difference` that of
+        :meth:`set_robot`.
         """
         with self._lock:
             self._refresh()

@@ -39,11 +39,13 @@ def parameters_of(files=(), assignments=()):
     Parameters
     ----------
     files : sequence of str or Path
-        As of ROS 2: ``/**: {ros__parameters: {…}}``. Sections of other nodes are ignored. A file of the robot's own
-        parameters (:class:`Parameters`) is the value of `parameters_file`, one of its loops that of `loops_file`.
+        As of ROS 2: ``/**: {ros__parameters: {…}}``. Sections of other nodes are ignored. A file of
+        the robot's own parameters (:class:`Parameters`) is the value of `parameters_file`, one of
+        its loops that of `loops_file`.
     assignments : sequence of str
-        Each ``parameter=value`` with the value in YAML, or a text that begins with ``*``, as ``effort_scale=*=0.5``.
-        Commas separate entries of a list, ``locked_joints=a=0,b=0``; another assignment of the list adds entries.
+        Each ``parameter=value`` with the value in YAML, or a text that begins with ``*``, as
+        ``effort_scale=*=0.5``. Commas separate entries of a list, ``locked_joints=a=0,b=0``;
+        another assignment of the list adds entries.
 
     Raises
     ------

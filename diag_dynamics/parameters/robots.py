@@ -19,13 +19,15 @@ def model_of(description, values, recorded=None):
     Parameters
     ----------
     description : str or bytes
-        URDF; or the path of a URDF, a xacro file with its arguments, or an MJCF. An MJCF determines whether the base floats;
-        its gravity counts where the parameter has its default, its armature where no parameter has another.
+        URDF; or the path of a URDF, a xacro file with its arguments, or an MJCF. An MJCF determines
+        whether the base floats; its gravity counts where the parameter has its default, its
+        armature where no parameter has another.
     values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, if the node has it.
+        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, if the node has
+        it.
     recorded : callable, optional
-        Returns names of the joints in a recording, given the model with all joints. Without it, `locked_joints` cannot
-        have ``*``, the joints that a recording lacks.
+        Returns names of the joints in a recording, given the model with all joints. Without it,
+        `locked_joints` cannot have ``*``, the joints that a recording lacks.
 
     Raises
     ------

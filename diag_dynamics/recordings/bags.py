@@ -3,8 +3,9 @@
 
 """Bags: files of messages and folders of them, opened by their first bytes.
 
-A reader of files, such as McapFile, has `connections`, the first log time `start` [ns] or None, and `parts(wanted)`. These
-are, for some connections by index, (first log time, last one, function that returns Messages or None), in order.
+A reader of files, such as McapFile, has `connections`, the first log time `start` [ns] or None, and
+`parts(wanted)`. These are, for some connections by index, (first log time, last one, function that
+returns Messages or None), in order.
 """
 
 import re
@@ -48,7 +49,8 @@ MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself 
 class Bag:
     """Messages of a file, or of the files of a folder, those of ROS 1 converted to CDR.
 
-    `unread` (damage) and `oddities` (without loss) are complete after the last piece; `start` is the first log time [ns].
+    `unread` (damage) and `oddities` (without loss) are complete after the last piece; `start` is
+    the first log time [ns].
     """
 
     def __init__(self, path):

@@ -67,13 +67,14 @@ def calibrate(
     Returns
     -------
     Calibration
-        Its `warnings` name recordings that are too short, parts that are unlike one another, and faults of efforts.
+        Its `warnings` name recordings that are too short, parts that are unlike one another, and
+        faults of efforts.
 
     Raises
     ------
     InputError
-        An argument is wrong, a recording is of another robot or has no efforts, or there are too few
-        peaks for any threshold.
+        An argument is wrong, a recording is of another robot or has no efforts, or there are too
+        few peaks for any threshold.
     """
     poisson_interval(0)  # without SciPy fail before hours are read
     names = instance("dynamics", dynamics, DiagonalDynamics).model.dof_names

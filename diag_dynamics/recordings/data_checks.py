@@ -3,9 +3,10 @@
 
 """Checks of recorded data: efforts that nothing measured, and hypotheses about efforts by what each leaves.
 
-Smoothed efforts are compared with columns: torques of gravity along each axis, of inertia and of point masses at the
-robot's ends. What friction, an offset and a rotor explain is removed from all of them first. A hypothesis is a sum of
-columns. It is judged by the fraction of the squared efforts that it leaves, and by what an unknown payload would leave.
+Smoothed efforts are compared with columns: torques of gravity along each axis, of inertia and of
+point masses at the robot's ends. What friction, an offset and a rotor explain is removed from all
+of them first. A hypothesis is a sum of columns. It is judged by the fraction of the squared efforts
+that it leaves, and by what an unknown payload would leave.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 
 ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
-"""Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that needs torque [rad, m],
-and fewest states after which a constant effort is unknown."""
+"""Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that
+needs torque [rad, m], and fewest states after which a constant effort is unknown."""
 
 PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 
@@ -37,8 +38,9 @@ CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
 
 INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(3, 9)
-"""Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of what resists: rate, its
-sign, a constant, and the acceleration. Point masses and efforts follow them."""
+"""Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of
+what resists: rate, its sign, a constant, and the acceleration. Point masses and efforts follow
+them."""
 
 BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
 """Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard error."""
@@ -51,8 +53,9 @@ LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
 """Accepted factors: of gravity and of all joints; of inertia; and of inertia with an unknown rotor."""
 
 MAX_LEFT, ALIKE, SLIGHT, NEGLIGIBLE = 0.4, 2.0, 5e-3, 3e-4
-"""Ratio to what the model leaves, and to what a payload or another hypothesis leaves, up to which one is accepted; and
-fractions of what the model leaves, and of the efforts' squares, that make no difference."""
+"""Ratio to what the model leaves, and to what a payload or another hypothesis leaves, up to which
+one is accepted; and fractions of what the model leaves, and of the efforts' squares, that make no
+difference."""
 
 MAX_UNLOADED = 0.02  # fraction of the efforts' squares that a payload may leave
 CENTRES = 0.1 * np.eye(4, 3)  # of point masses in axes of the links at the robot's ends [m]
@@ -60,8 +63,8 @@ MAX_ENDS = 3
 TURNED, FULL = 15.0, (0.7, 1.4)  # angle of gravity [°], and its size over the model's
 OTHER_SIGN = -1.6, -0.4  # factors of an effort of the other sign
 LIGHT, VERY_LIGHT = 0.5, 0.2
-"""Torque of a joint over that of a joint with a right effort, below which a small factor, or a large one and one of the
-other sign, may be the model's fault."""
+"""Torque of a joint over that of a joint with a right effort, below which a small factor, or a
+large one and one of the other sign, may be the model's fault."""
 
 EXCHANGE = 4.0  # factor by which an exchange of two joints reduces the square that is left
 SINGULAR = 1e-9  # fraction of a column's square below which it depends on others
@@ -363,8 +366,9 @@ class EffortRelation:
 class Hypotheses:
     """Fractions of the squared efforts of all joints that sums of columns leave, given squared torques by joint.
 
-    Products are those of columns without what resists, of all states and without each block of time, (S, nv, m, m). `base`
-    is the sum of the model; with the payload that leaves least, if that is possible and leaves little.
+    Products are those of columns without what resists, of all states and without each block of
+    time, (S, nv, m, m). `base` is the sum of the model; with the payload that leaves least, if that
+    is possible and leaves little.
     """
 
     def __init__(self, model, products, square):

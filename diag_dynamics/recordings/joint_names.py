@@ -19,7 +19,8 @@ MAX_NAMES = 100  # names of each side that a proposal is sought for
 class JointNames:
     """A map from names in a recording to joints of a robot, with at most one ``*`` in each name.
 
-    The entry that equals a name counts, otherwise the longest one with ``*`` that fits; other names stay.
+    The entry that equals a name counts, otherwise the longest one with ``*`` that fits; other names
+    stay.
     """
 
     def __init__(self, entries, where="joint_names"):
@@ -116,7 +117,8 @@ def listed(names):
 def propose_maps(names, joints):
     """Return entries with ``*`` that map names of a recording to joints; several if ambiguous, as for two arms.
 
-    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at least two and half of them.
+    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at
+    least two and half of them.
     """
     names, joints = list(names)[:MAX_NAMES], list(joints)[:MAX_NAMES]
     for turn in (str, lambda text: text[::-1]):

@@ -37,9 +37,11 @@ class Observed(NamedTuple):
     norm : ndarray, shape (T,)
         |r| [J^½/s]; NaN if any component is.
     valid : ndarray of bool, shape (T,)
-        Whether there is a result of any joint: not at the first state, after a gap, or without efforts.
+        Whether there is a result of any joint: not at the first state, after a gap, or without
+        efforts.
     collision : ndarray of bool, shape (T,)
-        Whether the norm has risen above the threshold, and not fallen below the release threshold since.
+        Whether the norm has risen above the threshold, and not fallen below the release threshold
+        since.
     q : ndarray, shape (T, nq)
         Positions [rad, m].
     dynamics : DiagonalDynamics

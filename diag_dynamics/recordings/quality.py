@@ -39,8 +39,8 @@ MAX_ERROR_LEFT = (
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
 SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
-"""First states that units and steps are judged by, fraction of distinct values of a signal with steps, and speed at
-which a position has to change [rad/s, m/s]."""
+"""First states that units and steps are judged by, fraction of distinct values of a signal with
+steps, and speed at which a position has to change [rad/s, m/s]."""
 
 WRONG_RATIO = 1.5  # factor from which an unknown ratio is wrong
 UNKNOWN = "times, positions or velocities seem to have a wrong unit"

@@ -37,7 +37,8 @@ class Recording:
     ----------
     model : RobotModel
     stamp : ndarray of int64, shape (T,)
-        Stamps of the states [ns]; of a table, later than the times in it by a whole number of seconds.
+        Stamps of the states [ns]; of a table, later than the times in it by a whole number of
+        seconds.
     t : ndarray, shape (T,)
         Times of the states in the recording [s].
     q : ndarray, shape (T, nq)
@@ -103,25 +104,28 @@ def read_recording(
     Parameters
     ----------
     path : str, Path or list of these
-        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, an episode of a LeRobot dataset (``FOLDER#3``), or a table:
-        CSV, TSV, Parquet, npz. Several tables are read side by side as one, also as ``q.csv+qd.csv+tau.csv``.
+        A rosbag2 folder, ``.mcap``, ``.db3``, a ROS 1 ``.bag``, an episode of a LeRobot dataset
+        (``FOLDER#3``), or a table: CSV, TSV, Parquet, npz. Several tables are read side by side as
+        one, also as ``q.csv+qd.csv+tau.csv``.
     model : RobotModel, str or Path, optional
         The robot, or its URDF; without it, ``robot_description`` of the bag.
     columns : str, Path or dict, optional
         Map of the columns of a table; without it their names decide, see docs/recordings.md.
     topic : str or sequence of str, optional
-        Topics of the joint states, where a bag has several. Those of an arm and its gripper are merged in the order of log
-        time, as messages of one topic are.
+        Topics of the joint states, where a bag has several. Those of an arm and its gripper are
+        merged in the order of log time, as messages of one topic are.
     joint_names : mapping of str to str, optional
-        The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*": "panda_*"}``. An entry
-        that names no joint of the recording or of the robot is an error. Without it, the parameter `joint_names` counts.
-        Beside it, `columns` has the key ``joint_names``.
+        The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*":
+        "panda_*"}``. An entry that names no joint of the recording or of the robot is an error.
+        Without it, the parameter `joint_names` counts. Beside it, `columns` has the key
+        ``joint_names``.
     parameters : mapping, optional
-        Values of the monitor's parameters other than the defaults, by name. Those that shape a model, such as `armature`
-        and `parameters_file`, need a description: a :class:`RobotModel` is made already.
+        Values of the monitor's parameters other than the defaults, by name. Those that shape a
+        model, such as `armature` and `parameters_file`, need a description: a :class:`RobotModel`
+        is made already.
     start, end : float, optional
-        Part that is read, in seconds after the first message, by log times. The first states are those from which all
-        joints have come.
+        Part that is read, in seconds after the first message, by log times. The first states are
+        those from which all joints have come.
 
     Returns
     -------
@@ -130,8 +134,8 @@ def read_recording(
     Raises
     ------
     InputError
-        There is no such file, no robot, or no joint state in it, or a format that is not known. Damage raises nothing: it is
-        among the findings.
+        There is no such file, no robot, or no joint state in it, or a format that is not known.
+        Damage raises nothing: it is among the findings.
     DiagDynamicsError
         The robot's description is refused.
     """
@@ -174,7 +178,8 @@ def stream_recording(
     Yields
     ------
     Recording
-        One piece; `counts` and `findings` are those of the recording up to its end. The last one may be empty.
+        One piece; `counts` and `findings` are those of the recording up to its end. The last one
+        may be empty.
 
     Raises
     ------

@@ -33,8 +33,9 @@ class States:
     effort : ndarray, shape (T, nv)
         [N m, N]; NaN where it is unknown.
     effort_known, stamp_received, velocity_estimated, jumped : ndarray of bool, shape (T,)
-        Whether the effort of all joints is known; a time of reception stands for the stamp; a velocity is estimated from
-        positions; positions jumped since the state before, so that no motion leads to this one.
+        Whether the effort of all joints is known; a time of reception stands for the stamp; a
+        velocity is estimated from positions; positions jumped since the state before, so that no
+        motion leads to this one.
     """
 
     stamp: Array

@@ -69,7 +69,8 @@ class WindowIntegrals:
     def integrate(self, stamps, follows, steps, values):
         """Return begin and end [ns], sums of steps (T, m) and changes of values, of the windows that end.
 
-        The first stamp is that of the last state before; `follows` tells whether each state follows the one before.
+        The first stamp is that of the last state before; `follows` tells whether each state follows
+        the one before.
         """
         if self._begin is None:
             self._begin = stamps[0], values[0]

@@ -25,7 +25,8 @@ WAITING, DRIVEN, TIMED_OUT = "waiting for a command", "driven", "timed out"
 class _Inputs:
     """Received values of one kind, each held for `timeout` [s of simulated time]; 0: until the next one.
 
-    `counts` has how many were received, rejected by cause, and timed out; `last_rejection` is a text.
+    `counts` has how many were received, rejected by cause, and timed out; `last_rejection` is a
+    text.
     """
 
     def __init__(self, kind, timeout):
@@ -45,8 +46,8 @@ class _Inputs:
 class Drives(_Inputs):
     """Drives of the joints `names`. `phase` is WAITING, DRIVEN or TIMED_OUT.
 
-    `joints` is the order of a command's entries, by default `names`; the effort of other joints is zero. `without` is the
-    behaviour before the first command and after a timeout.
+    `joints` is the order of a command's entries, by default `names`; the effort of other joints is
+    zero. `without` is the behaviour before the first command and after a timeout.
     """
 
     def __init__(self, names, joints, timeout, without):

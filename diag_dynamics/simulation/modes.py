@@ -3,8 +3,9 @@
 
 """Modes of joints: which slide, stick, rest at a hard limit or lean on a compliant one.
 
-A sliding joint of Coulomb friction f has the torque −f sign(q̇). A joint at rest sticks while less than f holds it. At a hard
-limit a joint rests while the limit pushes it back. Each degree of freedom has in a step
+A sliding joint of Coulomb friction f has the torque −f sign(q̇). A joint at rest sticks while less
+than f holds it. At a hard limit a joint rests while the limit pushes it back. Each degree of
+freedom has in a step
 
 * a mode: FREE, HELD, or 1 and −1, the direction in which it slides;
 * a spring: the side, 1 or −1, of the compliant limit on which it leans; 0 for none;

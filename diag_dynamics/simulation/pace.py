@@ -26,7 +26,8 @@ class PaceReport(NamedTuple):
 class Pace:
     """Simulated time by a clock: `factor` seconds for each of the clock's; a factor of 0 is a period for each tick.
 
-    After an overrun the next tick takes all steps that are due, without publishing the states between them. Lag beyond
+    After an overrun the next tick takes all steps that are due, without publishing the states
+    between them. Lag beyond
     :data:`MAX_LAG` is dropped. `skipped` is the lag of simulated time since the last `resume`, a multiple of `step` [s]: the
     dropped time less that by which the clock went back. `dropped` and `overruns` are totals of those in PaceReport.
     """
@@ -101,9 +102,9 @@ class Pace:
 class Lockstep:
     """Joint states and the commands that answer them, by a steady clock [s].
 
-    A command does not name the state that it answers: it answers the oldest one. A state that all peers have received is
-    not published again, because an answer to each copy would advance time twice. It is published again if a peer may have
-    missed it.
+    A command does not name the state that it answers: it answers the oldest one. A state that all
+    peers have received is not published again, because an answer to each copy would advance time
+    twice. It is published again if a peer may have missed it.
     """
 
     def __init__(self):

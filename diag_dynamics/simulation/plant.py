@@ -25,9 +25,9 @@ RAMP = 1.0
 class Wave:
     """Motion of a simulation: every joint swings about the middle of its range, at a frequency of its own, within limits.
 
-    The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from the reference and the error;
-    damping and friction are compensated at the desired rate. The robot starts at the middle of its ranges. Joints of several
-    degrees of freedom raise UnsupportedError.
+    The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from
+    the reference and the error; damping and friction are compensated at the desired rate. The robot
+    starts at the middle of its ranges. Joints of several degrees of freedom raise UnsupportedError.
     """
 
     def __init__(self, simulation):
@@ -201,7 +201,8 @@ class Plant:
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.
 
-        Raise InputError for a joint beyond a hard limit or an energy that is not finite, and change nothing.
+        Raise InputError for a joint beyond a hard limit or an energy that is not finite, and change
+        nothing.
         """
         simulation, before = self.simulation, self.time
         model = simulation.model

@@ -38,7 +38,8 @@ def rest_position(model):
 class CompliantLimits(NamedTuple):
     """Position limits that give way: a spring and a damper that push a joint back into its range, and never pull.
 
-    Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits it has no effect.
+    Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits
+    it has no effect.
     """
 
     stiffness: VectorLike | float
@@ -82,36 +83,41 @@ SLOWEST = 1e-4  # rate below which root friction of a model with friction_veloci
 class Simulation:
     """A robot, its state and the effort on its joints, advanced in fixed steps.
 
-    Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating joints, coupled mimic
-    joints, payloads, locked and flexible joints. The same inputs give the same bits. A wrong argument is an InputError that
-    names it, and leaves the state as it was. Arrays that properties return are copies.
+    Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating
+    joints, coupled mimic joints, payloads, locked and flexible joints. The same inputs give the
+    same bits. A wrong argument is an InputError that names it, and leaves the state as it was.
+    Arrays that properties return are copies.
 
     Parameters
     ----------
     model : RobotModel
     q : array_like, shape (nq,), optional
-        Initial positions [rad, m]; by default at zero or, where that is outside the limits, in the middle of them.
+        Initial positions [rad, m]; by default at zero or, where that is outside the limits, in the
+        middle of them.
     qd : array_like, shape (nv,), optional
-        Initial rates [rad/s, m/s], of a floating base the twist in its own axes; by default at rest.
+        Initial rates [rad/s, m/s], of a floating base the twist in its own axes; by default at
+        rest.
     step : float
         Step size h [s].
     damping : float or array_like, shape (nv,), optional
-        Joint damping d [N m s/rad, N s/m], by default that of the model. Load and root friction, and friction of followers
-        with changing ratios, are always the model's, held during a step.
+        Joint damping d [N m s/rad, N s/m], by default that of the model. Load and root friction,
+        and friction of followers with changing ratios, are always the model's, held during a step.
     limits : bool or CompliantLimits
         Whether there are position limits: hard stops without rebound, or springs with dampers.
     friction : float or array_like, shape (nv,), optional
         Coulomb friction f [N m, N], by default that of the model.
     effort_limits : bool, float or array_like, shape (nv,)
-        Largest efforts [N m, N], to which commands are cut. True: those of the URDF, where 0 is no limit. False: none.
+        Largest efforts [N m, N], to which commands are cut. True: those of the URDF, where 0 is no
+        limit. False: none.
     effort_offset : float or array_like, shape (nv,), optional
-        Part of a command that has no effect, and of the effort that is measured [N m, N]; by default that of the model.
+        Part of a command that has no effect, and of the effort that is measured [N m, N]; by
+        default that of the model.
 
     Attributes
     ----------
     flexible : FlexibleDynamics
-        Of the model. Of a flexible joint q, q̇ and ν are of the link, on which damping, friction and limits act; efforts act
-        on the motor.
+        Of the model. Of a flexible joint q, q̇ and ν are of the link, on which damping, friction
+        and limits act; efforts act on the motor.
     dynamics : DiagonalDynamics
         Of the links.
 
@@ -234,7 +240,8 @@ class Simulation:
         qd : array_like, shape (nv,)
             Rates [rad/s, m/s].
         theta, thetad : array_like, shape (nf,), optional
-            Positions and rates of the motors of flexible joints; by default springs carry gravity, motors turn with links.
+            Positions and rates of the motors of flexible joints; by default springs carry gravity,
+            motors turn with links.
         """
         memory, flexible = self._memory, self.flexible
         q, qd = (
@@ -269,8 +276,9 @@ class Simulation:
     def change_model(self, model: RobotModel) -> None:
         """Simulate another model of the same degrees of freedom: another payload, gravity or armature.
 
-        q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed and height; the audit
-        has the difference as `exchanged`. Damping, friction and limits in force stay, too.
+        q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed
+        and height; the audit has the difference as `exchanged`. Damping, friction and limits in
+        force stay, too.
 
         Raises
         ------
@@ -433,7 +441,8 @@ class Simulation:
         InputError
             An argument is wrong, or the motion has left what numbers can hold.
         SingularMassMatrixError
-            The robot has arrived where its mass matrix is singular. Either way the state is the last good one.
+            The robot has arrived where its mass matrix is singular. Either way the state is the
+            last good one.
         """
         wanted = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):

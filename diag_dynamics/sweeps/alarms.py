@@ -21,9 +21,10 @@ KEPT, STEP = (
     1_000_000,
 )  # samples of m r that are kept, at least a step apart [ns]: more than a window
 BEGIN, END, COUNT, SINCE, SLOW, FIRST, LENGTH, LAST_REST, AT_REST, HELD, MEMORY = range(11)
-"""Entries of the memory: stamps of begin and end of the last alarm, and whether there was one; the stamp since when the arm
-is slow, and whether it is; the first of the kept samples, and their number; the stamp of the last state at rest, and whether
-the last state was one; whether changes are from the torque before an alarm. The stamps of samples follow."""
+"""Entries of the memory: stamps of begin and end of the last alarm, and whether there was one; the
+stamp since when the arm is slow, and whether it is; the first of the kept samples, and their
+number; the stamp of the last state at rest, and whether the last state was one; whether changes are
+from the torque before an alarm. The stamps of samples follow."""
 
 
 @nk.entry_kernel(
@@ -36,9 +37,10 @@ def judge_states(
 ):  # fmt: skip
     """Judge rows x of [m r, r] as AlarmDetector has it; lower `values` by the offset, and write the flags.
 
-    `limits` are thresholds and release thresholds, `options` hold-off and standing [ns], whether rest is judged, and whether
-    `changes` are given; otherwise they are written. `speed` is the largest rate. `active`, `offset`, `memory` and `kept` (m r
-    before an alarm, a window ago, and of the samples) are those after the last row.
+    `limits` are thresholds and release thresholds, `options` hold-off and standing [ns], whether
+    rest is judged, and whether `changes` are given; otherwise they are written. `speed` is the
+    largest rate. `active`, `offset`, `memory` and `kept` (m r before an alarm, a window ago, and of
+    the samples) are those after the last row.
     """
     n = values.shape[1]
     for t in range(len(stamps)):

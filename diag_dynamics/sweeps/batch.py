@@ -3,12 +3,14 @@
 
 """Sweeps over many states: evaluation of WIDTH states side by side, other sweeps state by state.
 
-Each body has a row of memory, records.LANES, in which the numbers of WIDTH states are next to each other. The loop over
-the states in a step reads and writes the row of its body alone, at distances that the compiler knows: LLVM makes vector
-instructions of it. Loops of their own copy the parent's motion and add to its inertias and forces. The steps are those of
-one state, and no operation is reordered: results have the bits of single calls. Groups are eliminated state by state.
+Each body has a row of memory, records.LANES, in which the numbers of WIDTH states are next to each
+other. The loop over the states in a step reads and writes the row of its body alone, at distances
+that the compiler knows: LLVM makes vector instructions of it. Loops of their own copy the parent's
+motion and add to its inertias and forces. The steps are those of one state, and no operation is
+reordered: results have the bits of single calls. Groups are eliminated state by state.
 
-Each entry returns `end`, or the first of WIDTH states of which at least one failed: results end there.
+Each entry returns `end`, or the first of WIDTH states of which at least one failed: results end
+there.
 """
 
 from diag_dynamics.numerics import kernel as nk
@@ -297,9 +299,9 @@ def _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, r
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
     """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
 
-    Without efforts TAU has one row, of zeros. `results`, of shape
-    (N_RESULTS, T, nv), receives the rows from NU on, `numbers`, (N_NUMBERS, T), those from KINETIC_ENERGY on,
-    `positions` and `rates` copies of Q and QD. The states that fail are some of the WIDTH that follow.
+    Without efforts TAU has one row, of zeros. `results`, of shape (N_RESULTS, T, nv), receives the
+    rows from NU on, `numbers`, (N_NUMBERS, T), those from KINETIC_ENERGY on, `positions` and
+    `rates` copies of Q and QD. The states that fail are some of the WIDTH that follow.
     """
     at = ws.robot_of(robot)
     if at.work[0].couple != 0:

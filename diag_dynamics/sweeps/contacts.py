@@ -3,9 +3,11 @@
 
 """Contact quantities of points of links: speed, reflected mass and energy along a direction, from Υ of their bodies.
 
-Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench, and
+Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench,
+and
 
-    v_u = uᵀ(v + ω × r)        1/m_u = hᵀΥh = |ℓJᵀu|²        ½ m_u v_u² = ½(ŵᵀν)²        ŵ = ℓJᵀu/|ℓJᵀu|.
+    v_u = uᵀ(v + ω × r)        1/m_u = hᵀΥh = |ℓJᵀu|²        ½ m_u v_u² = ½(ŵᵀν)²
+    ŵ = ℓJᵀu/|ℓJᵀu|.
 
 Against a mass m_H that waits behind a spring k the force reaches v_u √(μk), 1/μ = 1/m_u + 1/m_H.
 """

@@ -3,22 +3,24 @@
 
 """Joints whose rates depend on others by ratios that change with the state: closed loops, curves and flexible links.
 
-A follower's rate is Σ G q̇ over independent joints. It is a body for each of them, all along the same axis in one frame:
-the workspace has the body's own entry of G as `multiplier`, its rate Ġ as `multiplier_rate`, and the follower's position
-as `offset`. Other sweeps read only these three.
+A follower's rate is Σ G q̇ over independent joints. It is a body for each of them, all along the
+same axis in one frame: the workspace has the body's own entry of G as `multiplier`, its rate Ġ as
+`multiplier_rate`, and the follower's position as `offset`. Other sweeps read only these three.
 
-A loop is cut. It is closed where φ = 0: points on both sides of the cut coincide, in directions that are fixed in the
-group's carrier. With J = ∂φ/∂q over all joints of the group, independent ones r, followers d,
+A loop is cut. It is closed where φ = 0: points on both sides of the cut coincide, in directions
+that are fixed in the group's carrier. With J = ∂φ/∂q over all joints of the group, independent ones
+r, followers d,
 
     J_d G + J_r = 0        J_d Ġ + J̇_d G + J̇_r = 0        J̇ along the actual q̇
 
-In the axes and about the origin of the carrier, with S and V of the joints, and F = (d, c × d) of a direction d at a point c,
+In the axes and about the origin of the carrier, with S and V of the joints, and F = (d, c × d) of a
+direction d at a point c,
 
     J = FᵀS        J̇ = FᵀṠ + (0, ċ × d)ᵀS        Ṡ = V × S
 
-Positions of followers are found by Newton's method, from the last state if it is near, and otherwise along the straight
-line from the start values, which choose the branch. Equations may be redundant: they are solved by least squares, J_d = QR
-with Householder reflections.
+Positions of followers are found by Newton's method, from the last state if it is near, and
+otherwise along the straight line from the start values, which choose the branch. Equations may be
+redundant: they are solved by least squares, J_d = QR with Householder reflections.
 """
 
 import math
@@ -149,7 +151,8 @@ class CouplingTables(NamedTuple):
 class Couplings:
     """Loops and curves of a robot as the kernels of a workspace take them, and memory for them.
 
-    `ratio` is that of each loop: see :data:`COUPLINGS`. `work` of the workspace gets the addresses of table and code.
+    `ratio` is that of each loop: see :data:`COUPLINGS`. `work` of the workspace gets the addresses
+    of table and code.
     """
 
     def __init__(self, bodies, work, nq, nv, of_model):
@@ -172,7 +175,8 @@ class Couplings:
         work[0]["couplings"], work[0]["couple"] = self._addresses.at, couple.address
 
 
-# Functions of their own take the address of the table: as an argument the table itself would be copied.
+# Functions of their own take the address of the table: as an argument the table itself would be
+# copied.
 
 
 # --- Least squares ------------------------------------------------------------------------------------------

@@ -197,9 +197,9 @@ def _inward_coupled(robot, last, qd, tau, out):
     return 0
 
 
-# A floating base: V of the world is zero, so 𝓜 and 𝓜̇ are P and Ṗ of the base. Its last body has them, κ in z, the bias
-# in y and gravity's wrench in place of the acceleration. The last direction, angular z, is eliminated. The others move up
-# by one, so that the next one is the last.
+# A floating base: V of the world is zero, so 𝓜 and 𝓜̇ are P and Ṗ of the base. Its last body has
+# them, κ in z, the bias in y and gravity's wrench in place of the acceleration. The last direction,
+# angular z, is eliminated. The others move up by one, so that the next one is the last.
 
 
 @nk.kernel
@@ -367,7 +367,8 @@ def sweep_state(robot, q, qd, tau, out):
 def evaluate(robot, q, qd, tau, out):
     """Fill the rows of `out`, from NU to RATES, at one state.
 
-    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. The status is BAD_LENGTH also if a vector lies in `out`.
+    Tables 1 and 2, Algorithms 4.1 and 7.1, Lemma 7.3. The status is BAD_LENGTH also if a vector
+    lies in `out`.
     """
     if overlap(q, out) or overlap(qd, out) or overlap(tau, out):
         return ws.BAD_LENGTH
@@ -409,7 +410,8 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
 def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm):
     """Write x, m r or r of DisturbanceObserver, and |x| of samples; x is NaN where the applied term is.
 
-    `last` has x, momentum, resisting and applied terms of the sample before, and then of the last one.
+    `last` has x, momentum, resisting and applied terms of the sample before, and then of the last
+    one.
     """
     for t in range(len(interval)):
         square = 0.0

@@ -257,8 +257,9 @@ def qd_from_momentum(robot, q, added, momentum, qd):
 def factors(robot, q, m_l_unit, D):
     """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1).
 
-    A unit working moment at joint j exerts the wrench G on the bodies inboard. Its moments along rigid joints are column j
-    of the unit factor. The working moments of −G along articulated joints are column j of the inverse.
+    A unit working moment at joint j exerts the wrench G on the bodies inboard. Its moments along
+    rigid joints are column j of the unit factor. The working moments of −G along articulated joints
+    are column j of the inverse.
     """
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH

@@ -17,8 +17,8 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 def step(robot, which, i, x, y, out, columns):
     """Run a step at body i of a group; returns a status.
 
-    The others are addresses: for ws.INWARD q̇, τ and `out` of evaluation.inward_group, a matrix of as many columns, for
-    ws.ABA_INWARD and ws.ABA_OUTWARD q̇ and q̈.
+    The others are addresses: for ws.INWARD q̇, τ and `out` of evaluation.inward_group, a matrix of
+    as many columns, for ws.ABA_INWARD and ws.ABA_OUTWARD q̇ and q̈.
     """
     at = ws.robot_of(robot)
     if which == ws.FACTORIZE:

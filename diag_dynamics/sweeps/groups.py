@@ -3,25 +3,29 @@
 
 """Degrees of freedom that are eliminated together: those coupled by mimic joints, and those of one joint.
 
-A group is all bodies from the one that carries it (A, exclusive) down to its members, seen as a single aggregate body
-whose velocity is (V_A, q̇) with q̇ the rates of the group's own degrees of freedom (constraint embedding, A. Jain 2012).
-Each of its bodies, with everything articulated that hangs on it from outside the group, moves with V_i = T_i (V_A, q̇),
-T_i made of the placements and directions in between, a follower's direction counted as its leader's, multiplied. So the
-aggregate has the mass matrix and the rate
+A group is all bodies from the one that carries it (A, exclusive) down to its members, seen as a
+single aggregate body whose velocity is (V_A, q̇) with q̇ the rates of the group's own degrees of
+freedom (constraint embedding, A. Jain 2012). Each of its bodies, with everything articulated that
+hangs on it from outside the group, moves with V_i = T_i (V_A, q̇), T_i made of the placements and
+directions in between, a follower's direction counted as its leader's, multiplied. So the aggregate
+has the mass matrix and the rate
 
     𝓜 = Σ T_iᵀ P_i T_i + armature = [[P, F], [Fᵀ, Q]]        𝓜̇ = [[Ṗ, Ḟ], [Ḟᵀ, Q̇]]
 
-in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion of the axis in other
-clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
+in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion of
+the axis in other clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
 
-    𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c        ξ_c = q̇_c + GᵀV_A + Σ_b g_b q̇_b
+    𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c        ξ_c = q̇_c + GᵀV_A + Σ_b
+    g_b q̇_b
 
-and the remaining P and Ṗ are added to A. Costs grow with the square of the number of bodies in a group and the cube of its
-degrees of freedom. Within a group accuracy is that of a dense U D Uᵀ: rounding grows with the ratio Q_cc / D of a joint
-before and after the others are eliminated. The recursion from body to body has no such ratio.
+and the remaining P and Ṗ are added to A. Costs grow with the square of the number of bodies in a
+group and the cube of its degrees of freedom. Within a group accuracy is that of a dense U D Uᵀ:
+rounding grows with the ratio Q_cc / D of a joint before and after the others are eliminated. The
+recursion from body to body has no such ratio.
 
-`Q[b, c]` is kept for global indices b and c - start, start the group's first degree of freedom: a row for each.
-F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace of the body that owns it.
+`Q[b, c]` is kept for global indices b and c - start, start the group's first degree of freedom: a
+row for each. F and G of a degree of freedom, Ḟ, D and the size D is judged by are in the workspace
+of the body that owns it.
 """
 
 from diag_dynamics.numerics import kernel as nk
@@ -299,7 +303,8 @@ def gather(bodies, first, last, work, sign, moments):
 def gather_bias(bodies, first, last, qd, rates, work, V, moments):
     """Subtract the bias moments of a group with velocities V, V̇ of A and q̈ zero; returns the bias wrench on the base.
 
-    It follows :func:`compose`. V is field V of the bodies and `rates` are q̇, or W and its rates for the bilinear form.
+    It follows :func:`compose`. V is field V of the bodies and `rates` are q̇, or W and its rates
+    for the bilinear form.
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]

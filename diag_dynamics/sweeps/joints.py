@@ -18,8 +18,8 @@ SINGULAR = 1e-10
 """D below this fraction of the inertias that it is the difference of is rounding: the joint moves no inertia."""
 
 REMOTE = 1e-4
-"""Weight of all inertia outboard in the size of P, relative to the articulated inertias of the children. It matters where
-these are rounding errors, 1e-14 of the inertia outboard."""
+"""Weight of all inertia outboard in the size of P, relative to the articulated inertias of the
+children. It matters where these are rounding errors, 1e-14 of the inertia outboard."""
 
 # --- Positions --------------------------------------------------------------------------------------------
 

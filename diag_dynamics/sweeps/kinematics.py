@@ -3,8 +3,9 @@
 
 """Placements, Jacobians and motions of bodies; positions along a twist, and locked joints.
 
-Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have coordinates u, a twist
-each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree of freedom that is q₀ + u.
+Positions of a joint of several degrees of freedom lie on a manifold. Around positions q₀ they have
+coordinates u, a twist each: q = q₀ exp(u) in the axes of the moving body. Of a joint of one degree
+of freedom that is q₀ + u.
 """
 
 import math
@@ -37,8 +38,8 @@ def placement(robot, q, body, result):
 def set_jacobian(bodies, body, point, work, J):
     """J of a point of a body, linear rows first, in the body's axes: a walk down the tree of placed bodies.
 
-    Each body that carries the point adds its direction, seen from the point; a follower adds to its leader's column. Returns
-    the number of columns up to the last one that is not zero.
+    Each body that carries the point adds its direction, seen from the point; a follower adds to its
+    leader's column. Returns the number of columns up to the last one that is not zero.
     """
     for row in range(6):
         ws.clear(J[row])

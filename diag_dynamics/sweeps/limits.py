@@ -3,7 +3,8 @@
 
 """Limits of the kinetic energy of a robot whose efforts last for a cycle.
 
-In total joint rates ν the kinetic energy is ½|ν|²: a limit of it is a ball, and limits of the shares ½ν_k² are a box.
+In total joint rates ν the kinetic energy is ½|ν|²: a limit of it is a ball, and limits of the
+shares ½ν_k² are a box.
 """
 
 import math
@@ -45,8 +46,8 @@ STEPS, BISECTIONS = 60, 6
 def _brake(inverse, nu, effort, change, period, lower, upper, braking):
     """Fill the next efforts on the fastest way of each joint to rest without effort, at a bounded rate.
 
-    D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are free, and |u̇| ≤ R make it a double integrator,
-    whose switching curve is u = −sign(q̇) √(2RD|q̇|).
+    D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are free, and |u̇| ≤ R make it
+    a double integrator, whose switching curve is u = −sign(q̇) √(2RD|q̇|).
     """
     for j in range(len(nu)):
         rate, mobility = 0.0, 0.0
@@ -93,9 +94,10 @@ def _keeps(inverse, nu, u, change, period, limit, joint_limit, lower, upper):
 def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, lower, upper, rows):
     """Fill rows[0] with efforts between full braking and those within the change from `effort` to `demand`.
 
-    They are the nearest to the demand after which braking keeps the limits [J]; without any, full braking. The prediction
-    is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without gravity. `change` is the largest change of an effort
-    in a cycle, `lower` and `upper` bound efforts; rows: (4, nv).
+    They are the nearest to the demand after which braking keeps the limits [J]; without any, full
+    braking. The prediction is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without
+    gravity. `change` is the largest change of an effort in a cycle, `lower` and `upper` bound
+    efforts; rows: (4, nv).
     """
     near, brake, ahead, u = rows[0], rows[1], rows[2], rows[3]
     _brake(inverse, nu, effort, change, period, lower, upper, brake)

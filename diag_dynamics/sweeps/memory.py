@@ -17,12 +17,13 @@ class Workspace:
     Attributes
     ----------
     robot : int
-        Address of a table as :data:`workspace.ROBOT` has it: one argument, because more would cost as much as the arithmetic
-        of a small robot. Keep the Workspace while a sweep runs.
+        Address of a table as :data:`workspace.ROBOT` has it: one argument, because more would cost
+        as much as the arithmetic of a small robot. Keep the Workspace while a sweep runs.
     bodies, gravity, work, table : ndarray
         Those of the table.
 
-    For sweeps that eliminate no degrees of freedom `eliminates` may be False: then nothing is compiled for groups.
+    For sweeps that eliminate no degrees of freedom `eliminates` may be False: then nothing is
+    compiled for groups.
     """
 
     def __init__(self, bodies, gravity, couplings=None, eliminates=True):

@@ -3,15 +3,17 @@
 
 """Mobilities of bodies and links, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
 
-The mass matrix of ν is the unit matrix. Υ of a body is therefore Σ v_k v_kᵀ, with v_k its twist for ν_k = 1. Own rates and
-the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺ (Table 1, right)
+The mass matrix of ν is the unit matrix. Υ of a body is therefore Σ v_k v_kᵀ, with v_k its twist for
+ν_k = 1. Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺
+(Table 1, right)
 
     Υ⁺ = X Υ_p Xᵀ      Υ = τ̄ᵀΥ⁺τ̄ + S D⁻¹Sᵀ      τ̄ᵀ = 1 − S Gᵀ      Υ of the world = 0.
 
-Υ of a body of a group is Σ κ_a D⁻¹κ_b over all degrees of freedom, with κ_a the working moments of a unit wrench along a.
+Υ of a body of a group is Σ κ_a D⁻¹κ_b over all degrees of freedom, with κ_a the working moments of
+a unit wrench along a.
 
-Υ is kept in the place of P, its angular part first: then it goes to a child as P of a child goes to its parent, with the
-inverse placement.
+Υ is kept in the place of P, its angular part first: then it goes to a child as P of a child goes to
+its parent, with the inverse placement.
 """
 
 import numba

@@ -49,9 +49,9 @@ BODY = np.dtype(
     ],
     align=True,
 )
-"""One degree of freedom and the rigid body it moves, all links that move as one, in a frame at the joint whose z is the
-joint's axis. A joint of several degrees of freedom is several bodies in one frame, all but the last without inertia. A
-mimic joint is a body, but no degree of freedom."""
+"""One degree of freedom and the rigid body it moves, all links that move as one, in a frame at the
+joint whose z is the joint's axis. A joint of several degrees of freedom is several bodies in one
+frame, all but the last without inertia. A mimic joint is a body, but no degree of freedom."""
 
 LINK = np.dtype(
     [
@@ -69,8 +69,8 @@ SWEPT_FIELDS = {"rotation": 9, "translation": 3, "V": 6, "acceleration": 6}
 SWEPT_FIELDS |= {"P": 21, "P_rate": 21, "y": 6, "z": 6, "magnitude": 2, "total": 2}
 """Fields of a body's workspace that the evaluation works on, and their lengths.
 
-Inward fields are accumulated from the children. P and Ṗ are symmetric: xx xy xz yy yz zz of the block A, the nine
-entries of B, and C as A.
+Inward fields are accumulated from the children. P and Ṗ are symmetric: xx xy xz yy yz zz of the
+block A, the nine entries of B, and C as A.
 """
 
 WORK = np.dtype(
@@ -99,8 +99,8 @@ WORK = np.dtype(
     ],
     align=True,
 )
-"""Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to the degree of freedom
-that the body owns."""
+"""Workspace of one body; which fields are alive depends on the sweep. D, size, G and u belong to
+the degree of freedom that the body owns."""
 
 WIDTH = 8
 """States side by side in the loops of batch: the registers of AVX-512 hold as many, those of AVX2 half."""

@@ -3,8 +3,9 @@
 
 """Columns of momentum, ∂K/∂q and gravity, linear in inertial parameters, and the load that they explain.
 
-Parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin. With the columns Y_p of
-momentum, Y_∂ of ∂K/∂q and Y_g of gravity, parameters π need the torque d/dt(Y_p π) + (Y_g − Y_∂)π.
+Parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin. With
+the columns Y_p of momentum, Y_∂ of ∂K/∂q and Y_g of gravity, parameters π need the torque d/dt(Y_p
+π) + (Y_g − Y_∂)π.
 """
 
 import math
@@ -142,11 +143,12 @@ def _solve(information, prior, result):
 def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, matrices):
     """Add a state to the least squares m r = −Φπ of a load π = (m, mc) on a frame.
 
-    `rates` are the interval since the last state [s], which is 0 for the first one, the filter's and the forgetting
-    rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and Y_g − Y_∂ of the last state and of this one,
-    and Φ, their low-pass. `matrices`, (3, 5, 5), are the information of [π, m r], the same after the elimination of π
-    (estimate, negative covariance, energy of the residual), and memory. `whitening` is the inverse of the lower factor of
-    the covariance of m r, `prior` the prior's information.
+    `rates` are the interval since the last state [s], which is 0 for the first one, the filter's
+    and the forgetting rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and
+    Y_g − Y_∂ of the last state and of this one, and Φ, their low-pass. `matrices`, (3, 5, 5), are
+    the information of [π, m r], the same after the elimination of π (estimate, negative covariance,
+    energy of the residual), and memory. `whitening` is the inverse of the lower factor of the
+    covariance of m r, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
     if not (

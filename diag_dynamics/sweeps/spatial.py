@@ -3,9 +3,10 @@
 
 """Spatial (6-D) vector algebra on tuples of scalars, which numba turns into straight-line code.
 
-Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a tuple of three
-rows. Body frames are chosen so that the axis of every joint is z (see model), and a joint of several degrees of
-freedom moves along axes of its body. A projection on a degree of freedom S therefore picks an entry.
+Conventions: the linear part comes first. A 3-vector is a tuple of three floats, a 3x3 matrix a
+tuple of three rows. Body frames are chosen so that the axis of every joint is z (see model), and a
+joint of several degrees of freedom moves along axes of its body. A projection on a degree of
+freedom S therefore picks an entry.
 """
 
 import math
@@ -538,7 +539,8 @@ def reduced_angle(x):
 def sine_and_cosine(x):
     """Sine and cosine of |x| < MAX_ANGLE, without a branch; errors are below one unit in the last place of 1.
 
-    The nearest multiple of π/2 is subtracted in two parts (Cody and Waite 1980). The polynomials are fdlibm's.
+    The nearest multiple of π/2 is subtracted in two parts (Cody and Waite 1980). The polynomials
+    are fdlibm's.
     """
     n = (x * (2.0 / math.pi) + TO_NEAREST) - TO_NEAREST
     r, w = x - n * HALF_PI[0], n * HALF_PI[1]

@@ -14,8 +14,9 @@ KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, N_SWEPT = range(12, 17)
 POSITIONS, RATES, N_ROWS = range(16, 19)
 """Rows that evaluation.evaluate fills.
 
-A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the share of the first
-six total rates in it, and νᵀ(ε − ε_g) twice. The last two receive q and q̇ of a single state.
+A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the
+share of the first six total rates in it, and νᵀ(ε − ε_g) twice. The last two receive q and q̇ of a
+single state.
 """
 
 N_NUMBERS = N_SWEPT - KINETIC_ENERGY

@@ -3,8 +3,9 @@
 
 """Serialized messages: encoded once, then changed by overwriting their numbers.
 
-Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every primitive aligned to its own
-size. Implementations of rmw use this encoding; callers compare every layout with rclpy's bytes by :meth:`Template.holds`.
+Little-endian plain CDR (DDS-XTypes 1.3, 7.4.1, version 1): four bytes that say so, then every
+primitive aligned to its own size. Implementations of rmw use this encoding; callers compare every
+layout with rclpy's bytes by :meth:`Template.holds`.
 """
 
 import re
@@ -37,9 +38,10 @@ _ARRAY = re.compile(r"(\w+)\[\d+\]")
 class Template:
     """Bytes of a message, whose numbers can be overwritten in place; texts and lengths stay.
 
-    `numbers` are views of numbers by path, such as ``header.stamp.sec``, without empty sequences; `data` all bytes;
-    `doubles` those after the encapsulation, as float64. InputError for a message without fields, or fields other than
-    numbers, strings, arrays of numbers, sequences of numbers or strings, and messages.
+    `numbers` are views of numbers by path, such as ``header.stamp.sec``, without empty sequences;
+    `data` all bytes; `doubles` those after the encapsulation, as float64. InputError for a message
+    without fields, or fields other than numbers, strings, arrays of numbers, sequences of numbers
+    or strings, and messages.
     """
 
     def __init__(self, message):

@@ -138,8 +138,8 @@ def definition_with_parts(kind):
 class Reader:
     """Reads one message; ValueError if the bytes are none.
 
-    `order` is < for little-endian numbers, else >. After reading, `used` has a 1 for each byte that is no padding, and
-    `arrays` the first byte and count of sequences of numbers by field.
+    `order` is < for little-endian numbers, else >. After reading, `used` has a 1 for each byte that
+    is no padding, and `arrays` the first byte and count of sequences of numbers by field.
     """
 
     def __init__(self, raw):

@@ -89,7 +89,8 @@ PLAUSIBLE = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
 class ControllerNode(ManagedNode):
     """See the module; parameters are in :data:`~parameters.controller.PARAMETERS`, and one more that has no default.
 
-    Configured, it loads a robot or waits for its description; active, it answers every state by a command.
+    Configured, it loads a robot or waits for its description; active, it answers every state by a
+    command.
     """
 
     def __init__(self, **options):
@@ -198,7 +199,8 @@ class ControllerNode(ManagedNode):
             self._subscribe(
                 kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1)
             )
-        # Simulated time where the node uses it; else steady time: timers stop while system time is set back.
+        # Simulated time where the node uses it; else steady time: timers stop while system time is
+        # set back.
         clock = self.get_clock() if self.get_clock().ros_time_is_active else steady_clock()
         self._watch = self.create_timer(
             self.values["max_state_age"] / WATCHES, self._look, clock=clock

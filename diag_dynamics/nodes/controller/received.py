@@ -20,8 +20,8 @@ MAX_TRANSFORM_AGE = 1.0
 def pose(message, model, transforms=None):
     """Return link, position [m] in its axes and rotation matrix of a PoseStamped.
 
-    Poses in a frame that is no link of the robot are in the axes of its root link, where :class:`Transforms` place the frame
-    now; without tf2_ros these are None.
+    Poses in a frame that is no link of the robot are in the axes of its root link, where
+    :class:`Transforms` place the frame now; without tf2_ros these are None.
     """
     link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
     position = np.array([p.x, p.y, p.z])

@@ -36,8 +36,8 @@ class _Goal:
 class Trajectories:
     """Feedback and results of a controller's trajectories.
 
-    `publisher` makes a publisher from a message type and a topic. `accept` returns whether the goal of an action is followed,
-    and `cancel()` ends the trajectory.
+    `publisher` makes a publisher from a message type and a topic. `accept` returns whether the goal
+    of an action is followed, and `cancel()` ends the trajectory.
     """
 
     def __init__(self, node, publisher, accept, cancel):

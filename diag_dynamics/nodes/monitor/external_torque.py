@@ -86,7 +86,8 @@ class LoadWatch:
     def accept_state(self, time, state, seen, r, torque):
         """Return r and m r of a RobotState, without the part of the load while there is one.
 
-        `seen` is the Disturbance. Without efforts the observer skips a state, and so does the estimator.
+        `seen` is the Disturbance. Without efforts the observer skips a state, and so does the
+        estimator.
         """
         was_load = self.estimate.is_load
         if state.effort is not None:
@@ -133,11 +134,11 @@ class TorqueWatch:
     """A disturbance observer, and detectors of collision and contact on its results.
 
     At the last state `seen` is the Disturbance, with the detector's collision, and `begins` and
-    `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe the
-    last one of this interval of reports. `is_judged` is whether there are thresholds of collisions,
-    `covariance` the noise of m r, None if it is unknown. `load` is a LoadWatch or None. `contact_torque`
-    is m r without that load; detectors and forces are about it. `withheld_wrenches` counts external
-    wrenches that are not published in this interval.
+    `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe
+    the last one of this interval of reports. `is_judged` is whether there are thresholds of
+    collisions, `covariance` the noise of m r, None if it is unknown. `load` is a LoadWatch or None.
+    `contact_torque` is m r without that load; detectors and forces are about it.
+    `withheld_wrenches` counts external wrenches that are not published in this interval.
     """
 
     def __init__(self, dynamics, observation, link):

@@ -43,9 +43,9 @@ MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
 class MarkerMaker:
     """Makes the MarkerArray of states of one robot, in the frame of its root link; always the same message object.
 
-    `description` is the URDF of the robot, or its path. `link` has the ellipsoid; empty: the end-effector link. `reach` is
-    the distance of the farthest link from the root link at positions of zero [m]; `scale` gives half axes of the ellipsoid
-    per root of an eigenvalue [m kg^½].
+    `description` is the URDF of the robot, or its path. `link` has the ellipsoid; empty: the
+    end-effector link. `reach` is the distance of the farthest link from the root link at positions
+    of zero [m]; `scale` gives half axes of the ellipsoid per root of an eigenvalue [m kg^½].
     """
 
     def __init__(self, dynamics, description, link=""):

@@ -48,8 +48,8 @@ START_PERIOD = 2.0
 HEARTBEAT, OVERDUE = 0.1, 1.0
 """Period of the heartbeat, and how long it may be overdue before states are skipped [s].
 
-An executor that serves events in their order delays services and diagnostics while states arrive faster than they are
-evaluated.
+An executor that serves events in their order delays services and diagnostics while states arrive
+faster than they are evaluated.
 """
 
 

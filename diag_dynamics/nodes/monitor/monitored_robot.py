@@ -67,7 +67,8 @@ class MonitoredRobot:
         What observes external torque, if it is wanted.
     contact : ContactWatch
     without_rotors : tuple of str
-        Joints whose D is so far below what their effort limits suggest that their rotors' inertia must be missing.
+        Joints whose D is so far below what their effort limits suggest that their rotors' inertia
+        must be missing.
 
     Raises
     ------

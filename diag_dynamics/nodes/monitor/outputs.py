@@ -30,8 +30,9 @@ PERIOD = 0.01
 class Outputs:
     """The publishers of a node.
 
-    Subscribers are not counted for each message, because that would take as long as evaluating a state. (An EventsExecutor
-    crashes where it reports matched subscribers of a publisher that goes.)
+    Subscribers are not counted for each message, because that would take as long as evaluating a
+    state. (An EventsExecutor crashes where it reports matched subscribers of a publisher that
+    goes.)
 
     Parameters
     ----------

@@ -22,7 +22,8 @@ RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
 class Reaction:
     """Publish whether there is a collision, and call the service of the parameters when one, or a contact, begins.
 
-    The topic is latched. It becomes false when judgement ends, because no later result would end the collision.
+    The topic is latched. It becomes false when judgement ends, because no later result would end
+    the collision.
     """
 
     def __init__(self, node):

@@ -26,7 +26,8 @@ NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
 class TableNode:
     """Base of nodes whose parameters are in a table `specs`, beside Node or LifecycleNode.
 
-    `values` are those in force by name, `overrides` those that the node was started with, also unknown ones. `time` is the
+    `values` are those in force by name, `overrides` those that the node was started with, also
+    unknown ones. `time` is the
     :class:`NodeTime`. The future `finished` ends the node, see :func:`runner.run`.
     """
 
@@ -113,7 +114,8 @@ def convert(name, value, default):
 def judge(node, specs, take):
     """Check new values of the parameters of a table, and warn of overrides with unknown names.
 
-    `take` is called with the new values by name; it applies all of them, or raises and changes nothing.
+    `take` is called with the new values by name; it applies all of them, or raises and changes
+    nothing.
     """
 
     def check_and_take(parameters):

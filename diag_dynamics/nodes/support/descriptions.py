@@ -103,8 +103,9 @@ THREAD = "description"
 class RobotLoader:
     """Loads descriptions in a thread, one after the other; only the newest counts.
 
-    The thread calls `make` with the arguments of :meth:`load`; it must not change the node. The executor calls `take` with
-    the result, or the exception, and the same arguments. `loading` is the description that is loaded, or None.
+    The thread calls `make` with the arguments of :meth:`load`; it must not change the node. The
+    executor calls `take` with the result, or the exception, and the same arguments. `loading` is
+    the description that is loaded, or None.
     """
 
     def __init__(self, node, make, take):
@@ -160,8 +161,8 @@ class RobotLoader:
 def subscribe_description(node, take):
     """Subscribe to robot_description; `take` is called with each description as bytes.
 
-    A path comes by a parameter only: bytes are never looked up as a file. rclpy has decoded the text whatever encoding the
-    XML declares, so a byte-order mark states UTF-8.
+    A path comes by a parameter only: bytes are never looked up as a file. rclpy has decoded the
+    text whatever encoding the XML declares, so a byte-order mark states UTF-8.
     """
 
     def take_message(message):

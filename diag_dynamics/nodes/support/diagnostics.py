@@ -40,7 +40,8 @@ class Diagnostics:
         set_progress_callback(self._report_compiling)
 
     def _tick(self):
-        # The entry stays after the first compilation: an aggregator takes one that disappears for stale.
+        # The entry stays after the first compilation: an aggregator takes one that disappears for
+        # stale.
         idle = [Status("compiling", OK, "idle", {"last": self._compiled})] if self._compiled else []
         self.publish([*self._report(), *idle])
 

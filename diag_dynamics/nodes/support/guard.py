@@ -46,8 +46,8 @@ def attempt(action, *arguments):
 def answered(node, kind, answer, named=str, keep=()):
     """Return the callback of a service of a `kind` whose response has `success` and `message`: failures are responses.
 
-    `answer` takes request and response, and returns the message of success or None. `named` puts a message into the
-    request's own words. The response of a failure keeps the fields `keep`.
+    `answer` takes request and response, and returns the message of success or None. `named` puts a
+    message into the request's own words. The response of a failure keeps the fields `keep`.
     """
 
     def callback(request, response):

@@ -113,9 +113,11 @@ class MessageMaker:
         texts : dict
             Fields that are the same for all states.
         values : dict
-            Numbers and arrays by the path of their field; None for those that are unknown, which are empty or zero.
+            Numbers and arrays by the path of their field; None for those that are unknown, which
+            are empty or zero.
         shape : tuple
-            What tells apart messages of this topic that have other texts, or other fields that are empty.
+            What tells apart messages of this topic that have other texts, or other fields that are
+            empty.
         """
         message = kind(**({"header": Header(frame_id=self._frame)} | texts))
         message.header.stamp = to_time(state.newest)
@@ -239,7 +241,8 @@ def _wrench_values(wrench):
 class BytesMaker(MessageMaker):
     """Makes the same messages as bytes: each is laid out once by rclpy, then only its numbers are written.
 
-    Should rclpy serialize a message otherwise than :class:`Template` does, the message itself is returned.
+    Should rclpy serialize a message otherwise than :class:`Template` does, the message itself is
+    returned.
 
     Attributes
     ----------
@@ -299,8 +302,9 @@ class BytesMaker(MessageMaker):
 class _Layout:
     """The bytes of a message, and views of its fields in the shape of their values.
 
-    Fields with `places` in the rows of an Evaluation, whose shape follows, are at `target` among the doubles of the message
-    and at `source` among those of the rows. `beside` are the other fields that change, `flags` those of the state.
+    Fields with `places` in the rows of an Evaluation, whose shape follows, are at `target` among
+    the doubles of the message and at `source` among those of the rows. `beside` are the other
+    fields that change, `flags` those of the state.
     """
 
     def __init__(self, template, values, places, shape):

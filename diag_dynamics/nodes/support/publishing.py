@@ -46,7 +46,8 @@ class RateLimit:
         """Return whether a message stamped `stamp` [ns] goes out, and note that it does."""
         if not self._period:
             return True
-        # Jitter of the stamps must not drop every second message. A stamp before the last one restarts time.
+        # Jitter of the stamps must not drop every second message. A stamp before the last one
+        # restarts time.
         if self._last is not None and self._last <= stamp < self._next - 0.05 * self._period:
             return False
         on_time = self._last is not None and abs(stamp - self._next) < self._period

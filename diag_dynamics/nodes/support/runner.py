@@ -62,8 +62,8 @@ class Stop:
 def run(make_nodes, args=None):
     """Spin the node, or the list of nodes, that `make_nodes` imports and makes; return the exit status.
 
-    A signal ends them, or the future `finished` of a node, whose exception is status 1. `args` is a command line with the
-    name of the program, by default that of the process.
+    A signal ends them, or the future `finished` of a node, whose exception is status 1. `args` is a
+    command line with the name of the program, by default that of the process.
     """
     stop, nodes, status = Stop(), [], 0
     try:
@@ -113,7 +113,8 @@ def spin(nodes, stop):
     for future in futures:
         future.add_done_callback(lambda _: stop())
     try:
-        # The time-out holds while nothing is to be done; a busy executor runs Python, which calls the signal handler.
+        # The time-out holds while nothing is to be done; a busy executor runs Python, which calls
+        # the signal handler.
         while rclpy.ok() and not stop.future.done():
             executor.spin_until_future_complete(stop.future, timeout_sec=PERIOD)
     finally:

@@ -34,7 +34,8 @@ class Transforms:
         Raises
         ------
         InputError
-            If the transform is older than `max_age` [s]. Transforms that never change have no stamp, and no age.
+            If the transform is older than `max_age` [s]. Transforms that never change have no
+            stamp, and no age.
         """
         found = self._buffer.lookup_transform(target, source, self._latest)
         stamp = found.header.stamp.sec * SECOND + found.header.stamp.nanosec

@@ -51,7 +51,8 @@ class ChunkedFile:
     def write_messages(self, channel, times, numbers, rows):
         """Write messages of equal length with log times [ns] and sequence numbers.
 
-        `rows`, uint8 (n, PREFIX + length), become records: the bytes before a message are overwritten.
+        `rows`, uint8 (n, PREFIX + length), become records: the bytes before a message are
+        overwritten.
         """
         messages = rows.view([*_MESSAGE, ("data", "u1", rows.shape[1] - PREFIX)])[:, 0]
         messages["opcode"], messages["length"] = Opcode.MESSAGE, messages.itemsize - 9

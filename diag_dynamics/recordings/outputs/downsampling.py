@@ -3,8 +3,8 @@
 
 """The states that a report keeps: an overview with every peak, and all states around contacts.
 
-States are records of NumPy. Of their fields these are used here: ``index`` from the first state of the
-recording, ``t`` [s], ``K`` [J], ``norm`` (|r|), ``collision`` and ``sums`` of :class:`Work`.
+States are records of NumPy. Of their fields these are used here: ``index`` from the first state of
+the recording, ``t`` [s], ``K`` [J], ``norm`` (|r|), ``collision`` and ``sums`` of :class:`Work`.
 """
 
 import numpy as np
