@@ -384,7 +384,8 @@ class RobotSubscription:
         for source in ("description", "states"):  # of the robot before
             self._set_fault(source, "")
         self.stream.set_robot(*robot, difference)
-        name, log, self.difference = dynamics.model.name, self._node.get_logger(), difference
+        name, log = dynamics.model.name, self._node.get_logger()
+        self.difference = difference and f"{self.monitor}: {difference}"
         log.info(shortened(f"Showing robot '{name}' of {self.monitor}."))
         for why in list(meshes.missing.values())[:3]:
             log.warning(shortened(f"Robot '{name}' lacks a mesh: {why}"))
