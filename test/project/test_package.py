@@ -335,7 +335,9 @@ def test_ros2_control_activates_efforts_last(namespace):
     assert {step.namespace for step in (manager, states, efforts, controller)} == {namespace}
     assert (efforts.starts_after, controller.starts_after) == (states, efforts)
     assert switch.starts_after == (controller, "active")
+    assert switch.is_once and switch.has_handler  # not again after a reaction; errors are seen
     assert switch.cmd[2:5] == ["switch_controllers", "--activate", "effort_controller"]
     assert switch.cmd[-1] == "/".join(["", *filter(None, [namespace]), "controller_manager"])
     assert Path(manager.parameters[0]).samefile(ROOT / "config" / "effort_controllers.yaml")
     assert len(actions_of("ros2_control", activate="false")) == 4
+    assert len(actions_of("ros2_control", activate="True")) == 5

@@ -48,20 +48,23 @@ def include(path, launch_arguments):
 def perform(path, context):
     """Run the actions of a launch file in turn, and return the nodes that they start."""
     actions = runpy.run_path(path)["generate_launch_description"]()
-    return [node for action in actions for node in action(context) or ()]
+    return [node for action in actions for node in action(context) or () if node]
 
 
 def on_process_exit(target_action, on_exit):
-    """Stand for OnProcessExit after a process without error."""
-    action = on_exit(SimpleNamespace(returncode=0), None)
-    action.starts_after = target_action
+    """Stand for OnProcessExit after a process without error; an error ends the launch."""
+    assert "failed" in on_exit(SimpleNamespace(returncode=1), None).event.reason
+    if action := on_exit(SimpleNamespace(returncode=0), None):
+        action.starts_after = target_action
+    target_action.has_handler = True
     return action
 
 
-def on_state_transition(target_lifecycle_node, goal_state, entities):
+def on_state_transition(target_lifecycle_node, goal_state, entities, handle_once):
     """Stand for OnStateTransition, of one action."""
     (action,) = entities
     action.starts_after = (target_lifecycle_node, goal_state)
+    action.is_once = handle_once
     return action
 
 
@@ -74,7 +77,10 @@ STAND_INS = {
         ExecuteProcess=SimpleNamespace,
         IncludeLaunchDescription=include,
         OpaqueFunction=lambda function: function,
-        RegisterEventHandler=lambda handler: handler,
+        RegisterEventHandler=lambda handler, condition=True: handler if condition else None,
+    ),
+    "launch.conditions": module(
+        "launch.conditions", IfCondition=lambda text: text.lower() == "true"
     ),
     "launch.event_handlers": module("launch.event_handlers", OnProcessExit=on_process_exit),
     "launch.events": module("launch.events", Shutdown=SimpleNamespace),
