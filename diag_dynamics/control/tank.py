@@ -40,7 +40,7 @@ class EnergyTank:
     reserve; gravity compensation is never scaled. Errors of the prediction (unknown pushes, late
     states, later filters) can make x < 0, but cost nothing of the bound on K + x.
 
-    The capacity is x_max > 0 [J], at first full, the rate α > 0 [1/s], at most 1/h in effect.
+    The capacity is x_max > 0 [J], at first full, the rate α > 0 [1/s]; above 1/h it acts as 1/h.
     `gravity` is whether efforts contain gravity compensation.
     """
 

@@ -187,9 +187,9 @@ def excite(
             f"duration is {duration:.15g} s; expected a whole number of periods of {period:.15g} s."
         )
     if rate < least:
-        value, bound = distinct(rate, least)
+        rate_text, bound = distinct(rate, least)
         raise InputError(
-            f"rate is {value} 1/s; expected at least {bound} 1/s. Increase rate or period."
+            f"rate is {rate_text} 1/s; expected at least {bound} 1/s. Increase rate or period."
         )
     ranges = dict(ranges or {})
     fastest, low, high = _find_limits(
