@@ -86,6 +86,18 @@ def test_advice(unknown, is_empty, entries, text):
     assert status.message == start + text
 
 
+def test_a_misspelt_name():
+    """No prefix explains it, but it is nearly the name of a joint that lacks data."""
+    joints = ("turn", "elbow", "wrist")
+    assembler = SimpleNamespace(
+        joint_names=joints, missing=["elbow", "wrist"], unknown_names=lambda _: ["elbo", "gripper"]
+    )
+    status = joint_coverage(assembler, (), [], 9.0, SimpleNamespace(is_foreign=False))
+    assert status.message.endswith(
+        "; unknown names arrive: elbo, gripper. Set joint_names to ['elbo=elbow']"
+    )
+
+
 @pytest.mark.parametrize("entries", [["elbow"], ["=1"], ["a=1", "b=1"], ["a*=1"]])
 def test_wrong_names(entries):
     with pytest.raises(InputError, match=r"joint_names.* expected"):

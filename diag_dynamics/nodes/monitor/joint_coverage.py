@@ -3,6 +3,7 @@
 
 """Status of joints without data, and of the names that arrive in their place."""
 
+from difflib import get_close_matches
 from functools import lru_cache
 
 from diag_dynamics.nodes.support.diagnostics import counted
@@ -11,6 +12,9 @@ from diag_dynamics.recordings.joint_names import complete_maps, listed
 
 GRACE_PERIOD = 0.5
 """Time after the first message in which all joints may arrive [s]."""
+
+ALIKE = 0.7
+"""Similarity, of difflib, of a joint's name and a misspelt one."""
 
 _complete_maps = lru_cache(1)(complete_maps)
 
@@ -40,6 +44,10 @@ def joint_coverage(assembler, ignored, entries, elapsed, statistics):
     maps = _complete_maps(tuple(unknown), tuple(missing), present, entries)
     if maps and len(unknown) == len(missing) == 1:
         maps = [(*entries, (*unknown, *missing))]
+    near = [(joint, get_close_matches(joint, unknown, 1, ALIKE)) for joint in missing]
+    misspelt = {names[0]: joint for joint, names in near if names}
+    if misspelt and not maps:
+        maps = [(*entries, *misspelt.items())]
     if maps:
         lists = ([f"{name}={joint}" for name, joint in entries] for entries in maps)
         text += f". Set joint_names to {' or '.join(map(str, lists))}"
