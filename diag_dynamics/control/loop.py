@@ -231,6 +231,11 @@ class ControlLoop:
         self._mode.take_pose(self.state, link, position, orientation)
 
     @property
+    def shortfall(self):
+        """What has not reached its target for two seconds, and by how much; otherwise empty."""
+        return self._mode.shortfall if self.supervisor.phase == ACTIVE else ""
+
+    @property
     def desired_position(self):
         """Position that the mode demands [rad, m]; that of the last state without one, shape (nv,)."""
         desired = getattr(self._mode, "desired", None)

@@ -19,6 +19,7 @@ from diag_dynamics.control.laws import (
 )
 from diag_dynamics.control.references import PoseTarget, SetPoint, Trajectory, at_rest, nearest
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.rotations import to_vector
 from diag_dynamics.text import distinct
 
@@ -40,6 +41,12 @@ NULL_FREQUENCY = 3.0
 POSE_SPEED = np.array([1.0, 2.0])
 """Speed of the motion to a pose at a set_point_speed of 1 [m/s, rad/s]."""
 
+AT_REST = 1e-3
+"""Largest speed of a desired motion that rests [rad/s, m/s]."""
+
+ARRIVED, PATIENCE = 0.01, 2.0
+"""Distance at which a target is reached [rad, m], and time until one that rests has to be [s]."""
+
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
 
@@ -48,7 +55,8 @@ class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
     The constructors of subclasses take the dynamics and the values of
-    parameters.controller.PARAMETERS.
+    parameters.controller.PARAMETERS. `shortfall` says what has not reached its target for
+    :data:`PATIENCE`; it is empty if all has, and while the target moves.
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
@@ -69,6 +77,7 @@ class Mode:
     def stop(self):
         """Make the next state the target."""
         self._begun, self._lag = False, 0.0  # V of the last command relative to following_energy
+        self._away_since, self.shortfall = None, ""
         self.forget_rate()
 
     def begin(self, state):
@@ -82,7 +91,23 @@ class Mode:
 
     def follow(self, state):
         """Return the command, and why the position replaced the target; empty if it did not."""
-        return self.command(state), ""
+        command = self.command(state)
+        self._watch_arrival(command, state.newest)
+        return command, ""
+
+    def _watch_arrival(self, command, time):
+        """Set the shortfall of the command for a state at a time [ns]."""
+        distance = self._describe_distance(command)
+        if not distance:
+            self._away_since = None
+        elif self._away_since is None:
+            self._away_since = time
+        is_late = distance and (time - self._away_since) * 1e-9 > PATIENCE
+        self.shortfall = distance if is_late else ""
+
+    def _describe_distance(self, command):
+        """Return what is how far from a target that rests; empty if nothing is."""
+        return ""
 
     def command(self, state):
         """Return the command of the law for a state."""
@@ -140,6 +165,7 @@ class PoseMode(Mode):
             null_frequency=NULL_FREQUENCY,
         )
         super().__init__(law, values)
+        self._link = values["controlled_link"]
         self._speed = values["set_point_speed"] * POSE_SPEED
         self._aim = None  # position [m] and axes to which the springs pull
 
@@ -180,6 +206,13 @@ class PoseMode(Mode):
         return command._replace(
             error=PoseError(target.goal[0] - position, to_vector(target.goal[1] @ axes.T))
         )
+
+    def _describe_distance(self, command):
+        distance, angle = (np.linalg.norm(error) for error in command.error)
+        if self._moving or max(distance, angle) <= ARRIVED:
+            return ""
+        text = f"{distance:.3g} m" if distance > ARRIVED else f"{angle:.3g} rad"
+        return f"link '{self._link}' is {text} from its target"
 
 
 class JointMode(Mode):
@@ -275,6 +308,7 @@ class JointMode(Mode):
         """Return the command, and why the position replaced the target: V exceeds following_energy."""
         command = self.command(state)
         if command.lyapunov <= self._max_error:
+            self._watch_arrival(command, state.newest)
             return command, ""
         k = int(np.argmax(np.abs(command.error)))
         behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"
@@ -283,6 +317,15 @@ class JointMode(Mode):
         self.stop()
         self.begin(state)
         return self.command(state), f"target given up: {lost}; {behind}"
+
+    def _describe_distance(self, command):
+        distances = np.abs(command.error)
+        if (np.abs(self.desired.velocity) > AT_REST).any() or (distances <= ARRIVED).all():
+            return ""
+        k = int(np.argmax(distances))
+        unit = "m" if sliding_dofs(self._model)[k] else "rad"
+        name = self._model.dof_names[k]
+        return f"joint '{name}' is {distances[k]:.3g} {unit} from its target"
 
     def command(self, state):
         """Return the command towards the desired motion of now."""

@@ -115,6 +115,7 @@ def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, low
             fraction += step
         else:
             fraction -= step
-    for i in range(len(nu)):
-        near[i] = brake[i] + good * (near[i] - brake[i])
+    if good < 1.0:
+        for i in range(len(nu)):
+            near[i] = brake[i] + good * (near[i] - brake[i])
     return 0

@@ -8,10 +8,11 @@ import subprocess
 import sys
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
-from arm import Closed, Q, gravity_of, loop_of, pinocchio_command, state_at, waypoints
+from arm import Closed, Q, gravity_of, loop_of, pinocchio_command, pose_of, state_at, waypoints
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
@@ -217,6 +218,37 @@ def test_targets_end_with_a_stall_longer_than_the_hold(strong):
         stamp += gap
         sent = loop.step(state_at(stamp, Q), stamp)
         assert sent.command.error.any() == held
+
+
+@pytest.mark.parametrize(
+    ("mode", "text"),
+    [
+        (TRACKING, "joint 'elbow_joint' is 0.1 rad from its target"),
+        (POSE, "link 'tool0' is 0.1 m from its target"),
+    ],
+)
+def test_a_target_that_is_not_reached_is_named(strong, mode, text):
+    """Friction holds the arm. It is named two seconds after the target has come to rest, until it arrives."""
+    loop = slow_loop_of(strong, following_energy=0.0, controlled_link="tool0", initial_mode=mode)
+    _, stamp = settle(loop)
+    goal, (position, axes) = Q + 0.1 * np.eye(6)[2], pose_of(Q)
+    orientation = pin.Quaternion(axes).coeffs()
+    if mode == TRACKING:
+        loop.take_set_point(goal)
+    else:
+        loop.take_pose("base_link", position - [0.1, 0.0, 0.0], orientation)
+    texts = []
+    for _ in range(800):
+        stamp += 10 * MS
+        loop.step(state_at(stamp, Q), stamp)
+        texts.append(loop.shortfall)
+    assert set(texts) == {"", text} and texts.index(text) > 200
+    if mode == TRACKING:
+        loop.step(state_at(stamp + MS, goal), stamp + MS)
+    else:
+        loop.take_pose("base_link", position, orientation)
+        loop.step(state_at(stamp + MS, Q), stamp + MS)
+    assert loop.shortfall == ""
 
 
 def test_a_law_that_fails_does_not_hold_for_ever(strong, monkeypatch):

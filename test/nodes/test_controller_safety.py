@@ -409,6 +409,19 @@ def test_efforts_are_limited(fed):
 # --- targets
 
 
+@ONE
+def test_a_target_that_is_not_reached(fed):
+    """Status and diagnostics name the joint, from two seconds after the target has come to rest."""
+    fed.law("tracking")
+    fed.settle()
+    fed.take(fed.set_point, joint_state(NAMES, Q + 0.05 * np.eye(6)[2]))
+    fed.arrive()
+    for _ in range(1001):
+        status = fed.step()
+    assert status.message == "joint 'elbow_joint' is 0.05 rad from its target"
+    fed.wait_until_told("control", "mode tracking; target not reached: joint 'elbow_joint'", b"\1")
+
+
 def test_targets_change_and_are_lost(fed):
     """The last one counts; a sender that is gone leaves it in force; the law is Pinocchio's for it to 1e-9."""
     fed.law("tracking")

@@ -194,6 +194,7 @@ NOT_OBSERVED = {
         "floating_base",
         "mimic",
         "massless",
+        "joint_names",
     ),
     *(
         "odom_twist_frame",

@@ -544,6 +544,8 @@ class ControllerNode(ManagedNode):
 
     def _phase_is_logged(self):
         """Return whether the log has the phase of the supervisor and its reason."""
+        if self._loop.shortfall:
+            return False
         reason, logged = self._loop.supervisor.reason, self._logged_reason
         return logged is not None and without_numbers(reason) == without_numbers(logged)
 

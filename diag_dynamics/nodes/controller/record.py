@@ -95,6 +95,8 @@ class Record:
                 return _fault(f"{mode}; held gravity: ", self._last_hold, values)
             if supervisor.starting:
                 return Status("control", WARN, f"{mode}; taking up the load, damped", values)
+            if loop.shortfall:
+                return _fault(f"{mode}; target not reached: ", loop.shortfall, values)
             return Status("control", OK, mode, values)
         values["reason"] = supervisor.reason
         if loop.state is None:
@@ -182,7 +184,9 @@ def status_message(loop, sent):
     command = sent.command
     model, limiter = loop.dynamics.model, loop.limits.energy
     message = ControllerStatus(
-        mode=loop.mode, phase=loop.supervisor.phase, message=shortened(loop.supervisor.reason)
+        mode=loop.mode,
+        phase=loop.supervisor.phase,
+        message=shortened(loop.supervisor.reason or loop.shortfall),
     )
     message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
     message.dof_names, message.state_age = list(model.dof_names), sent.age
