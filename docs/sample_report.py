@@ -52,7 +52,7 @@ def sample(folder):
     ]
     states = record(model.perturbed(0.01, 3), model, *motion(model), pushes)
     path = Path(folder) / "panda_run.npz"
-    np.savez(path, joints=np.array(model.dof_names), **states)
+    np.savez(path, **states)  # columns in the order of the joints
     return path
 
 

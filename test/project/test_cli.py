@@ -550,7 +550,7 @@ def test_a_signal_ends_compiling(end, tmp_path):
         130,
     )
     kernels = {path.name.split("-")[0] for path in (tmp_path / "diag_dynamics").rglob("*.nbc")}
-    assert "configuration.integrate" in kernels and "steps.advance" not in kernels
+    assert "kinematics.integrate" in kernels and "steps.advance" not in kernels
 
 
 @pytest.mark.full
