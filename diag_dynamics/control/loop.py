@@ -232,7 +232,7 @@ class ControlLoop:
 
     @property
     def shortfall(self):
-        """What has not reached its target for two seconds, and by how much; otherwise empty."""
+        """Joint or link that stays away from its target, with the distance; otherwise empty."""
         return self._mode.shortfall if self.supervisor.phase == ACTIVE else ""
 
     @property

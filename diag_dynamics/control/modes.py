@@ -55,7 +55,8 @@ class Mode:
     """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
 
     The constructors of subclasses take the dynamics and the values of
-    parameters.controller.PARAMETERS. `shortfall` says what has not reached its target for
+    parameters.controller.PARAMETERS. `shortfall` names a joint or link that has been away from its
+    target for
     :data:`PATIENCE`; it is empty if all has, and while the target moves.
     """
 
@@ -106,7 +107,7 @@ class Mode:
         self.shortfall = distance if is_late else ""
 
     def _describe_distance(self, command):
-        """Return what is how far from a target that rests; empty if nothing is."""
+        """Return a joint or link with its distance from a target that rests; empty at the target."""
         return ""
 
     def command(self, state):

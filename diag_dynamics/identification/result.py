@@ -202,7 +202,7 @@ def payload_certainty(layout, fit, fits):
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     by_gains = np.maximum(np.einsum("ji,jk,ki->i", slopes, prior, slopes), 0.0)
-    left_out = np.array([_numbers(one) for one in fits[:, layout.robot :]])
+    left_out = np.array([_numbers(payload) for payload in fits[:, layout.robot :]])
     deviations = np.sqrt(by_gains + jackknife(left_out))
     mass, centre, inertia = inertias.about_centre(x)
     return {

@@ -609,10 +609,10 @@ class _Cut:
             if gap < 1e-14:
                 break
             U, values, Vt = np.linalg.svd(J * moves, full_matrices=False)
-            kept = values > dependent * values[0]
-            values = values[kept]
+            is_large = values > dependent * values[0]
+            values = values[is_large]
             factors = values / (values**2 + damping * values[:1] ** 2)
-            step = (factors * (phi @ U[:, kept])) @ Vt[kept]
+            step = (factors * (phi @ U[:, is_large])) @ Vt[is_large]
             moved = q.copy()
             moved[columns] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
             moved_phi, moved_J = self._equations(moved, names, group)

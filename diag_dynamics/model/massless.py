@@ -45,11 +45,11 @@ def joint_inertias(model, q, motion):
     bodies = model.bodies
     position, ratio = np.zeros(len(bodies)), bodies["multiplier"]
     if model.coupling_tables is not None:
-        found = motion.memory()
-        if followers.ratios(motion.workspace.robot, q, np.zeros(model.nv), found) != 0:
+        ratios = motion.memory()
+        if followers.ratios(motion.workspace.robot, q, np.zeros(model.nv), ratios) != 0:
             return np.full((2, model.nv), np.inf)
-        position = found[:, 0]
-        ratio = found[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
+        position = ratios[:, 0]
+        ratio = ratios[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
     elif model.nq:
         position = ratio * q[bodies["q"]] + bodies["offset"]
     P, X, lever = _placed(bodies, q, position)
@@ -149,10 +149,10 @@ def reject_massless(model, tree, found):
     if not len(massless):
         return
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
-    own = [(link.inertial, body) for link, body, _ in tree.links]
+    inertials = [(link.inertial, body) for link, body, _ in tree.links]
     heavy = {
         body
-        for inertial, body in own
+        for inertial, body in inertials
         if inertial is not None and (inertial.mass or np.any(inertial.inertia))
     }
     lines = []

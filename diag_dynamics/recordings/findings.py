@@ -119,8 +119,8 @@ def _name_texts(intake, counts):
     map_name = intake.names.map_name if intake.names else str
     others = intake.assembler.unknown_names()
     there = set(own).intersection(map(map_name, intake.assembler.arrived))
-    given = intake.names.entries if intake.names else ()
-    maps = complete_maps(others, missing, there, given)
+    entries = intake.names.entries if intake.names else ()
+    maps = complete_maps(others, missing, there, entries)
     nothing, lock = len(missing) == len(joints), _lock(missing)
     if maps:
         advice, mapped = describe_maps(maps, others, own)

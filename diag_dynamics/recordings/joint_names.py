@@ -150,10 +150,10 @@ def complete_maps(names, missing, there, given):
     for entries, mapped in _combine_maps(names, missing):
         whole = *given, *entries
         map_name = JointNames(dict(whole)).map_name
-        found = {name: map_name(name) for name in names}
-        expected = found | mapped
-        is_unique = len(dict(whole)) == len(whole) and not set(found.values()) & set(there)
-        if not is_unique or found != expected:
+        targets = {name: map_name(name) for name in names}
+        expected = targets | mapped
+        is_unique = len(dict(whole)) == len(whole) and not set(targets.values()) & set(there)
+        if not is_unique or targets != expected:
             whole = *given, *mapped.items()
         completed[frozenset(whole)] = whole
     return list(completed.values())

@@ -47,7 +47,7 @@ def without_numbers(text):
     Numbers of parameters (``name = number``) and within names stay. The text stays whole if no
     word without quotes would be left.
     """
-    measured = (found for found in _MEASURED.finditer(text) if found[0][0] not in "'=")
+    measured = (number for number in _MEASURED.finditer(text) if number[0][0] not in "'=")
     first = next(measured, None)
     start = _OPEN_END.sub("", text[: first.start()]) if first else text
     return start if re.search(r"\w", re.sub("'[^']*'", "", start)) else text
