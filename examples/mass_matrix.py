@@ -11,7 +11,7 @@ model = dd.load_robot("panda")
 dyn = dd.DiagonalDynamics(model)
 q, qd = model.random(1), np.full(model.nv, 0.3)
 
-M, c, g = dyn.mass_matrix(q), dyn.bias(q, qd), dyn.gravity_torque(q)
+M, c, g = dyn.mass_matrix(q), dyn.coriolis_torque(q, qd), dyn.gravity_torque(q)
 tau = np.zeros(model.nv)
 qdd = dyn.forward_dynamics(q, qd, tau)
 print(f"{model.name}: {model.nv} degrees of freedom, {model.total_mass:.1f} kg")

@@ -21,7 +21,7 @@ METHODS = {
     evaluation.link_energies: "evaluate",
     factorization.factors: "factors",
     classical.forward_dynamics: "forward_dynamics",
-    classical.inverse_dynamics: "inverse_dynamics bias gravity_torque",
+    classical.inverse_dynamics: "inverse_dynamics coriolis_torque gravity_torque",
     classical.momentum: "momentum",
     classical.effort_of_wrenches: "evaluate forward_dynamics inverse_dynamics",
     classical.mass_matrix: "mass_matrix",
@@ -51,8 +51,8 @@ ROWS = {
     batch.evaluate_many: "evaluate",
     batch.mass_matrix_each: "mass_matrix",
     batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
-    batch.sweep_each: "evaluate forward_dynamics inverse_dynamics bias gravity_torque momentum "
-    "nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
+    batch.sweep_each: "evaluate forward_dynamics inverse_dynamics coriolis_torque gravity_torque "
+    "momentum nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
     external.touched_link_each: "touched_link",
     contacts.contacts_each: "contact",
 }

@@ -253,7 +253,9 @@ class DiagonalDynamics:
         """Return M(q) [kg m², kg, mixed kg m], shape (nv, nv), including armature."""
         return self._caller.mass_matrix(self._arguments.states(q, threads))
 
-    def bias(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Array:
+    def coriolis_torque(
+        self, q: StatesLike, qd: StatesLike, *, threads: int | None = None
+    ) -> Array:
         """Return c(q, q̇) of M q̈ + c + g = τ [N m, N], shape (nv,), without gravity.
 
         It is not C(q, ν), which is :attr:`Evaluation.coriolis`.

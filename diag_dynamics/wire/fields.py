@@ -102,7 +102,7 @@ def matrix_fields(topic, dynamics, state, with_inverse):
     """Return values by field of m, D and, if requested, ℓ; or of M, c and g."""
     q, qd = state.position, state.velocity
     if topic == "joint_space_dynamics":
-        values = {"mass_matrix": dynamics.mass_matrix(q), "bias": dynamics.bias(q, qd)}
+        values = {"mass_matrix": dynamics.mass_matrix(q), "bias": dynamics.coriolis_torque(q, qd)}
         return flags_of(state) | values | {"gravity": dynamics.gravity_torque(q)}
     m, inverse, _, d = zip(*map(dynamics.factors, np.atleast_2d(q)), strict=True)
     values = {"nv": dynamics.model.nv, "m": np.array(m), "d": np.array(d)}

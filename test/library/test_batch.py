@@ -99,7 +99,7 @@ METHODS = {
         q, v, t, **forces(d, t, "world"), **o
     ),
     "mass_matrix": lambda d, q, v, t, **o: d.mass_matrix(q, **o),
-    "bias": lambda d, q, v, t, **o: d.bias(q, v, **o),
+    "coriolis_torque": lambda d, q, v, t, **o: d.coriolis_torque(q, v, **o),
     "gravity_torque": lambda d, q, v, t, **o: d.gravity_torque(q, **o),
     "friction_torque": lambda d, q, v, t, **o: d.friction_torque(v, **o),
     "momentum": lambda d, q, v, t, **o: np.hstack(d.momentum(q, v, **o)),
@@ -243,12 +243,15 @@ WRONG = {
         "tau has shape (2,), expected (1, 2)",
     ),
     "ragged": (lambda d: d.evaluate([[0, 0], [1]], STATE), "q is not a vector of numbers"),
-    "half a thread": (lambda d: d.bias(STATE, STATE, threads=1.5), "threads is 1.5"),
+    "half a thread": (lambda d: d.coriolis_torque(STATE, STATE, threads=1.5), "threads is 1.5"),
     "wrenches": (
         lambda d: d.evaluate(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}),
         "(1, 6)",
     ),
-    "rates of bias": (lambda d: d.bias(STATE, NAN), "state 0: qd of joint 'elbow'"),
+    "rates of coriolis_torque": (
+        lambda d: d.coriolis_torque(STATE, NAN),
+        "state 0: qd of joint 'elbow'",
+    ),
     "rates of friction": (lambda d: d.friction_torque(NAN), "state 0: qd of joint 'elbow'"),
     "inverse dynamics": (
         lambda d: d.inverse_dynamics(STATE, NAN, STATE),

@@ -124,7 +124,7 @@ WRONG = [
     (lambda d: d.factors(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.mass_matrix(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.gravity_torque(NAN), "q of joint 'elbow' is nan"),
-    (lambda d: d.bias(Z, NAN), "qd of joint 'elbow' is nan"),
+    (lambda d: d.coriolis_torque(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.momentum(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.nu_from_qd(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.qd_from_nu(Z, NAN), "nu of joint 'elbow' is nan"),
@@ -183,7 +183,7 @@ def test_methods_are_compiled_by_the_names_of_their_functions(two):
             assert entry.__name__ in compilation.METHODS[entry].split()
     for table in (compilation.METHODS, compilation.ROWS):
         assert all(hasattr(two, name) for name in " ".join(table.values()).split())
-    with pytest.raises(dd.InputError, match="'evaluation' is none of bias, contact"):
+    with pytest.raises(dd.InputError, match="'evaluation' is none of contact, coriolis_bracket"):
         two.compile("evaluation")
 
 

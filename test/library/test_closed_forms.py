@@ -44,7 +44,7 @@ def test_two_link_arm(seed):
     s, f, (unit, D) = dyn.evaluate(q, qd), dyn.factors(q), arm.factor(q)
     for exact, rtol, atol, *answers in (
         (arm.mass_matrix(q), 1e-12, 0, dyn.mass_matrix(q), t.M),
-        (arm.bias(q, qd), 1e-11, 1e-13, dyn.bias(q, qd), t.c),
+        (arm.coriolis_torque(q, qd), 1e-11, 1e-13, dyn.coriolis_torque(q, qd), t.c),
         (unit, 1e-12, 0, f.unit, t.unit),
         (D, 1e-12, 0, f.D, t.D),
         ((unit * np.sqrt(D)).T @ qd, 1e-12, 0, s.nu, t.nu),

@@ -250,10 +250,10 @@ def payload_torque(robot, link, payload, q, x, y, acceleration):
     """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by polarization."""
     with_it, without = loaded_oracle(robot, link, payload), subject(robot).oracle
     bias = (
-        with_it.bias(q, x + y)
-        - with_it.bias(q, x - y)
-        - without.bias(q, x + y)
-        + without.bias(q, x - y)
+        with_it.coriolis_torque(q, x + y)
+        - with_it.coriolis_torque(q, x - y)
+        - without.coriolis_torque(q, x + y)
+        + without.coriolis_torque(q, x - y)
     )
     mass = with_it.mass_matrix(q) - without.mass_matrix(q)
     g = with_it.gravity_torque(q) - without.gravity_torque(q)

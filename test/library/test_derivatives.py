@@ -278,7 +278,7 @@ def coriolis_product(c):
     for x in (c.x, c.y, c.t.qd):
         actual = c.dyn.coriolis_product(c.t.q, c.t.qd, x) / c.unit
         assert_close(actual, c.t.C_s @ x / c.unit, 1e-12, scale * norm(x * c.unit))
-    for bias in (c.t.c, c.dyn.bias(c.t.q, c.t.qd)):
+    for bias in (c.t.c, c.dyn.coriolis_torque(c.t.q, c.t.qd)):
         assert_close(actual, bias / c.unit, 1e-12, scale * norm(c.t.qd * c.unit))
 
 

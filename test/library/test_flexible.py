@@ -145,7 +145,7 @@ def test_terms_against_pinocchio(panda, seed):
     )
     q_all = np.append(q, theta)
     m = oracle.factor(q_all)
-    C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.bias(q_all, rates)
+    C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.coriolis_torque(q_all, rates)
     N = np.linalg.solve(m, np.linalg.solve(m, C_s + C_s.T).T).T
     m_rate = m @ (np.triu(N, 1) + 0.5 * np.diag(np.diag(N)))
     C = np.linalg.solve(m, c) - m_rate.T @ rates
@@ -238,7 +238,7 @@ def test_implicit_step_against_a_dense_solve(panda, h):
         """Return rates after a step of dampers and springs with weights w and v, of links and motors."""
         M = scipy.linalg.block_diag(oracle.mass_matrix(place), np.diag(panda.rotor_inertia))
         force = np.append(np.where(np.isin(np.arange(nv), at), 0.0, tau), tau[at])
-        force[:nv] -= oracle.bias(place, middle) + oracle.gravity_torque(place)
+        force[:nv] -= oracle.coriolis_torque(place, middle) + oracle.gravity_torque(place)
         force -= G.T @ k @ (theta - q[at])
         damper, spring = w * viscous, v * G.T @ (d + v * h * k) @ G
         rest = (1.0 - w) * viscous + (1.0 - v) * G.T @ (d + v * h * k) @ G

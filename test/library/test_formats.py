@@ -326,7 +326,10 @@ def compare(mujoco, text, seed=5, omits=False):
             name.endswith("/qw") for name in model.coordinate_names
         ):  # else rates are not the same
             np.testing.assert_allclose(
-                dyn.bias(q, qd) + dyn.gravity_torque(q), reference.bias(), rtol=0, atol=1e-10
+                dyn.coriolis_torque(q, qd) + dyn.gravity_torque(q),
+                reference.bias(),
+                rtol=0,
+                atol=1e-10,
             )
         reference.set(q, np.zeros(model.nv))
         g = reference.bias()

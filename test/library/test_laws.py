@@ -190,7 +190,7 @@ def test_at_rest(robot):
     for name in ("nu", "xi", "coriolis", "coriolis_unnormalized", "energy_share", "link_energy"):
         assert (getattr(s, name) == 0).all(), name
     assert s.kinetic_energy == 0 and s.power == 0
-    assert (case.dyn.bias(case.sample.q, zero) == 0).all()
+    assert (case.dyn.coriolis_torque(case.sample.q, zero) == 0).all()
 
 
 def test_continuous_joint_has_one_angle(robot):
@@ -289,7 +289,7 @@ def test_gravity_argument(robot, gravity):
         assert (changed.evaluate(q, qd, tau).gravity == s.gravity).all()
         assert_close(c.dyn.gravity_torque(q) / unit, t.g / unit, c.tolerance, scale)
         assert (s.coriolis == before.s.coriolis).all()
-        assert (c.dyn.bias(q, qd) == before.dyn.bias(q, qd)).all()
+        assert (c.dyn.coriolis_torque(q, qd) == before.dyn.coriolis_torque(q, qd)).all()
         assert_close(c.dyn.forward_dynamics(q, qd, tau) * unit, t.acceleration * unit, c.tolerance)
         expected = moved.oracle.inverse_dynamics(q, qd, qdd) / unit
         assert_close(c.dyn.inverse_dynamics(q, qd, qdd) / unit, expected, 1e-10)

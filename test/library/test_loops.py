@@ -243,7 +243,10 @@ def test_point_masses(name):
             np.linalg.norm(s.coriolis), scale
         )
         assert s.kinetic_energy == pytest.approx(0.5 * qd @ M @ qd, rel=1e-12)
-        assert np.abs(it.dynamics.bias(q, qd) - c).max() <= 1e-12 * (np.abs(c) + np.abs(g)).max()
+        assert (
+            np.abs(it.dynamics.coriolis_torque(q, qd) - c).max()
+            <= 1e-12 * (np.abs(c) + np.abs(g)).max()
+        )
         expected = np.linalg.solve(M, tau - c - g)
         assert (
             np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()

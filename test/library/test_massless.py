@@ -383,7 +383,7 @@ def test_rounding_that_joints_outboard_leave_is_no_inertia(joints):
         assert np.linalg.cond(M) < 1e6
         assert_close(
             M @ dyn.forward_dynamics(q, qd, tau),
-            tau - dyn.bias(q, qd) - dyn.gravity_torque(q),
+            tau - dyn.coriolis_torque(q, qd) - dyn.gravity_torque(q),
             1e-10,
         )
 

@@ -478,8 +478,8 @@ def test_two_link_arm_of_one_freedom(multiplier):
         assert s.nu == pytest.approx([np.sqrt(D) * qd], rel=1e-13)
         assert np.abs(s.coriolis).max() < 1e-13 * abs(s.nu[0] * qd)
         assert s.coriolis_unnormalized == pytest.approx([0.5 * D_dot * qd], rel=1e-11, abs=1e-13)
-        assert dyn.bias([q], [qd]) == pytest.approx(
-            [g @ arm.bias(full, g * qd)], rel=1e-11, abs=1e-13
+        assert dyn.coriolis_torque([q], [qd]) == pytest.approx(
+            [g @ arm.coriolis_torque(full, g * qd)], rel=1e-11, abs=1e-13
         )
 
 

@@ -189,11 +189,11 @@ def link_energy(c):
     assert_close(c.s.link_energy, [expected[name] for name in c.model.link_names], 1e-11)
 
 
-def bias(c):
-    """The classical bias."""
+def coriolis_torque(c):
+    """The classical torque c."""
     expected = c.t.c / c.unit
     assert_close(
-        c.dyn.bias(c.t.q, c.t.qd) / c.unit,
+        c.dyn.coriolis_torque(c.t.q, c.t.qd) / c.unit,
         expected,
         c.tolerance,
         norm(expected) + c.t.coriolis_scale,
@@ -254,7 +254,7 @@ LAWS = (
     laws.inverse_dynamics,
     laws.sweeps_are_the_factors,
     link_energy,
-    bias,
+    coriolis_torque,
     forward_dynamics,
     forward_dynamics_of_aba,
     wrenches,

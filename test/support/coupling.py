@@ -362,9 +362,9 @@ class Coupled:
 
     factor = Oracle.factor
 
-    def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return c = Gᵀc_full, without gravity."""
-        return self.G.T @ self.full.bias(self.q_full(q), self.G @ qd)
+        return self.G.T @ self.full.coriolis_torque(self.q_full(q), self.G @ qd)
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:
         """Return g = Gᵀg_full."""
@@ -380,7 +380,7 @@ class Coupled:
 
     def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Return q̈ by a dense solve, gravity included."""
-        M, bias = self.mass_matrix(q), self.bias(q, qd) + self.gravity_torque(q)
+        M, bias = self.mass_matrix(q), self.coriolis_torque(q, qd) + self.gravity_torque(q)
         unit = np.sqrt(np.diag(M))
         scaled = M / np.outer(unit, unit)
         return np.linalg.solve(scaled, (tau - bias) / unit) / unit

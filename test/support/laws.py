@@ -113,7 +113,8 @@ def everything(dyn, sample) -> dict:
         **{name: getattr(f, name) for name in ("m", "l", "unit", "D")},
         **{name: getattr(dyn, name)(q) for name in ("mass_matrix", "gravity_torque", "log_det")},
         **{
-            name: getattr(dyn, name)(q, qd) for name in ("bias", "mass_matrix_rate", "log_det_rate")
+            name: getattr(dyn, name)(q, qd)
+            for name in ("coriolis_torque", "mass_matrix_rate", "log_det_rate")
         },
         **{name: getattr(dyn, name)(q, tau) for name in ("epsilon_from_tau", "tau_from_epsilon")},
         **{name: getattr(dyn, name)(q, qd) for name in ("nu_from_qd", "qd_from_nu")},
@@ -275,10 +276,10 @@ def unnormalized_coriolis_does_work(c):
     assert_close(c.s.xi @ c.s.coriolis_unnormalized, expected, c.tolerance, scale)
 
 
-def bias(c):
-    """The classical bias c without gravity."""
+def coriolis_torque(c):
+    """The classical torque c without gravity."""
     scale = max(norm(c.t.c / c.unit), 1e-3 * norm(c.t.nu) * norm(c.t.qd))
-    assert_close(c.dyn.bias(c.t.q, c.t.qd) / c.unit, c.t.c / c.unit, c.tolerance, scale)
+    assert_close(c.dyn.coriolis_torque(c.t.q, c.t.qd) / c.unit, c.t.c / c.unit, c.tolerance, scale)
 
 
 def inverse_dynamics(c):
@@ -472,7 +473,7 @@ LAWS = (
     coriolis_unnormalized,
     coriolis_does_no_work,
     unnormalized_coriolis_does_work,
-    bias,
+    coriolis_torque,
     inverse_dynamics,
     forward_dynamics,
     equation_of_motion,

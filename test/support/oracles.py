@@ -273,7 +273,7 @@ class Oracle:
         h = STEP / max(np.abs(qd).max(), 1e-12)
         return (16 * central(h) - central(2 * h)) / 15
 
-    def bias(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return c(q, q̇), the velocity terms of M q̈ + c + g = τ."""
         gravity = self.model.gravity.linear.copy()
         self.model.gravity.linear = np.zeros(
@@ -385,7 +385,7 @@ class State:
     @cached_property
     def c(self) -> np.ndarray:
         """Return the bias torque without gravity."""
-        return self.oracle.bias(self.q, self.qd)
+        return self.oracle.coriolis_torque(self.q, self.qd)
 
     @cached_property
     def g(self) -> np.ndarray:

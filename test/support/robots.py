@@ -250,7 +250,7 @@ class TwoLinkArm(NamedTuple):
         b = beta * np.cos(q[1])
         return np.array([[alpha + 2 * b + gamma, gamma + b], [gamma + b, gamma]])
 
-    def bias(self, q, qd) -> np.ndarray:
+    def coriolis_torque(self, q, qd) -> np.ndarray:
         """Return c: −β s q̇₂(2q̇₁ + q̇₂), β s q̇₁², with s = sin q₂."""
         s = self._constants[1] * np.sin(q[1])
         return np.array([-s * qd[1] * (2 * qd[0] + qd[1]), s * qd[0] ** 2])

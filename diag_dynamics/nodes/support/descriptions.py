@@ -33,7 +33,7 @@ COMPILED = (
         "forward_dynamics",
         "inverse_dynamics",
         "mass_matrix",
-        "bias",
+        "coriolis_torque",
         "gravity_torque",
     ),
     *("contact", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
