@@ -40,13 +40,17 @@ _OF_EVERY_STATE = (
     "external_torque",
 )
 
-RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | {
+_RATE_LIMITS = {
     "external_wrench": 250.0,
     "external_wrench_estimates": 250.0,
     "mass_matrix_factors": 50.0,
     "joint_space_dynamics": 50.0,
+    "contact": 50.0,
+    "markers": 20.0,
+    "load": 20.0,
 }
-RATES |= {"contact": 50.0, "markers": 20.0, "load": 20.0}
+
+RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | _RATE_LIMITS
 """Default maximum rate of each topic [Hz]; 0: every state."""
 
 _FIXED = {
@@ -357,10 +361,11 @@ PARAMETERS = {
         "", "Link of velocity and ellipsoid in ~/markers; empty: the end-effector link."
     ),
     "publish_friction": Spec(False, "Whether state and coriolis contain damping and friction."),
-    **{
-        f"max_rate.{topic}": Spec(rate, f"Maximum rate of ~/{topic} [Hz]; 0: every state.", 0.0)
-        for topic, rate in RATES.items()
-    },
+    "max_rate": Spec(
+        ["*=0", *(f"{topic}={rate:g}" for topic, rate in _RATE_LIMITS.items())],
+        "Maximum rates of topics, each as topic=rate [Hz]; * for all others, without it their "
+        "defaults; 0: every state.",
+    ),
 }
 """Specs by name."""
 
@@ -430,6 +435,7 @@ class Settings(NamedTuple):
     thresholds: Thresholds
     observation: Observation | None
     contact: ContactLimits | None
+    rates: Mapping
 
     @property
     def frames(self):
@@ -469,7 +475,10 @@ class Settings(NamedTuple):
         thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
         thresholds.check_order()
         contact = limits_of(values)
-        settings = cls(values, _input_options(values), thresholds, observation_of(values), contact)
+        rates = by_name("max_rate", _with_defaults("max_rate", values, RATES), RATES)
+        settings = cls(
+            values, _input_options(values), thresholds, observation_of(values), contact, rates
+        )
         if settings.frames and not settings.observation:
             raise InputError(
                 "parameter external_torque.gain is 0, expected a number above 0 because external_wrench.frames is set."
@@ -513,6 +522,12 @@ class Settings(NamedTuple):
                 "parameter reaction.deactivate is empty, expected controllers because reaction.type is "
                 "switch_controller."
             )
+
+
+def _with_defaults(name, values, defaults):
+    """Return entries of at least 0 by name; without an asterisk, missing ones are the defaults."""
+    entries = assignments(name, values[name], minimum=0.0)
+    return entries if ALL in entries else {**defaults, **entries}
 
 
 def _input_options(values):

@@ -302,10 +302,9 @@ def test_every_parameter_is_described(monitor):
 )
 def test_rate_limit(monitor, panda, topic, rate, stride):
     """States at 1 kHz: the topic has its highest rate, up to a twentieth of a period early; others have every state."""
-    name = f"max_rate.{topic}"
-    rate = PARAMETERS[name].default if rate is None else rate
+    rates = PARAMETERS["max_rate"].default if rate is None else [f"{topic}={rate}"]
     count, first = 100, monitor.tick()
-    with monitor.having(**{name: rate}):
+    with monitor.having(max_rate=rates):
         monitor.publish(
             *(panda.message(first + k * MS, panda.samples[k % 3]) for k in range(count))
         )

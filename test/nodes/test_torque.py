@@ -309,7 +309,7 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
 
 def test_when_it_is_computed(monitor, standing, panda):
     """Without a gain nothing is on the topic or in diagnostics; with a rate every state is observed."""
-    with monitor.having(max_rate__external_torque=100.0):
+    with monitor.having(max_rate=["external_torque=100"]):
         restart(monitor)
         found = [message for message in feed(monitor, [standing(0)] * 51) if message]
     assert set(np.diff([nanoseconds(message.header.stamp) for message in found])) == {5 * STEP}

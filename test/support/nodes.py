@@ -418,11 +418,7 @@ class Monitor(contextlib.AbstractContextManager):
             topic: peer.topic(OUTPUTS[topic], f"{self.name}/{topic}") for topic in outputs
         }
         self.reports = Reports(peer.node, peer.wait_until, self.name)
-        defaults = (
-            {f"max_rate.{topic}": 0.0 for topic in OUTPUTS} | {"max_age": MAX_AGE}
-            if live
-            else {"max_age": 0.0}
-        )
+        defaults = {"max_rate": ["*=0"], "max_age": MAX_AGE} if live else {"max_age": 0.0}
         defaults |= BELIEVING
         for topic in (joint_states, "odom") if reliable else ():
             defaults[f"qos_overrides.{namespace}/{topic}.subscription.reliability"] = "reliable"

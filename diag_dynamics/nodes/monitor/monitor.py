@@ -24,7 +24,7 @@ from diag_dynamics.nodes.monitor.monitored_robot import (
     joint_names_of,
     model_status,
 )
-from diag_dynamics.nodes.monitor.outputs import TYPES, Outputs, frame_tokens
+from diag_dynamics.nodes.monitor.outputs import Outputs, frame_tokens
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
 from diag_dynamics.nodes.monitor.watches import numerical_health
@@ -54,7 +54,7 @@ faster than they are evaluated.
 
 
 class MonitorNode(TableNode, Node):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in :data:`TYPES`."""
+    """See the module; parameters are in :data:`PARAMETERS`, topics in outputs.TYPES."""
 
     def __init__(self, **options):
         super().__init__(NODES["monitor"], PARAMETERS, **options)
@@ -64,8 +64,7 @@ class MonitorNode(TableNode, Node):
         self._revision, self._started = 0, self.time.steady()
         self._statistics = InputStatistics(self.time.steady)
         self._outputs = Outputs(self)
-        for topic in TYPES:
-            self._outputs.limit(topic, self.values[f"max_rate.{topic}"])
+        self._outputs.use_rates(self._settings.rates)
         check_entries(self.values)
         joint_names_of(self.values)  # reject wrong entries before a robot is loaded
         self._outputs.use_frames(self._settings.frames)
@@ -365,13 +364,12 @@ class MonitorNode(TableNode, Node):
                     raise
         if settings.frames != self._settings.frames:
             self._outputs.use_frames(settings.frames)
+        if settings.rates != self._settings.rates:
+            self._outputs.use_rates(settings.rates)
         self._settings, self.values = settings, settings.values
         waiting = self._loader.loading or (self._refused and self._refused.description)
         if description := changed.get("robot_description") or waiting:
             self._loader.load(description, settings)
-        for topic in TYPES:
-            if f"max_rate.{topic}" in changed:
-                self._outputs.limit(topic, changed[f"max_rate.{topic}"])
 
     def _use(self, robot, settings, changed):
         """Put the robot in force with other settings."""

@@ -61,12 +61,9 @@ class Outputs:
         }
         self._about_state = tuple(topic for topic in ORDER if topic in self.heard)
 
-    def limit(self, topic, rate):
-        """Publish a topic at no more than this rate [Hz]; 0 for every state."""
-        if rate:
-            self._limits[topic] = RateLimit(rate)
-        else:
-            self._limits.pop(topic, None)
+    def use_rates(self, rates):
+        """Limit topics to these rates [Hz], 0 for every state."""
+        self._limits = {topic: RateLimit(rate) for topic, rate in rates.items() if rate}
 
     def look(self):
         """Count the subscribers, unless that was done a moment ago."""
