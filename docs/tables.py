@@ -34,7 +34,7 @@ GROUPS = {
         "odom_twist_frame": "Input messages",
         "plausibility.position": "Plausibility limits",
         "stuck_timeout": "Stuck sensors and mimic joints",
-        "warn_energy": "Energy thresholds",
+        "energy.warn": "Energy thresholds",
         "external_torque.gain": "External torque",
         "alarm.joints": "Collision detection",
         "external_wrench.frames": "External wrench",

@@ -328,16 +328,13 @@ PARAMETERS = {
     **SHARED,
     **fixed(_FIXED | _GRAVITY),
     **_INPUTS,
-    "warn_energy": Spec(0.0, "Kinetic energy above which diagnostics warn [J]; 0 disables.", 0.0),
-    "error_energy": Spec(
-        0.0, "Kinetic energy above which diagnostics report an error [J]; 0 disables.", 0.0
-    ),
-    "warn_energy_share": Spec(
-        [""], "Energy share above which diagnostics warn, as joint=energy [J]; * for all others."
-    ),
-    "error_energy_share": Spec(
+    "energy.warn": Spec(
         [""],
-        "Energy share above which diagnostics report an error, as joint=energy [J]; * for all others.",
+        "Kinetic energy above which diagnostics warn, as total=energy, and energy shares of joints "
+        "as joint=energy [J]; * for all other joints. 0 disables.",
+    ),
+    "energy.error": Spec(
+        [""], "Energies above which diagnostics report an error, as those of energy.warn [J]."
     ),
     **_COLLISION,
     **_WRENCH,
@@ -370,31 +367,40 @@ PARAMETERS = {
 """Specs by name."""
 
 
-class Thresholds(NamedTuple):
-    """Limits of kinetic energy [J]: in total, and of single joints by name, ``*`` for all others; 0 for none."""
+TOTAL = "total"
+"""Name of the sum over all joints in a list of thresholds."""
 
-    warn: float = 0.0
-    error: float = 0.0
-    warn_share: Mapping = {}
-    error_share: Mapping = {}
+
+class EnergyThresholds(NamedTuple):
+    """Energies [J] of warnings and errors: of TOTAL and joints, ``*`` for all others; 0: none."""
+
+    warn: Mapping = {}
+    error: Mapping = {}
 
     def check_order(self):
-        """Refuse an error threshold below its warning threshold."""
-        pairs = [("warn_energy", self.warn, "error_energy", self.error)]
-        for name in sorted({*self.warn_share, *self.error_share}):
-            low, high = (
-                share.get(name, share.get(ALL, 0.0))
-                for share in (self.warn_share, self.error_share)
-            )
-            pairs.append(
-                (f"warn_energy_share of '{name}'", low, f"error_energy_share of '{name}'", high)
-            )
-        for low, warn, high, error in pairs:
-            if warn and error and error < warn:
+        """Reject an error threshold below its warning threshold."""
+        for name in sorted({*self.warn, *self.error}):
+            warn, error = _threshold(self.warn, name), _threshold(self.error, name)
+            if 0.0 < error < warn:
                 value, bound = distinct(error, warn)
                 raise InputError(
-                    f"parameter {high} is {value} J, expected at least {bound} J ({low})."
+                    f"parameter 'energy.error' of '{name}' is {value} J; "
+                    f"expected at least {bound} J (energy.warn)."
                 )
+
+    def by_joint(self, names):
+        """Return the thresholds of TOTAL and joints (1 + n) by parameter, inf for none."""
+        names, thresholds = (TOTAL, *names), {}
+        for parameter, entries in (("energy.error", self.error), ("energy.warn", self.warn)):
+            by_name(parameter, entries, names)  # raises InputError
+            limits = [_threshold(entries, name) or np.inf for name in names]
+            thresholds[parameter] = np.array(limits)
+        return thresholds
+
+
+def _threshold(entries, name):
+    """Return the threshold of TOTAL or a joint; 0 without one."""
+    return entries.get(name, 0.0 if name == TOTAL else entries.get(ALL, 0.0))
 
 
 class Observation(NamedTuple):
@@ -432,7 +438,7 @@ class Settings(NamedTuple):
 
     values: dict
     inputs: Options
-    thresholds: Thresholds
+    thresholds: EnergyThresholds
     observation: Observation | None
     contact: ContactLimits | None
     rates: Mapping
@@ -468,11 +474,10 @@ class Settings(NamedTuple):
             )
         for name in ("locked_joints", "armature"):
             assignments(name, [one for one in values[name] if one != ALL])
-        shares = [
-            assignments(name, values[name], minimum=0.0)
-            for name in ("warn_energy_share", "error_energy_share")
-        ]
-        thresholds = Thresholds(values["warn_energy"], values["error_energy"], *shares)
+        thresholds = EnergyThresholds(
+            assignments("energy.warn", values["energy.warn"], minimum=0.0),
+            assignments("energy.error", values["energy.error"], minimum=0.0),
+        )
         thresholds.check_order()
         contact = limits_of(values)
         rates = by_name("max_rate", _with_defaults("max_rate", values, RATES), RATES)
@@ -678,14 +683,3 @@ def _alarms(values, kind=""):
         rest_joints,
         rest,
     )
-
-
-def share_thresholds(thresholds, names):
-    """Return warning and error thresholds of the energy shares of these joints, inf for none."""
-    shares = []
-    for parameter in ("warn_share", "error_share"):
-        entries = by_name(
-            parameter.replace("share", "energy_share"), getattr(thresholds, parameter), names
-        )
-        shares.append([entries.get(name, 0.0) or math.inf for name in names])
-    return shares

@@ -13,7 +13,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.model import Payload
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings, Thresholds, share_thresholds
+from diag_dynamics.parameters.monitor import PARAMETERS, EnergyThresholds, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of
 from examples import examples
 from joint_state_messages import INF, NAMES, NAN
@@ -101,7 +101,7 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
         (["gravity"], ([0.0, 0.0], []), "3 numbers"),
         (["gravity"], ([0.0, 0.0, NAN],), "finite"),
         (
-            ["joint_timeouts", "warn_energy_share", "error_energy_share"],
+            ["joint_timeouts", "energy.warn", "energy.error"],
             (["elbow=-1"], ["*=-1"]),
             "no less than 0",
         ),
@@ -138,31 +138,28 @@ def test_wrong_values(names, values, expected):
 # --- Thresholds of energy
 
 THRESHOLDS = [
-    # total, shares: warning and error each; text of the error, None: accepted
-    (2.0, 2.0, "", "", None),
-    (2.0, 0.0, "", "", None),
-    (2.0, 1.0, "", "", "error_energy is 1 J, expected at least 2 J (warn_energy)"),
-    (0.0, 0.0, "elbow=2", "wrist=1", None),
-    (0.0, 0.0, "elbow=2", "elbow=1", "'elbow'"),
-    (0.0, 0.0, "*=2", "*=1", "'*'"),
-    (0.0, 0.0, "elbow=2", "*=1", "'elbow'"),
-    (0.0, 0.0, "*=2", "*=5 elbow=1", "'elbow'"),
-    (0.0, 0.0, "*=2 elbow=0", "elbow=1", None),
-    (0.0, 0.0, "elbow=2", "*=1 elbow=0", None),
+    # warning and error; text of the error, None: accepted
+    ("total=2", "total=2", None),
+    ("total=2", "", None),
+    ("total=2", "total=1", "of 'total' is 1 J; expected at least 2 J (energy.warn)"),
+    ("total=2", "*=1", None),
+    ("*=2", "total=1", None),
+    ("elbow=2", "wrist=1", None),
+    ("elbow=2", "elbow=1", "'elbow'"),
+    ("*=2", "*=1", "'*'"),
+    ("elbow=2", "*=1", "'elbow'"),
+    ("*=2", "*=5 elbow=1", "'elbow'"),
+    ("*=2 elbow=0", "elbow=1", None),
+    ("elbow=2", "*=1 elbow=0", None),
 ]
 
 
-@pytest.mark.parametrize(("warn", "error", "warn_share", "error_share", "expected"), THRESHOLDS)
-def test_thresholds(warn, error, warn_share, error_share, expected):
-    """An error below its warning is refused with both numbers; 0 is no threshold."""
-    values = {"warn_energy": warn, "error_energy": error}
-    values |= {
-        "warn_energy_share": warn_share.split() or [""],
-        "error_energy_share": error_share.split() or [""],
-    }
+@pytest.mark.parametrize(("warn", "error", "expected"), THRESHOLDS)
+def test_thresholds(warn, error, expected):
+    """An error below its warning is rejected with both numbers; 0 is no threshold."""
+    values = {"energy.warn": warn.split() or [""], "energy.error": error.split() or [""]}
     if expected is None:
-        thresholds = Settings.of(DEFAULTS | values).thresholds
-        assert (thresholds.warn, thresholds.error) == (warn, error)
+        Settings.of(DEFAULTS | values)
         return
     with pytest.raises(InputError) as refusal:
         Settings.of(DEFAULTS | values)
@@ -183,13 +180,15 @@ def test_threshold_of_the_end_of_a_collision():
             Settings.of(DEFAULTS | gain | values)
 
 
-def test_share_thresholds():
-    """By joint, infinite where there is none."""
-    thresholds = Thresholds(0.0, 0.0, {"elbow": 2.0, "*": 1.0}, {"wrist": 3.0, "elbow": 0.0})
-    assert share_thresholds(thresholds, NAMES) == [[1.0, 2.0, 1.0], [INF, INF, 3.0]]
+def test_energy_thresholds_by_joint():
+    """Of the total, then by joint; infinite where there is none. An asterisk is no total."""
+    thresholds = EnergyThresholds({"elbow": 2.0, "*": 1.0}, {"wrist": 3.0, "total": 4.0})
+    limits = thresholds.by_joint(NAMES)
+    assert limits["energy.warn"].tolist() == [INF, 1.0, 2.0, 1.0]
+    assert limits["energy.error"].tolist() == [4.0, INF, INF, 3.0]
     for kind in ("warn", "error"):
-        with pytest.raises(InputError, match=f"'{kind}_energy_share' names 'knee'"):
-            share_thresholds(Thresholds(**{f"{kind}_share": {"knee": 1.0}}), NAMES)
+        with pytest.raises(InputError, match=f"'energy.{kind}' names 'knee'"):
+            EnergyThresholds(**{kind: {"knee": 1.0}}).by_joint(NAMES)
 
 
 # --- meaning for a robot

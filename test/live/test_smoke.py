@@ -132,10 +132,10 @@ def call(monitor, service, kind, request):
 
 def test_call_sets_and_gets_parameters(left):
     """Requests have nested messages, lists of them, and whole numbers for real ones."""
-    value = "{name: warn_energy, value: {type: 3, double_value: 20}}"
+    value = "{name: max_age, value: {type: 3, double_value: 20}}"
     kinds = "rcl_interfaces/srv/SetParameters", "rcl_interfaces/srv/GetParameters"
     assert "successful=True" in call(left, "set_parameters", kinds[0], f"{{parameters: [{value}]}}")
-    assert "double_value=20.0" in call(left, "get_parameters", kinds[1], "{names: [warn_energy]}")
+    assert "double_value=20.0" in call(left, "get_parameters", kinds[1], "{names: [max_age]}")
 
 
 def test_the_page_is_served(left, panda):

@@ -16,7 +16,7 @@ CONTRADICTIONS = [
     ("controller", {"locked_joints": ["*"]}, "locked_joints"),
     ("monitor", {"locked_joints": ["*"]}, "locked_joints"),
     ("monitor", {"load.link": "tool0"}, "load.link"),
-    ("monitor", {"error_energy": 1.0, "warn_energy": 2.0}, "error_energy"),
+    ("monitor", {"energy.error": ["total=1"], "energy.warn": ["total=2"]}, "energy.error"),
     ("simulator", {"lockstep": True, "motion": "wave"}, "lockstep"),
     ("simulator", {"real_time_factor": 1e-4}, "real_time_factor"),
 ]

@@ -14,7 +14,7 @@ from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.monitor.watches import EnergyWatch
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN
-from diag_dynamics.parameters.monitor import Settings, Thresholds
+from diag_dynamics.parameters.monitor import EnergyThresholds, Settings
 from diag_dynamics.parameters.robots import model_of
 from joint_state_readers import DEFAULTS
 from nodes import MS, PANDA, Monitor, S, Truth, joint_state, robot
@@ -102,12 +102,12 @@ def test_energy_too_high(monitor, panda, word, level):
     share = 0.5 * fast.nu**2
     k = int(np.argsort(share)[-2])
     most = float(f"{0.5 * share[k]:.3g}")
-    joint = f"energy share of joint '{panda.names[k]}' > {word}_energy_share = {most:g} J"
+    joint = f"energy share of joint '{panda.names[k]}' > energy.{word} = {most:g} J"
     for values, message in (
-        ({f"{word}_energy": maximum}, f"kinetic energy > {word}_energy = {maximum:g} J"),
-        ({f"{word}_energy_share": [f"{panda.names[k]}={most}", "*=1e9"]}, joint),
+        ([f"total={maximum}"], f"kinetic energy > energy.{word} = {maximum:g} J"),
+        ([f"{panda.names[k]}={most}", "*=1e9"], joint),
     ):
-        with monitor.having(**values):
+        with monitor.having(**{f"energy.{word}": values}):
             monitor.serves(panda, 1)
             assert monitor.next_report().entries["energy"].message == "within thresholds"
             count = len(monitor.reports)
@@ -142,27 +142,27 @@ def at_energy(*shares, power=None):
 
 def watching(**thresholds):
     """Return a watch on two joints."""
-    return EnergyWatch(MODEL, Thresholds(**thresholds))
+    return EnergyWatch(MODEL, EnergyThresholds(**thresholds))
 
 
 @pytest.mark.parametrize(
     ("thresholds", "shares", "level", "named"),
     [
-        ({"warn": 3.0, "error": 5.0}, (1, 2), OK, "within thresholds"),
-        ({"warn": 3.0, "error": 5.0}, (3, 2.1), ERROR, "error_energy"),
-        ({"warn_share": {"elbow": 2.0}}, (9, 2), OK, ""),
+        ({"warn": {"total": 3.0}, "error": {"total": 5.0}}, (1, 2), OK, "within thresholds"),
+        ({"warn": {"total": 3.0}, "error": {"total": 5.0}}, (3, 2.1), ERROR, "energy.error"),
+        ({"warn": {"elbow": 2.0}}, (9, 2), OK, ""),
         (
-            {"warn_share": {"*": 2.0}, "error_share": {"*": 4.0}},
+            {"warn": {"*": 2.0}, "error": {"*": 4.0}},
             (1, 3),
             WARN,
-            "'elbow' > warn_energy_share",
+            "'elbow' > energy.warn",
         ),
-        ({"warn_share": {"*": 2.0, "elbow": 0.0}}, (1, 3), OK, ""),
+        ({"warn": {"*": 2.0, "elbow": 0.0}}, (1, 3), OK, ""),
         (
-            {"warn": 1.0, "error_share": {"shoulder": 2.0}},
+            {"warn": {"total": 1.0}, "error": {"shoulder": 2.0}},
             (3, 0),
             ERROR,
-            "'shoulder' > error_energy_share",
+            "'shoulder' > energy.error",
         ),
     ],
 )
@@ -172,8 +172,8 @@ def test_thresholds(thresholds, shares, level, named):
     assert watch.accept_state(CLOCK, at_energy(*shares)) == (level > OK)
     status = watch.report()
     assert status.level == level and named in status.message
-    with pytest.raises(InputError, match="'error_energy_share' names 'knee'"):
-        watch.configure(MODEL, Thresholds(error_share={"knee": 1.0}))
+    with pytest.raises(InputError, match=r"'energy\.error' names 'knee'"):
+        watch.configure(MODEL, EnergyThresholds(error={"knee": 1.0}))
 
 
 def test_alarm_where_it_is_worse_than_reported():
@@ -231,7 +231,7 @@ def share_of(watch):
 def moved(model, moving, scale=1.0, friction=True):
     """Return the explained share of a motion with the efforts, times a scale, of another model."""
     moving, dynamics = dd.DiagonalDynamics(moving), dd.DiagonalDynamics(model)
-    watch = EnergyWatch(model, Thresholds())
+    watch = EnergyWatch(model, EnergyThresholds())
     w, size = np.array([3.0, 5.0]), np.array([0.8, 0.6])
     for k in range(1000):
         t = 4e-3 * k

@@ -206,10 +206,8 @@ NOT_OBSERVED = {
         "publish_inverse_factor",
     ),
     *(
-        "warn_energy",
-        "error_energy",
-        "warn_energy_share",
-        "error_energy_share",
+        "energy.warn",
+        "energy.error",
         "markers.link",
         "publish_friction",
     ),

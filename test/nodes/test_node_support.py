@@ -77,15 +77,15 @@ def test_types_of_values(value, default, expected):
 
 
 def test_values_on_the_command_line(made):
-    node = made("-p", "warn_energy:=1", "-p", "gravity:=[0, 0, -9]", "-p", "payloads:=[]")
-    assert node.values["warn_energy"] == 1.0 and node.get_parameter("warn_energy").value == 1.0
+    node = made("-p", "max_age:=1", "-p", "gravity:=[0, 0, -9]", "-p", "payloads:=[]")
+    assert node.values["max_age"] == 1.0 and node.get_parameter("max_age").value == 1.0
     assert list(node.values["gravity"]) == [0.0, 0.0, -9.0] and node.values["payloads"] == [""]
     with pytest.raises(InputError, match=r"parameter 'gravity' is \[\]; expected 3 numbers"):
         made("-p", "gravity:=[]")
     with pytest.raises(InputError, match="parameter 'foreign_time' is 'maybe', expected one of"):
         made("-p", "foreign_time:=maybe")
-    with pytest.raises(InvalidParameterTypeException, match="warn_energy"):
-        made("-p", "warn_energy:=high")
+    with pytest.raises(InvalidParameterTypeException, match="max_age"):
+        made("-p", "max_age:=high")
 
 
 def test_values_set_while_running(made):
@@ -100,7 +100,7 @@ def test_values_set_while_running(made):
     for name, text, expected in (
         ("payloads", "[tool0=1.0]", ["tool0=1.0"]),
         ("payloads", "[]", [""]),
-        ("warn_energy", "3", 3.0),
+        ("max_age", "3", 3.0),
         ("gravity", "[0, 1, -9.81]", [0.0, 1.0, -9.81]),
     ):
         result = put(name, text)
@@ -108,7 +108,7 @@ def test_values_set_while_running(made):
         value = node.get_parameter(name).value
         assert (value if isinstance(value, float) else list(value)) == expected
     for name, text, reason in (
-        ("warn_energy", "high", "Wrong parameter type"),
+        ("max_age", "high", "Wrong parameter type"),
         ("gravity", "down", "Wrong parameter type"),
         ("gravity", "[]", "Wrong parameter type"),
         ("gravity", "[1.0]", "parameter 'gravity' is [1.0], expected 3 numbers."),

@@ -73,7 +73,7 @@ def nothing(message):
         ("external_torque.gain", 41.0, True),
         ("plausibility.effort", 1e5, True),
         ("stuck_timeout", 2.0, False),
-        ("warn_energy", 1e6, False),
+        ("energy.warn", ["total=1e6"], False),
     ],
 )
 def test_parameters(monitor, standing, name, value, restarts):

@@ -14,7 +14,7 @@ from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status, problem_status
 from diag_dynamics.page.frames import coriolis_work
-from diag_dynamics.parameters.monitor import share_thresholds
+from diag_dynamics.parameters.monitor import TOTAL
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
 from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
 
@@ -115,12 +115,12 @@ class EnergyWatch:
         self.start_interval()
 
     def configure(self, model, thresholds):
-        """Use a model and Thresholds; InputError if these name another joint."""
+        """Use a model and EnergyThresholds; InputError if these name another joint."""
         names = single_joints(model)
-        warn, error = map(np.array, share_thresholds(thresholds, names))
-        self._names, self._places = names, np.array(places(names, model.dof_names), dtype=int)
-        limits = [(ERROR, "error", thresholds.error, error), (WARN, "warn", thresholds.warn, warn)]
-        self._limits = [one for one in limits if one[2] or np.isfinite(one[3]).any()]
+        limits = thresholds.by_joint(names)
+        self._limits = {name: x for name, x in limits.items() if np.isfinite(x).any()}
+        self._names = (TOTAL, *names)
+        self._places = np.array(places(names, model.dof_names), dtype=int)
         self._windows = deque(maxlen=round(1e-9 * MINUTE / WINDOW))
         self.forget()
 
@@ -138,21 +138,20 @@ class EnergyWatch:
         self._count += 1
         self._newest, self._energy, self._power = stamp, s.kinetic_energy, s.effort_power
         self._largest = max(self._largest, self._energy)
-        for level, word, limit, limits in self._limits:
-            if limit and self._energy > limit:
-                self._raise(level, f"kinetic energy > {word}_energy = {limit:g} J")
-            for k in np.flatnonzero(s.energy_share[self._places] > limits)[:1]:
-                text = f"energy share of joint '{self._names[k]}' > {word}_energy_share"
-                self._raise(level, f"{text} = {limits[k]:g} J")
+        for parameter, limits in self._limits.items():
+            level = ERROR if parameter == "energy.error" else WARN
+            energies = np.append(self._energy, s.energy_share[self._places])
+            is_above = energies > limits
+            if level > self._level and is_above.any():
+                k = int(np.argmax(is_above))
+                quantity = f"energy share of joint '{self._names[k]}'" if k else "kinetic energy"
+                self._level = level
+                self._alarm = f"{quantity} > {parameter} = {limits[k]:g} J"
         if self._power is None:
             self.forget()
         elif self._last is None or stamp != self._last[0]:  # of one stamp the first state
             self._integrate(stamp, self._energy, self._power, friction)
         return self._level > self._reported
-
-    def _raise(self, level, alarm):
-        if level > self._level:
-            self._level, self._alarm = level, alarm
 
     def _integrate(self, stamp, energy, power, friction):
         """Add ΔK less the integral of ν·(ε − ε_g) since the last state."""
