@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.entries import by_name
+from diag_dynamics.entries import ALL, by_name
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
@@ -17,6 +17,9 @@ from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.joint_types import places, single_joints
 
 _NONE = MappingProxyType({})
+JOINT_TIMEOUT = 0.5
+"""Default age limit of a joint [s]."""
+
 MAX_GAP = 0.1
 """Interval of states [s] beyond which the rate of a spring torque is unknown."""
 
@@ -40,8 +43,7 @@ class Joints(NamedTuple):
 class Options(NamedTuple):
     """Options of the rules: the monitor's parameters. Mappings are by joint, ``*`` for all others; 0 disables a rule."""
 
-    timeout: float = 0.5
-    timeouts: Mapping = _NONE
+    timeouts: Mapping = MappingProxyType({ALL: JOINT_TIMEOUT})
     mimic_tolerance: float = 0.0
     max_age: float = 0.0
     refuse_foreign: bool = False
@@ -139,10 +141,8 @@ def _multiple(factor, limit, most):
 
 def age_limits(names, options):
     """Return age limits [ns], infinite for none."""
-    ages = by_name("joint_timeouts", options.timeouts, names)
-    return np.array(
-        [nanoseconds(ages.get(name, options.timeout)) or np.inf for name in names], dtype=float
-    )
+    ages = by_name("joint_timeout", options.timeouts, names)
+    return np.array([nanoseconds(ages.get(name, 0.0)) or np.inf for name in names], dtype=float)
 
 
 class EffortMeaning:

@@ -22,13 +22,13 @@ class OdometryBase:
     def __init__(self, model, twist_in_header):
         self._model = model
         self.twist_in_header = twist_in_header
-        self.stamps = StateAssembler(Joints(("odom",)), Options(timeout=0.0), labels=("odom",))
+        self.stamps = StateAssembler(Joints(("odom",)), Options(timeouts={}), labels=("odom",))
         self.configure(Options())
         self.forget()
 
     def configure(self, options):
         """Use these :class:`Options` from now on."""
-        own = Options(timeout=0.0, max_age=options.max_age, refuse_foreign=options.refuse_foreign)
+        own = Options(timeouts={}, max_age=options.max_age, refuse_foreign=options.refuse_foreign)
         self.stamps.configure(own)
         self._bounds = options.max_position or np.inf, options.max_velocity or np.inf
 

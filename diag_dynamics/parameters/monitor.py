@@ -22,7 +22,7 @@ from diag_dynamics.contact.points import ContactLimits
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.joints import Options
+from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
 from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact import limits_of
@@ -95,9 +95,10 @@ _INPUTS = {
         0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0
     ),
     "joint_timeout": Spec(
-        0.5, "Maximum age of a joint's values relative to the newest joint [s]; 0 disables.", 0.0
+        [f"*={JOINT_TIMEOUT:g}"],
+        "Maximum ages of joints' values relative to the newest joint, each as joint=time [s]; * for "
+        "all others, without it the default. 0 disables.",
     ),
-    "joint_timeouts": Spec([""], "joint_timeout of single joints, each as joint=seconds."),
     "max_age": Spec(
         1.0,
         "Maximum difference between stamp and node clock [s]; later and earlier messages are rejected. 0 disables.",
@@ -546,8 +547,7 @@ def _input_options(values):
     same = "mimic_tolerance", "max_age", "velocity_filter_time", "stuck_timeout", "odom_timeout"
     implausible = "beyond_limits", "beyond_velocity", "beyond_effort", "jump"
     return Options(
-        timeout=values["joint_timeout"],
-        timeouts=assignments("joint_timeouts", values["joint_timeouts"], minimum=0.0),
+        timeouts=_with_defaults("joint_timeout", values, {ALL: JOINT_TIMEOUT}),
         refuse_foreign=values["foreign_time"] == "reject",
         estimate_velocity=values["missing_velocity"] == "estimate",
         effort_available=assignments("effort_available", values["effort_available"], bool),

@@ -175,7 +175,9 @@ def test_parameters_that_change(kind):
     assert outcome(6, [0.6] * 3, plausibility__velocity=0.0) == "published"
     assert outcome(7, [0.6] * 3, [0, 0, 3], plausibility__jump=0.1) == "rejected: jump"
     assert outcome(8, [0.6] * 3, [0, 0, 3], plausibility__jump=0.0) == "published"
-    assert outcome(400, [0.6], names=("shoulder",), joint_timeout=0.3) == "rejected: stale joint"
+    assert (
+        outcome(400, [0.6], names=("shoulder",), joint_timeout=["*=0.3"]) == "rejected: stale joint"
+    )
     assert (
         outcome(401, missing_velocity="estimate", velocity_filter_time=0.0) == "awaiting velocity"
     )

@@ -551,7 +551,7 @@ def test_many_joint_states(bar, listed):
     part = JointStates(
         stamps - 1, names, stamps, 0 * stamps, position, 0.0 * position, 0.0 * position + 2.0
     )
-    assembler = StateAssembler(joints_of(bar), Options(timeout=5.0, mimic_tolerance=0.01))
+    assembler = StateAssembler(joints_of(bar), Options(timeouts={"*": 5.0}, mimic_tolerance=0.01))
     found = assembler.assemble([part], stamps * 10**9)
     assert (found.outcome["code"] == 0).all() and not assembler.counts["mimic disagreement"]
     expected = 2.0 + 2.0 * np.array([rates_of(x).sum() for x in crank]) * listed

@@ -73,7 +73,9 @@ OF_NAMES = (
     "reaction.activate",
     "reaction.deactivate",
 )
+WITH_DEFAULTS = "joint_timeout", "max_rate"
 LISTS = [name for name, spec in PARAMETERS.items() if spec.default == [""] and name not in OF_NAMES]
+LISTS += WITH_DEFAULTS
 NUMBERS = [name for name, spec in PARAMETERS.items() if isinstance(spec.default, float)]
 CHOICES = [name for name, spec in PARAMETERS.items() if spec.choices]
 MASSES = (
@@ -87,7 +89,7 @@ MASSES = (
     "tip=-1",
     "tip=" + "1 " * 11,
 )
-BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_includes_gravity"
+BY_JOINT = "joint_timeout", "effort_available", "effort_scale", "effort_includes_gravity"
 
 
 @pytest.mark.parametrize(
@@ -101,7 +103,7 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
         (["gravity"], ([0.0, 0.0], []), "3 numbers"),
         (["gravity"], ([0.0, 0.0, NAN],), "finite"),
         (
-            ["joint_timeouts", "energy.warn", "energy.error"],
+            ["joint_timeout", "energy.warn", "energy.error"],
             (["elbow=-1"], ["*=-1"]),
             "no less than 0",
         ),
@@ -111,7 +113,7 @@ BY_JOINT = "joint_timeouts", "effort_available", "effort_scale", "effort_include
             "name=true or name=false",
         ),
         (
-            ["joint_timeouts", "armature", "alarm.joints"],
+            ["joint_timeout", "armature", "alarm.joints"],
             (["elbow=1", " elbow =1"],),
             "two entries for 'elbow'",
         ),
@@ -234,9 +236,9 @@ def test_undeclared_efforts(options, undeclared):
 
 
 def test_refused_options_leave_those_in_force():
-    running = assembler(joint_timeout=1.5)
+    running = assembler(joint_timeout=["*=1.5"])
     others = {
-        "joint_timeout": 9.0,
+        "joint_timeout": ["*=9"],
         "mimic_tolerance": 9.0,
         "max_age": 9.0,
         "effort_scale": ["knee=2"],

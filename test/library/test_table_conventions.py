@@ -28,7 +28,7 @@ JOINTS = ("shoulder", "elbow", "wrist")
 """Of the robot, from the base to the tip."""
 FIELDS = ("position", "velocity", "effort")
 ROWS = 5
-LOOSE = {"joint_timeout": 0.0, "stuck_timeout": 0.0, "missing_velocity": "estimate"} | {
+LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0, "missing_velocity": "estimate"} | {
     f"plausibility.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
 }
 WORDS = {

@@ -32,7 +32,7 @@ from pages import blocks_of
 
 ARM = ("shoulder", "elbow", "wrist")
 FIELDS = ("position", "velocity", "effort")
-LOOSE = {"joint_timeout": 0.0, "stuck_timeout": 0.0} | {
+LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0} | {
     f"plausibility.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
 }
 """Parameters by which every finite number with a velocity is a state."""

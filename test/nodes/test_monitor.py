@@ -481,7 +481,7 @@ def test_names_of_another_robot(monitor, panda):
 @pytest.fixture(scope="module")
 def floating(peer):
     """Start a monitor of Solo."""
-    parameters = {"odom_timeout": 0.2, "joint_timeouts": '["FL_HAA=2.0"]'}
+    parameters = {"odom_timeout": 0.2, "joint_timeout": '["FL_HAA=2.0"]'}
     with FloatingMonitor(peer, "/floating", **parameters) as monitor:
         yield monitor
 

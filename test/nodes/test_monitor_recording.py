@@ -168,8 +168,7 @@ OBSERVED = {
     "plausibility.position": (PUSHED, 0.6),
     "plausibility.beyond_limits": (PUSHED, 1e-3),
     "plausibility.jump": (PUSHED, 0.0),
-    "joint_timeout": (PUSHED, 0.02),
-    "joint_timeouts": (PUSHED, ["turn=0.02"]),
+    "joint_timeout": (PUSHED, ["*=0.02"]),
 }
 """Parameters on which external torque or collisions depend."""
 

@@ -135,7 +135,7 @@ def test_unknown_names(made, tmp_path, capfd):
     """The node warns of misspelt parameters, and lists those that no node has."""
     file = tmp_path / "shared.yaml"
     file.write_text(
-        "/**:\n  ros__parameters:\n    joint_timeouts: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
+        "/**:\n  ros__parameters:\n    joint_timeout: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
         "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: {/x: {publisher: {depth: 3}}}\n"
         "own:\n  ros__parameters: {energy_limt: 1.0, max_rate: {statos: 1.0}, nothing: []}\n"
     )

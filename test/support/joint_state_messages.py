@@ -35,7 +35,7 @@ BASE_PARAMETERS = MappingProxyType(
         "plausibility.jump": 0.0,
     }
 )
-"""Parameters of every case: each rule is off unless the case turns it on. joint_timeout is 0.5 s."""
+"""Parameters of every case: each rule is off unless the case turns it on; joints have 0.5 s."""
 
 
 # --- robots

@@ -267,7 +267,7 @@ MIMIC_CASES = [
         whole(state_effort=[100, 210, 300]),
         whole(OLD, PAST),
         whole(OLD, also=JUMPED),
-        joint_timeout=0.0,
+        joint_timeout=["*=0"],
     ),
     case(
         "not compared with a source joint of before time jumped back",
@@ -275,7 +275,7 @@ MIMIC_CASES = [
         whole(OLD, PAST, names=("shoulder",)),
         whole(OLD, "incomplete", names=("shoulder",), also=JUMPED),
         hand(OLD, thumb=9.0),
-        joint_timeout=0.0,
+        joint_timeout=["*=0"],
     ),
     *(
         case(

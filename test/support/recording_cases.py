@@ -62,9 +62,8 @@ CASES = {
     "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
     "few rules": Case(
         PANDA,
-        dict.fromkeys(
-            ("max_age", "plausibility.jump", "plausibility.beyond_limits", "joint_timeout"), 0.0
-        ),
+        dict.fromkeys(("max_age", "plausibility.jump", "plausibility.beyond_limits"), 0.0)
+        | {"joint_timeout": ["*=0"]},
     ),
     "estimated velocities": Case(PANDA, {"missing_velocity": "estimate"}),
     "scaled efforts": Case(

@@ -26,6 +26,7 @@ from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import HOLDING, RAMPING_DOWN
+from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import Options, joints_of
@@ -264,7 +265,7 @@ class ControllerNode(ManagedNode):
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(timeout=age, max_age=age, refuse_foreign=True, **PLAUSIBLE)
+        options = Options(timeouts={ALL: age}, max_age=age, refuse_foreign=True, **PLAUSIBLE)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache
