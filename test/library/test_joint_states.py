@@ -5,17 +5,24 @@
 
 import gc
 from collections import Counter
-from functools import partial
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from diag_dynamics.joint_states import decoding
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import Joints, Options
-from joint_state_cases import TABLE
+from examples import examples
+from joint_state_cases import CASES, TABLE
 from joint_state_messages import MS, NAMES, NAN, NOW, S, joint_state, odometry
 from joint_state_readers import READERS, Message, Reader, model, read_columns
+
+
+def messages_of(steps):
+    """Return the messages of steps."""
+    return [Message(step.raw, step.now, step.odometry) for step in steps]
 
 
 def expected_counts(steps):
@@ -26,15 +33,13 @@ def expected_counts(steps):
     return dict(counts)
 
 
-@pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
 @pytest.mark.parametrize("rule", TABLE)
-def test_table(rule, reader):
+def test_table(rule):
     """Each message has the outcome, the counters, the words and the state that the table says."""
     for name, steps, parameters, robot in TABLE[rule]:
-        messages = [Message(step.raw, step.now, step.odometry) for step in steps]
-        result = reader(model(robot), parameters, messages)
+        result = READERS["bytes"](model(robot), parameters, messages_of(steps))
         assert result.counts == expected_counts(steps), name
-        published = [step.state or {} for step in steps if step.outcome.startswith("published")]
+        published = [step.state for step in steps if step.outcome.startswith("published")]
         for state, expected in zip(result.states, published, strict=True):
             for field, value in expected.items():
                 assert_equal(getattr(state, field), value, f"{name}: {field}")
@@ -43,6 +48,30 @@ def test_table(rule, reader):
             assert cause == step.outcome, name
             for word in step.words:
                 assert word in text, name
+
+
+@st.composite
+def streams(draw):
+    """Draw a robot, parameters of some of its cases, and messages of others at changed times."""
+    robot = draw(st.sampled_from(("arm", "wheel", "floating")))
+    cases = [case for case in CASES if case.robot == robot]
+    parameters = draw(st.sampled_from(cases)).parameters | draw(st.sampled_from(cases)).parameters
+    steps = st.sampled_from([step for case in cases for step in case.steps[:5]])
+    delays = st.sampled_from((0, 0, 1, 5 * MS, 2 * S))
+    messages, delay = [], 0
+    for step in draw(st.lists(steps, min_size=5, max_size=40)):
+        delay += draw(delays)
+        messages.append(Message(step.raw, step.now + delay, step.odometry))
+    return model(robot), parameters, messages
+
+
+@examples(100)
+@given(streams())
+def test_readers_agree(stream):
+    """Messages, their bytes, and columns in one or several pieces have equal outcomes."""
+    expected, *results = (read(*stream) for read in READERS.values())
+    for result in results:
+        assert result == expected
 
 
 def first_of_each(steps, count=20):
@@ -110,13 +139,12 @@ def rejections(robot, parameters, messages):
     return found
 
 
-def assert_no_trace(reader, robot, parameters, messages, rejected):
-    """Compare what comes of a sequence with and without one rejected message."""
-    k, cause = rejected
+def assert_no_trace(robot, parameters, messages, k, cause):
+    """Compare outcomes of a sequence with and without message k, which is rejected."""
     end = k + 2 if cause in SUSPECTS else len(messages)
 
     def read(messages):
-        result = reader(model(robot), parameters, messages)
+        result = READERS["bytes"](model(robot), parameters, messages)
         counts = {name: count for name, count in result.counts.items() if name not in NAMED}
         return result.states, Counter(counts)
 
@@ -133,29 +161,26 @@ def assert_no_trace(reader, robot, parameters, messages, rejected):
     assert +found_counts == counts
 
 
-@pytest.mark.parametrize("reader", [READERS["bytes"], READERS["columns"]], ids=["bytes", "columns"])
-def test_rejected_messages_leave_no_trace(reader):
-    """The message after a rejected one has the outcome and the state that it has without it, in every case of the table."""
-    for cases in TABLE.values():
-        for name, steps, parameters, robot in cases:
-            messages = [Message(step.raw, step.now, step.odometry) for step in steps[:30]]
-            found = {
-                cause: (k, cause) for k, cause in reversed(rejections(robot, parameters, messages))
-            }
-            for rejected in found.values():
-                try:
-                    assert_no_trace(reader, robot, parameters, messages, rejected)
-                except AssertionError as error:
-                    raise AssertionError(f"{name}: message {rejected}") from error
+def test_rejected_messages_leave_no_trace():
+    """The message after a rejected one has the outcome and the state that it has without it."""
+    for case in CASES:
+        messages = messages_of(case.steps[:30])
+        first = {}
+        for k, cause in rejections(case.robot, case.parameters, messages):
+            first.setdefault(cause, k)
+        for cause, k in first.items():
+            try:
+                assert_no_trace(case.robot, case.parameters, messages, k, cause)
+            except AssertionError as error:
+                raise AssertionError(f"{case.name}: message {k}, {cause}") from error
 
 
 # --- change of parameters and memory
 
 
-@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
-def test_parameters_that_change(kind):
+def test_parameters_that_change():
     """They count from the next message on; estimates are forgotten where they are no longer made."""
-    reader = kind(model("arm"), {"missing_velocity": "estimate", "velocity_filter_time": 0.0})
+    reader = Reader(model("arm"), {"missing_velocity": "estimate", "velocity_filter_time": 0.0})
 
     def outcome(k, velocity=(), position=(0, 0, 0), names=NAMES, **parameters):
         if parameters:
@@ -184,10 +209,9 @@ def test_parameters_that_change(kind):
     assert outcome(402) == "published"
 
 
-@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
-def test_start_anew(kind):
+def test_start_anew():
     """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
-    reader = kind(
+    reader = Reader(
         model("arm"), {"plausibility.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0}
     )
 
@@ -220,10 +244,9 @@ def test_start_anew(kind):
     assert assembler.offset == pytest.approx(50.0)
 
 
-@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
-def test_clock_offset(kind):
+def test_clock_offset():
     """The offset is that of the last accepted stamp, whether or not a state is complete; others do not change it."""
-    reader = kind(model("arm"), {"max_age": 1.0})
+    reader = Reader(model("arm"), {"max_age": 1.0})
 
     def offset(names, stamp, position=1.0, now=NOW):
         reader.read(Message(joint_state(names, *[[position] * len(names)] * 2, (), stamp), now))
@@ -239,10 +262,9 @@ def test_clock_offset(kind):
     assert reader.result().counts["rejected: stale joint"] == 1
 
 
-@pytest.mark.parametrize("kind", [Reader, partial(Reader, as_bytes=True)])
-def test_states_are_copies(kind):
+def test_states_are_copies():
     """A state does not change with later messages, nor they with it."""
-    reader = kind(model("arm"), {})
+    reader = Reader(model("arm"), {})
 
     def read(*fields):
         return reader.accept(Message(joint_state(*fields), NOW)).state
