@@ -15,9 +15,13 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.data_checks import find_delay, find_effort_delay
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.recordings.data_checks import EffortRange
+from diag_dynamics.recordings.data_checks import (
+    EffortRange,
+    EffortRelation,
+    find_effort_delay,
+    find_fault,
+)
 from diag_dynamics.recordings.findings import (
     Finding,
     explain_missing_efforts,
@@ -27,6 +31,7 @@ from diag_dynamics.recordings.findings import (
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.units import refuse_units
+from diag_dynamics.recordings.velocities import find_delay
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
@@ -37,6 +42,9 @@ MOVING, MIN_MOVING, MIN_CHANGED = (
     100,
     0.01,
 )  # velocity, number of states with it, fraction whose effort changes
+
+
+DOUBTFUL = "effort doubtful"  # cause of findings
 
 
 class Segment(NamedTuple):
@@ -107,10 +115,52 @@ class Dataset:
         """Read, check and clean the recording."""
         self.segments = self._clean(self._read(self.name, recording, model, max_values), model)
         self.spans = [(one.t[0], one.t[-1]) for one in self.segments]
-        self.delay = self._remove_delay("velocity", find_delay(model, self.name, self.segments))
-        self.effort_delay = self._remove_delay("effort", find_effort_delay(model, self))
+        delay = find_delay(model, self.name, [one.columns[:3] for one in self.segments])
+        self.delay = self._remove_delay("velocity", delay)
+        self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
         if not self.known.all():
             self.segments = [self._filled(one, DiagonalDynamics(model)) for one in self.segments]
+
+    def _find_effort_delay(self, model):
+        """Return the delay of efforts [s], 0 if it hardly matters or is at a bound."""
+        delay = find_effort_delay(model, [one.columns for one in self.segments], self.known)
+        if delay is None:
+            return 0.0
+        if not delay.is_at_bound:
+            return delay.value
+        late = "later" if delay.value > 0.0 else "earlier"
+        text = (
+            f"efforts seem to be {1e3 * abs(delay.value):.0f} ms or more {late} than positions; "
+            "nothing is removed. Check their time stamps"
+        )
+        self.findings.append(Finding(DOUBTFUL, 1, text))
+        return 0.0
+
+    def relate_efforts(self, model, payload=False):
+        """Return the Relation of efforts to model torques, NaN for joints of unknown efforts."""
+        compared = EffortRelation(model, payload)
+        for part in self.portions():
+            compared.add_run(*part.columns)
+        relation = compared.fit()
+        factor = np.where(self.known, relation.factor, np.nan)
+        error = np.where(self.known, relation.error, np.inf)
+        return relation._replace(factor=factor, error=error)
+
+    def check_efforts(self, model):
+        """Return the Relation of efforts, and add findings; InputError for a clear fault."""
+        relation = self.relate_efforts(model, payload=True)
+        fault = find_fault(relation)
+        if fault and not fault.light:
+            raise InputError(f"{self.name}: {fault.text}.")
+        if fault:
+            self.findings.append(Finding(DOUBTFUL, 1, fault.text))
+        if not relation.judged().any():
+            text = (
+                "no effort clearly follows the motion. Check that efforts are in N m or N and "
+                "contain gravity"
+            )
+            self.findings.append(Finding("efforts not judged", 1, text))
+        return relation
 
     def _remove_delay(self, column, delay):
         """Shift velocities or efforts to the time of positions if they are late by more than a sample; return the delay."""

@@ -14,7 +14,6 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
-from diag_dynamics.identification.data_checks import check_efforts, check_motion, find_gains
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import Carrier, ConvergenceError, Layout
 from diag_dynamics.identification.quality import effort_scale, quality_of
@@ -33,6 +32,8 @@ from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
+from diag_dynamics.recordings.data_checks import ERRORS
+from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.recording import Recording
 
 Readable: TypeAlias = (
@@ -47,6 +48,14 @@ UNASKED_GAIN, MAX_TIPS = (
     0.3,
     3,
 )  # gain from which an unasked payload is named; ends of the robot that are tried
+
+MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
+"""Velocity [rad/s], time above it each way [s], and range [rad] of a joint that moves enough."""
+
+PRISMATIC, TRAVEL = 0.1, 0.02
+"""Factor of these for a prismatic joint [m], and travel that shows an offset [rad, m]."""
+
+MAX_GAIN_ERROR = 0.5  # of a gain, relative, ERRORS times its standard deviation
 
 
 def identify(
@@ -175,7 +184,7 @@ class FitData:
         self.gains = find_gains(model, self.datasets) if with_gains else None
         for one in self.datasets if with_gains else ():
             one.scale_efforts(model, self.gains[0])
-        self.relations = [check_efforts(model, one) for one in self.datasets]
+        self.relations = [one.check_efforts(model) for one in self.datasets]
         able, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.measured = np.any([one.known for one in self.datasets], axis=0)
         able &= self.measured
@@ -255,6 +264,49 @@ class FitData:
                         rows[chosen], weights[chosen]
                     )
         return blocks, parts
+
+
+def find_gains(model, datasets):
+    """Return torque by unit of effort and its standard deviation by joint, NaN where gravity does not show it.
+
+    Inertia shows no gain, because it may be a rotor's.
+    """
+    relations = [one.relate_efforts(model) for one in datasets]
+    factors, errors = (
+        np.array([getattr(one, name) for one in relations]) for name in ("factor", "error")
+    )
+    usable = np.isfinite(factors) & np.array([one.heavy for one in relations])
+    weights = np.where(usable, 1.0 / np.maximum(errors, 1e-300) ** 2, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = (weights * np.nan_to_num(factors)).sum(axis=0) / weights.sum(axis=0)
+        error = 1.0 / np.sqrt(weights.sum(axis=0))
+        gains = np.where(ERRORS * error < MAX_GAIN_ERROR * np.abs(factor), 1.0 / factor, np.nan)
+        return gains, np.abs(gains) * error / np.abs(factor)
+
+
+def check_motion(model, datasets, slides):
+    """Return which joints move, which in each direction, and which of these far, bool (3, nv), and findings on the others.
+
+    An offset requires the first, friction the second, and what depends on acceleration or load the
+    third.
+    """
+    unit, times = np.where(slides, PRISMATIC, 1.0), np.zeros((2, model.nv))
+    segments = [segment for one in datasets for segment in one.segments]
+    for t, states in segments:
+        step = np.diff(t, prepend=t[0])
+        times += [step @ (sign * states.velocity > MOVING * unit) for sign in (1.0, -1.0)]
+    low = np.min([states.position.min(axis=0) for _, states in segments], axis=0)
+    moved = np.max([states.position.max(axis=0) for _, states in segments], axis=0) - low
+    each_way, findings = (times >= EACH_WAY).all(axis=0), []
+    for k in np.flatnonzero(~each_way):
+        metre = "m" if slides[k] else "rad"
+        text = (
+            f"joint '{model.dof_names[k]}' moves {times[0, k]:.2g} s forward and {times[1, k]:.2g} s backward above "
+            f"{MOVING * unit[k]:g} {metre}/s; its friction requires {EACH_WAY:g} s each way, and keeps the model's values"
+        )
+        findings.append(Finding("not excited", 1, text))
+    able = moved > TRAVEL, each_way, each_way & (moved >= RANGE * unit)
+    return np.array(able), findings
 
 
 def _slope(layout, k, sums):

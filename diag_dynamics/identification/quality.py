@@ -10,8 +10,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.base_parameters import BaseParameters
-from diag_dynamics.identification.data_checks import DOUBTFUL
-from diag_dynamics.identification.dataset import portions
+from diag_dynamics.identification.dataset import DOUBTFUL, portions
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import (

@@ -23,6 +23,12 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
+from diag_dynamics.recordings.velocities import (
+    DELAY_TRAVEL,
+    longest_delay,
+    search_delay,
+    turning_dofs,
+)
 from diag_dynamics.recordings.windows import column_maxima
 
 ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
@@ -33,6 +39,10 @@ PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
+
+MIN_INTERVAL, STEP, MIN_GAIN = 0.02, 1e-2, 0.03
+"""Interval of states whose efforts are searched for a delay, step of that [s], and reduction of
+the residual, geometric mean over joints, from which efforts are late."""
 
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
@@ -279,10 +289,7 @@ class EffortRelation:
             for link in links
             for centre in CENTRES
         ]
-        coupled = {joint for group in model.coupled_groups for joint in group}
-        self._turning = [
-            name in model.continuous_joints and name not in coupled for name in model.dof_names
-        ]
+        self._turning = turning_dofs(model)
         size = COLUMNS + len(self._loaded) + model.nv
         self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
         self._low, self._high = np.full((2, model.nv), [[np.inf], [-np.inf]])
@@ -361,6 +368,59 @@ class EffortRelation:
             geared,
             torque,
         )
+
+
+def find_effort_delay(model, runs, known):
+    """Return the :class:`Delay` of efforts against positions, None if it hardly matters.
+
+    `runs` are times, positions, rates and efforts without gaps; joints with efforts are `known`,
+    bool (nv,). The delay minimizes what no multiples of gravity, inertia, acceleration and friction
+    of the joint explain.
+    """
+    longest = longest_delay(t for t, *_ in runs)
+    travel = np.max([np.ptp(q, axis=0) for _, q, *_ in runs], axis=0)
+    joints = np.flatnonzero(known & (travel > DELAY_TRAVEL))
+    if not len(joints):
+        return None
+    columns, times, efforts = zip(*(_explain(model, longest, *run) for run in runs), strict=True)
+    bases = [_orthonormal(np.concatenate([part[k] for part in columns])) for k in joints]
+
+    def costs_of(delays):
+        """Return half the logarithm of the squares that are left, by delay and joint."""
+        costs = np.empty((len(delays), len(joints)))
+        for column, (k, basis) in enumerate(zip(joints, bases, strict=True)):
+            parts = [
+                np.interp(at[:, None] + delays, even, tau[:, k])
+                for at, (even, tau) in zip(times, efforts, strict=True)
+            ]
+            late = np.concatenate(parts)
+            rest = late - basis @ (basis.T @ late)
+            smallest = 1e-12 * (late**2).sum(axis=0) + 1e-300
+            costs[:, column] = 0.5 * np.log(np.maximum((rest**2).sum(axis=0), smallest))
+        return costs
+
+    delay = search_delay(costs_of, longest, STEP)
+    reached, without = costs_of(np.array([delay.coarse, 0.0])).mean(axis=1)
+    return delay if 1.0 - np.exp(reached - without) >= MIN_GAIN else None
+
+
+def _explain(model, longest, t, q, qd, tau):
+    """Return columns of what may explain efforts, (nv, T, 8), their times, and all efforts.
+
+    These are (times, efforts), smoothed.
+    """
+    even = np.linspace(t[0], t[-1], len(t))
+    columns, tau = EffortRelation(model).columns(t, q, qd, tau)
+    inner = np.flatnonzero((even >= t[0] + longest) & (even <= t[-1] - longest))
+    rows = inner[:: max(1, round(MIN_INTERVAL / (even[1] - even[0])))]
+    return columns[:, rows], even[rows], (even, tau)
+
+
+def _orthonormal(columns):
+    """Return an orthonormal basis of columns."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    basis, values, _ = np.linalg.svd(columns / scale, full_matrices=False)
+    return basis[:, values > 1e-9 * values[0]]
 
 
 class Hypotheses:

@@ -8,15 +8,15 @@ import numpy as np
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.units import (
+from diag_dynamics.recordings.velocities import (
     RATIO_ERROR,
+    WINDOW,
+    VelocityRelation,
     cause_of_ratio,
     position_changes,
     position_ratios,
 )
 from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
-
-WINDOW = 0.05  # time over which positions are compared with velocities [s]
 
 GAP_PERIODS = 3.0  # interval in periods from which it is a gap, to 2 %
 MIN_INTERVAL, BINS, BIN_WIDTH = (
@@ -58,7 +58,7 @@ class Quality:
             [name in model.continuous_joints for name in self._joints], dtype=bool
         )
         self._windows, self._last = WindowIntegrals(WINDOW), None
-        self._sums = np.zeros((4, count))  # of Δq², Δq̇², (Δq − ∫q̇dt)² and (Δq − ∫q̇dt)Δq̇
+        self._relation = VelocityRelation(count)
         self._still = np.zeros(count, dtype=int)
         self._largest = {
             name: np.zeros((2, count)) for name in ("velocity", "effort")
@@ -141,10 +141,7 @@ class Quality:
         *_, sums, change = self._windows.integrate(
             stamps, follows, steps.reshape(len(steps), -1), velocity
         )
-        moved, integral = np.split(sums, 2, axis=1)
-        apart = moved - integral
-        pairs = (moved, moved), (change, change), (apart, apart), (apart, change)
-        self._sums += [(one * other).sum(axis=0) for one, other in pairs]
+        self._relation.add_steps(*np.split(sums, 2, axis=1), change)
 
     def _regularity(self):
         """Return period and root mean square deviation of intervals [s], and number of gaps."""
@@ -190,20 +187,16 @@ class Quality:
         return report, [*warnings, *self._warnings(report)]
 
     def _report_joint(self, j):
-        travel, change, apart, together = self._sums[:, j]
-        left = apart - (together * together / change if change > 0.0 else 0.0)
-        largest = {name: values[:, j] for name, values in self._largest.items()}
+        relation, largest = self._relation, self._largest.items()
         often = max(CLIPPED_STATES, CLIPPED_SHARE * self._count)
         return {
-            "velocity_error": float(np.sqrt(apart / travel)) if travel > 0.0 else None,
-            "velocity_delay": float(together / change) if change > 0.0 else None,
-            "velocity_error_without_delay": float(np.sqrt(max(left, 0.0) / travel))
-            if travel > 0.0
-            else None,
+            "velocity_error": _known(relation.error[j]),
+            "velocity_delay": _known(relation.delay[j]),
+            "velocity_error_without_delay": _known(relation.error_without_delay[j]),
             "still": int(self._still[j]),
-            **{f"largest_{name}": float(value) for name, (value, _) in largest.items()},
+            **{f"largest_{name}": float(values[0, j]) for name, values in largest},
             "clipped": [
-                name for name, (value, number) in largest.items() if value > 0.0 and number >= often
+                name for name, (value, number) in largest if value[j] > 0.0 and number[j] >= often
             ],
         }
 
@@ -220,7 +213,7 @@ class Quality:
             f"{MAX_GAP:g} s": rate * MAX_GAP < 1.0
         }
         # Noise of positions at rest is not the integral of that of velocities.
-        moves = np.sqrt(self._sums[0] / max(self.duration / WINDOW, 1.0)) >= REST
+        moves = np.sqrt(self._relation.travel / max(self.duration / WINDOW, 1.0)) >= REST
         for moving, (name, joint) in zip(moves, report["joints"].items(), strict=True):
             error = joint["velocity_error"] or 0.0
             apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
@@ -239,6 +232,11 @@ class Quality:
             f"{same_state} of {self._count} states repeat the previous state": same_state > many,
         }
         return [text for text, applies in warnings.items() if applies]
+
+
+def _known(number):
+    """Return a number, None for NaN."""
+    return None if np.isnan(number) else float(number)
 
 
 def _smallest_steps(signals, j):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Units of positions, velocities and times, by the regression of Δq on ∫q̇dt and by the limits of joints."""
+"""Units of positions and velocities by the limits of joints."""
 
 import math
 
@@ -11,24 +11,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import places, sliding_dofs
-from diag_dynamics.rotations import wrap_angle
+from diag_dynamics.recordings.velocities import DEGREE, position_ratios
 from diag_dynamics.text import distinct
-
-MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
-RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
-DEGREE = math.pi / 180.0
-RATIOS = {
-    1e-3: "times seem to be milliseconds (scale: {time: ms} in a column map)",
-    1e-6: "times seem to be microseconds (scale: {time: us} in a column map)",
-    1e-9: "times seem to be nanoseconds (scale: {time: ns} in a column map)",
-    60.0: "times seem to be minutes, 60 s each (scale: {time: min} in a column map)",
-    3600.0: "times seem to be hours, 3600 s each (scale: {time: h} in a column map)",
-    86400.0: "times seem to be days, 86400 s each (scale: {time: d} in a column map)",
-    DEGREE: "velocities seem to be in degrees (scale: {velocity: deg/s} in a column map)",
-    1.0 / DEGREE: "positions seem to be in degrees (scale: {position: deg} in a column map)",
-    -1.0: "velocities seem to have the wrong sign",
-}
-"""Causes by the ratio of Δq to ∫q̇dt."""
 
 UNITS = "units"  # cause of the finding about rejected values
 MAX_SAMPLE, MIN_SAMPLE = 2000, 10  # rejected messages that are sampled, the first ones
@@ -38,52 +22,7 @@ MIN_WITHIN, SLACK = (
     0.2,
 )  # fraction of values within the limits as degrees, and slack of these [rad]
 MAX_BEYOND = 0.01  # fraction of rows beyond a limit that casts no doubt on a unit
-MIN_TRAVEL, NEAR = (
-    0.01,
-    1.2,
-)  # least range of a joint with a ratio, and factor within which it is a known one
-
-
-def position_changes(position, continuous, out=None):
-    """Return changes of positions from row to row, shape (T − 1, n); those of continuous joints are within ±π."""
-    changes = np.subtract(position[1:], position[:-1], out=out)
-    changes[:, continuous] = wrap_angle(changes[:, continuous])
-    return changes
-
-
-def regress_changes(changes, integrals):
-    """Return the slope of Δq over ∫q̇dt of each joint, and their squared correlation, shape (n,); NaN at rest."""
-    size, square, product = (
-        (a * b).sum(0) for a, b in ((changes,) * 2, (integrals,) * 2, (changes, integrals))
-    )
-    with np.errstate(all="ignore"):
-        return product / square, product**2 / (size * square)
-
-
-def position_ratios(stamps, position, velocity, continuous):
-    """Return the slope of Δq over ∫q̇dt of each joint, (n,); 1 if units agree, NaN without correlation or at rest."""
-    elapsed = np.diff(stamps)[:, None] / SECOND
-    forward = elapsed > 0.0
-    if not forward.any():
-        return np.full(position.shape[1], np.nan)
-    with np.errstate(all="ignore"):
-        changes = position_changes(position, continuous)
-        integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
-        used = (
-            forward
-            & (elapsed < 2.0 * np.median(elapsed[forward]))
-            & np.isfinite(changes + integrals)
-        )
-        slope, r2 = regress_changes(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
-    travel = -np.fmin.reduce(position) + np.fmax.reduce(position)
-    return np.where((r2 > MIN_R2) & (travel > MIN_TRAVEL), slope, np.nan)
-
-
-def cause_of_ratio(ratio):
-    """Return the cause of a ratio of Δq to ∫q̇dt that is not 1, as of :data:`RATIOS`; None for an unknown one."""
-    apart = {cause: abs(np.log(ratio / one)) for one, cause in RATIOS.items() if ratio / one > 0.0}
-    cause = min(apart, key=apart.get)
-    return cause if apart[cause] < np.log(RATIO_ERROR) else None
+NEAR = 1.2  # factor within which a ratio is a known one
 
 
 class RejectedUnits:
