@@ -29,7 +29,7 @@ from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
 from diag_dynamics.collision.detector import AlarmDetector, AlarmThresholds
 from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.control.observer import SETTLES_ON
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.recordings.observer import ObservedStates
 
 RECORDINGS = Path(

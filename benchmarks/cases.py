@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 CLASSES = {
     "6–50 dof": range(6, 51),

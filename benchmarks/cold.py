@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from start import FIRST, ROOT
 
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 SIMULATION = """\
 import diag_dynamics as dd

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 PERIOD, DURATION, RATE = 1e-3, 3.0, 30.0  # [s], [s], [1/s]
 FINGERS = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), 0.0)

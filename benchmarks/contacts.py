@@ -13,7 +13,7 @@ import numpy as np
 from timing import Ratio, interleaved, ratio
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 ROBOTS = ("ur5_robot", "panda", "talos_reduced")
 

@@ -50,7 +50,7 @@ def allocations():
     from numba.core.runtime import rtsys
 
     import diag_dynamics as dd
-    from diag_dynamics.model.catalog import find_urdf
+    from diag_dynamics.description.catalog import find_urdf
 
     model = dd.load_urdf(find_urdf(ROBOT))
     dyn, simulation = dd.DiagonalDynamics(model), dd.Simulation(model)
@@ -74,7 +74,7 @@ def allocations():
 def slices(states):
     """Largest additional memory [B] of evaluations of slices of mapped files, and that of all results."""
     import diag_dynamics as dd
-    from diag_dynamics.model.catalog import find_urdf
+    from diag_dynamics.description.catalog import find_urdf
 
     dyn = dd.DiagonalDynamics(dd.load_urdf(find_urdf(ROBOT)))
     nv, rng = dyn.model.nv, np.random.default_rng(0)

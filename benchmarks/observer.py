@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 matplotlib.use("agg")
 from matplotlib import pyplot as plt

@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from diag_dynamics import load_urdf
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 ROBOTS = ("ur5_robot", "panda", "talos_reduced")
 RATE = 1000.0

@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 # E402: `streams` is in test/support and found by the line above alone.
-from diag_dynamics.model.catalog import find_urdf  # noqa: E402
+from diag_dynamics.description.catalog import find_urdf  # noqa: E402
 from streams import FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
 
 HZ = 50.0

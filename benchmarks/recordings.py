@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from start import ROOT
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type

@@ -11,7 +11,7 @@ import numpy as np
 from rows import Row
 from timing import ratio
 
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 ROOT = Path(__file__).resolve().parents[1]
 

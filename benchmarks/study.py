@@ -24,7 +24,7 @@ import pinocchio as pin
 import study_page
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 STEP, PERIOD = 2.5e-4, 1e-3  # [s] of the plant and of the loop
 PEAK = (

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from diag_dynamics.cli.main import main
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.model import load_urdf
-from diag_dynamics.model.catalog import find_urdf
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples" / "demos"))
 from demo_identify import Push, record

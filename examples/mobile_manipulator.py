@@ -9,7 +9,7 @@ from pathlib import Path
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 BASE = """<base>
   <link name="odom"/><link name="base_x"/><link name="base_y"/>

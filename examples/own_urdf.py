@@ -7,7 +7,7 @@ import sys
 import warnings
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 
 path = sys.argv[1] if len(sys.argv) > 1 else find_urdf("kinova")
 with warnings.catch_warnings(record=True) as told:

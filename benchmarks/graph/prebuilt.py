@@ -10,8 +10,8 @@ import numpy as np
 from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.nodes.support.messages import MessageMaker
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import psutil
 
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.nodes.monitor.outputs import TYPES
 from graph import prebuilt
 from graph.processes import START, GraphError, Process

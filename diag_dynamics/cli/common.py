@@ -164,7 +164,7 @@ def positive_int(text):
 
 def chosen_robot(chosen):
     """Return the path of the robot with its xacro arguments; None if none is named."""
-    from diag_dynamics.model.catalog import robot_source
+    from diag_dynamics.description.catalog import robot_source
 
     if chosen.urdf is not None:
         return robot_source(chosen.urdf, chosen.xacro_args)

@@ -8,15 +8,15 @@ import sys
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.mjcf import is_mjcf
+from diag_dynamics.description.parameters import urdf_with
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.report import write_report
 from diag_dynamics.identification.result import without_impossible_links
 from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
-from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.mjcf import is_mjcf
-from diag_dynamics.model.parameters import urdf_with
 from diag_dynamics.recordings.balance import MIN_EXPLAINED
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, plain

@@ -69,9 +69,9 @@ def _print_json(document):
 
 def _estimate(robot, density, output, as_json):
     """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
-    from diag_dynamics.model.catalog import read_source
-    from diag_dynamics.model.geometry import estimated
-    from diag_dynamics.model.sources import folder_of
+    from diag_dynamics.description.catalog import read_source
+    from diag_dynamics.description.geometry import estimated
+    from diag_dynamics.description.text import folder_of
 
     if output.exists():
         raise InputError(f"-o is '{output}', which exists. Choose another name.")

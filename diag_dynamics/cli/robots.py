@@ -3,7 +3,7 @@
 
 """`diag-dynamics robots`: names of the example robots."""
 
-from diag_dynamics.model.catalog import example_urdfs
+from diag_dynamics.description.catalog import example_urdfs
 
 EPILOG = "load_robot and all commands accept these names. `pip install example-robot-data` adds 80 robots."
 

@@ -15,14 +15,14 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.contact.points import GEOMETRIES, ContactPoint, Geometry
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.elements import placement_of
+from diag_dynamics.description.geometry import Shape, shapes_of
+from diag_dynamics.description.meshes import Meshes
+from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.geometry import Shape, shapes_of
-from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.origins import placement_of
-from diag_dynamics.model.sources import folder_of
-from diag_dynamics.model.urdf import parse_urdf
 
 SIDES = 16
 """Sides of the prism around a cylinder; its corners are 2 % outside."""

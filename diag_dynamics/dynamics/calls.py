@@ -15,6 +15,7 @@ from diag_dynamics import checks, results, threads
 from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.contact.points import ContactPoint, ContactPoints
 from diag_dynamics.contact.results import Contact
+from diag_dynamics.description.checks import warn
 from diag_dynamics.dynamics import external_wrench
 from diag_dynamics.dynamics.arguments import Loads, States
 from diag_dynamics.dynamics.external_wrench import PointOfWrench
@@ -23,7 +24,6 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
 from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.model.massless import joint_inertias
-from diag_dynamics.model.remarks import warn
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
     batch,

@@ -15,14 +15,14 @@ import numpy as np
 
 from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.text import folder_of
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
-from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.remarks import handle_warnings
-from diag_dynamics.model.sources import folder_of
 
 SEVERITIES = ("ok", "note", "warning", "error")
 """In ascending order: what may be intended, what is very likely a mistake of the URDF, and what

@@ -15,13 +15,13 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.checks import remarks_of
+from diag_dynamics.description.elements import floats, placement_of
+from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of, united
+from diag_dynamics.description.meshes import Meshes, find_mesh
+from diag_dynamics.description.transmissions import reflected_inertias
+from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
-from diag_dynamics.model.geometry import Solid, moved, shapes_of, solid_of, united
-from diag_dynamics.model.meshes import Meshes, find_mesh
-from diag_dynamics.model.origins import floats, placement_of
-from diag_dynamics.model.remarks import remarks_of
-from diag_dynamics.model.transmissions import reflected_inertias
-from diag_dynamics.model.urdf import parse_urdf
 
 NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 

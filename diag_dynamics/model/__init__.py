@@ -7,17 +7,21 @@ A wrong argument raises an InputError that names the argument, its value and wha
 mistake in a robot's file raises a UrdfError that names the element.
 """
 
-from diag_dynamics.model.catalog import load_robot
+from diag_dynamics.description.parameters import JointParameters, Parameters
+from diag_dynamics.description.records import (
+    Coupling,
+    Curve,
+    FlexibleJoint,
+    Loop,
+    LoopEnd,
+    Mimic,
+    Payload,
+)
+from diag_dynamics.description.text import urdf_text
 from diag_dynamics.model.flexible_links import FlexibleLink
-from diag_dynamics.model.inertias import Payload
 from diag_dynamics.model.links import end_effector_link
-from diag_dynamics.model.loading import load_urdf
-from diag_dynamics.model.loops import Curve, Loop, LoopEnd
-from diag_dynamics.model.mimic import Mimic
-from diag_dynamics.model.mjcf import load_mjcf
-from diag_dynamics.model.parameters import Coupling, FlexibleJoint, JointParameters, Parameters
+from diag_dynamics.model.loading import load_mjcf, load_robot, load_urdf
 from diag_dynamics.model.robot import RobotModel
-from diag_dynamics.model.sources import urdf_text
 
 __all__ = [
     "Coupling",

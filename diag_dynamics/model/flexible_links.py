@@ -11,23 +11,25 @@ foreshortening of a beam that bends and keeps its length.
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import listed, mapping, not_negative, numbers, per_name, positive, vector
+from diag_dynamics.description.checks import warn
+from diag_dynamics.description.records import Description, Inertial, Joint, Link
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.remarks import warn
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
 from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps.couplings import FORM
 from diag_dynamics.text import distinct
 from diag_dynamics.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from diag_dynamics.model.robot import RobotModel
 
 MAX_MODES = 6  # of a plane: more shapes are powers of nearly the same form
 LARGE_SLOPE = 0.3  # of the tip [rad]: beyond it a link is better two
@@ -321,7 +323,7 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
 # --- The modes of a model ---------------------------------------------------------------------------------------
 
 
-def modal_effort(model: Any, q: Array, qd: Array) -> Array:
+def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
     """Return the efforts of stiffness and damping of all modes, shape (nv,)."""
     effort, held = np.zeros(model.nv), model.locked_joints
     for link in model.flexible_links.values():
@@ -344,7 +346,7 @@ def _values(
     )
 
 
-def warn_of_slopes(model: Any, q: Array) -> None:
+def warn_of_slopes(model: RobotModel, q: Array) -> None:
     """Warn of links that bend beyond what assumed modes can describe."""
     for name, link in model.flexible_links.items():
         if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
@@ -392,84 +394,117 @@ def read_flexible_links(source: Any) -> Mapping[str, Any]:
     return mapping("flexible_links", given or {})
 
 
-def with_flexible_links(robot: Any, given: Mapping[str, Any]) -> tuple[Any, Flexible]:
-    """Return a robot with links and joints for the modes of flexible links, given by link as in a file."""
-    if not given:
-        return robot, Flexible()
-    robot = copy.copy(robot)
-    robot.links, robot.joints = list(robot.links), list(robot.joints)
-    found = Flexible({}, {}, ())
-    for name, entry in given.items():
-        places = [k for k, link in enumerate(robot.links) if link.name == name]
-        if not places:
-            raise InputError(f"flexible_links: '{name}' is not a link of robot '{robot.name}'.")
-        link = robot.links[places[0]] = copy.copy(robot.links[places[0]])
-        flexible = _flexible_link(robot, link, mapping(f"flexible link '{name}'", entry))
-        found.links[name] = flexible
-        before = {joint.name for joint in robot.joints}
+def with_flexible_links(
+    description: Description, entries: Mapping[str, Any]
+) -> tuple[Description, Flexible]:
+    """Return a description with links and joints for the modes of flexible links, by link as in a file."""
+    flexible = Flexible({}, {}, ())
+    for name, entry in entries.items():
+        if name not in description.links:
+            text = f"flexible_links: '{name}' is not a link of robot '{description.name}'."
+            raise InputError(text)
+        builder = _Builder(description, flexible.forms)
+        link = builder.divide(name, mapping(f"flexible link '{name}'", entry))
+        modes = frozenset(builder.joints.keys() - description.joints.keys())
+        description = description._replace(links=builder.links, joints=builder.joints)
+        flexible.links[name] = link
+        flexible = flexible._replace(groups=(*flexible.groups, modes))
+    return description, flexible
+
+
+class _Builder:
+    """Links and joints of a description, to which those of the modes of a link are added."""
+
+    def __init__(self, description: Description, forms: dict[str, Form]) -> None:
+        self.links, self.joints = dict(description.links), dict(description.joints)
+        self._robot, self._forms = description.name, forms
+
+    def divide(self, name: str, entry: Mapping[str, Any]) -> FlexibleLink:
+        """Divide a link into its modes, sections and tips."""
+        inertial, flexible = _flexible_link(self.links[name], self.joints, entry)
+        self.links[name] = Link(name, inertial)
         for k, mode in enumerate(flexible.modes):
             bound = LARGE_SLOPE / max(flexible.slope(np.eye(len(flexible.modes))[k]), 1e-9)
-            limit = SimpleNamespace(lower=-bound, upper=bound, velocity=None, effort=None)
-            _add(robot, mode, "prismatic", name, np.eye(4), np.eye(3)[0], limit)
+            self._add(Joint(mode, "prismatic", name, mode, np.eye(4), np.eye(3)[0], -bound, bound))
         for k, section in enumerate(flexible.sections):
-            end = _add_chain(robot, found.forms, name, f"{name}/{k + 1}", flexible, section)
-            end.inertial = SimpleNamespace(
-                mass=section.mass, origin=None, inertia=np.diag(section.inertia)
-            )
+            end = self._add_chain(name, f"{name}/{k + 1}", flexible, section)
+            inertia = Inertial(section.mass, np.eye(4), np.diag(section.inertia))
+            self.links[end] = Link(end, inertia)
         for number, (joint, tip) in enumerate(flexible.tips.items()):
-            end = _add_chain(
-                robot, found.forms, name, f"{name}/tip{number + 1 if number else ''}", flexible, tip
-            )
-            index = next(k for k, one in enumerate(robot.joints) if one.name == joint)
-            moved = robot.joints[index] = copy.copy(robot.joints[index])
+            end = self._add_chain(name, f"{name}/tip{number + 1 if number else ''}", flexible, tip)
             turn = np.eye(4)
-            turn[:3, :3] = flexible.axes.T @ _origin(moved)[:3, :3]
-            moved.parent, moved.origin = end.name, turn
-        own = frozenset(joint.name for joint in robot.joints) - before
-        found = found._replace(groups=(*found.groups, own))
-    return robot, found
+            turn[:3, :3] = flexible.axes.T @ self.joints[joint].origin[:3, :3]
+            self.joints[joint] = self.joints[joint]._replace(parent=end, origin=turn)
+        return flexible
+
+    def _add(self, joint: Joint) -> None:
+        """Add a joint and its child link of the same name."""
+        if joint.name in self.links or joint.name in self.joints:
+            raise InputError(
+                f"flexible link: robot '{self._robot}' has '{joint.name}' already. Rename it."
+            )
+        self.links[joint.child], self.joints[joint.name] = Link(joint.child), joint
+
+    def _add_chain(self, parent: str, name: str, flexible: FlexibleLink, station: Station) -> str:
+        """Add joints that take a frame from the link to where the modes have it; return the link at its end."""
+        origin = np.eye(4)
+        origin[:3, :3], origin[:3, 3] = flexible.axes, flexible.axes @ station.at
+        n = len(flexible.modes)
+        freedoms = [(f"{name}/{DIRECTIONS[k]}", "prismatic", k, station.shape[k]) for k in range(3)]
+        for k in (2, 1, 0):
+            freedoms.append((f"{name}/r{DIRECTIONS[k]}", "continuous", k, station.slope[k]))
+        link = parent
+        for joint, kind, k, linear in freedoms:
+            quadratic = -station.shortening if kind == "prismatic" and k == 0 else np.zeros((n, n))
+            moving = np.flatnonzero((linear != 0.0) | quadratic.any(axis=1))
+            if not len(moving):
+                continue
+            self._add(Joint(joint, kind, link, joint, origin, np.eye(3)[k]))
+            sources = tuple(flexible.modes[i] for i in moving)
+            quadratic = quadratic[np.ix_(moving, moving)]
+            self._forms[joint] = Form(sources, 0.0, linear[moving], quadratic)
+            link, origin = joint, np.eye(4)
+        if link == parent:
+            self._add(Joint(name, "fixed", parent, name, origin, np.eye(3)[0]))
+            return name
+        return link
 
 
-def _flexible_link(robot: Any, link: Any, given: Mapping[str, Any]) -> FlexibleLink:
-    """Check the entry of a link, and leave it the inertia that is not that of its modes."""
+def _flexible_link(
+    link: Link, joints: Mapping[str, Joint], entry: Mapping[str, Any]
+) -> tuple[Inertial | None, FlexibleLink]:
+    """Check the entry of a link; return the inertia that is not that of its modes, and these."""
     where = f"flexible link '{link.name}'"
-    known, required = (ELEMENTS, ELEMENTS[:3]) if "nodes" in given else (BEAM, BEAM[:2])
-    mapping(where, given, known, required)
+    keys, required = (ELEMENTS, ELEMENTS[:3]) if "nodes" in entry else (BEAM, BEAM[:2])
+    mapping(where, entry, keys, required)
     if link.inertial is None or not link.inertial.mass > 0.0:
         raise InputError(f"{where} has no mass, expected an <inertial>.")
-    joints = {joint.name: joint for joint in robot.joints if joint.parent == link.name}
-    tips = mapping(f"{where}: tips", given["tips"]) if "nodes" in given else {given["tip"]: {}}
+    outboard = {name: joint for name, joint in joints.items() if joint.parent == link.name}
+    tips = mapping(f"{where}: tips", entry["tips"]) if "nodes" in entry else {entry["tip"]: {}}
     for tip in tips:
-        if tip not in joints:
+        if tip not in outboard:
             raise InputError(
-                f"{where}: tip '{tip}' is not a joint of this link; its joints are {listed(list(joints))}."
+                f"{where}: tip '{tip}' is not a joint of this link; "
+                f"its joints are {listed(list(outboard))}."
             )
-    origins = {tip: _origin(joints[tip])[:3, 3] for tip in tips}
-    tip, vector_ = next(iter(origins.items()))
-    if not np.linalg.norm(vector_) > 0.0:
+    origins = {tip: outboard[tip].origin[:3, 3] for tip in tips}
+    tip, beam = next(iter(origins.items()))
+    if not np.linalg.norm(beam) > 0.0:
         raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
-    whole = RigidBody(link.inertial.mass, np.zeros(3), np.asarray(link.inertial.inertia)).moved(
-        _origin(link.inertial)
-    )
-    if "nodes" in given:
-        flexible = _elements(link.name, origins, given)
+    whole = link.inertial.body
+    if "nodes" in entry:
+        flexible = _elements(link.name, origins, entry)
     else:
-        mass = positive(f"{where}: mass", given.get("mass", whole.mass), "[kg]")
-        x = vector_ / np.linalg.norm(vector_)
+        mass = positive(f"{where}: mass", entry.get("mass", whole.mass), "[kg]")
+        x = beam / np.linalg.norm(beam)
         about = whole.inertia + parallel_axes(whole.mass, whole.centre)
-        flexible = _beam(
-            link.name, tip, vector_, given, mass, float(x @ about @ x) * mass / whole.mass
-        )
-    link.inertial = _rest(where, whole, flexible, float(np.linalg.norm(vector_)))
-    return flexible
+        polar = float(x @ about @ x) * mass / whole.mass
+        flexible = _beam(link.name, tip, beam, entry, mass, polar)
+    return _rest(where, whole, flexible, float(np.linalg.norm(beam))), flexible
 
 
-def _origin(one: Any) -> Array:
-    return np.eye(4) if one.origin is None else np.asarray(one.origin)
-
-
-def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Any:
-    """Return the inertial of a link without its sections, or None."""
+def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Inertial | None:
+    """Return the inertia of a link without its sections, or None."""
     R = np.eye(4)
     R[:3, :3] = flexible.axes
     sections = [RigidBody(-s.mass, s.at, -np.diag(s.inertia)).moved(R) for s in flexible.sections]
@@ -484,55 +519,9 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
         rest = RigidBody.union(whole, *sections)
         origin = np.eye(4)
         origin[:3, 3] = rest.centre
-        return SimpleNamespace(mass=rest.mass, origin=origin, inertia=rest.inertia)
+        return Inertial(rest.mass, origin, rest.inertia)
     centre = RigidBody.union(*sections).centre
     if np.linalg.norm(centre - whole.centre) > FAR * length:
         text = f"{where}: its centre of mass is at {whole.centre.tolist()} m, that of its modes at {centre.tolist()} m."
         raise InputError(f"{text} Give the mass of the beam; the rest stays at the origin.")
     return None
-
-
-def _add(
-    robot: Any, name: str, kind: str, parent: str, origin: Array, axis: Array, limit: Any = None
-) -> Any:
-    """Add a joint and its child link of the same name, which is returned."""
-    for one in (*robot.links, *robot.joints):
-        if one.name == name:
-            raise InputError(
-                f"flexible link: robot '{robot.name}' has '{name}' already. Rename it."
-            )
-    link = SimpleNamespace(name=name, inertial=None, visuals=[], collisions=[])
-    joint = SimpleNamespace(
-        name=name, type=kind, parent=parent, child=name, origin=origin, axis=axis
-    )
-    joint.limit, joint.dynamics, joint.mimic = limit, None, None
-    robot.links.append(link)
-    robot.joints.append(joint)
-    return link
-
-
-def _add_chain(
-    robot: Any,
-    forms: dict[str, Form],
-    parent: str,
-    name: str,
-    flexible: FlexibleLink,
-    station: Station,
-) -> Any:
-    """Add the joints that take a frame from the link to where the modes have it; return the link at its end."""
-    origin = np.eye(4)
-    origin[:3, :3], origin[:3, 3] = flexible.axes, flexible.axes @ station.at
-    n = len(flexible.modes)
-    freedoms = [(f"{name}/{DIRECTIONS[k]}", "prismatic", k, station.shape[k]) for k in range(3)]
-    freedoms += [(f"{name}/r{DIRECTIONS[k]}", "continuous", k, station.slope[k]) for k in (2, 1, 0)]
-    end = None
-    for joint, kind, k, linear in freedoms:
-        quadratic = -station.shortening if kind == "prismatic" and k == 0 else np.zeros((n, n))
-        moving = np.flatnonzero((linear != 0.0) | quadratic.any(axis=1))
-        if not len(moving):
-            continue
-        end = _add(robot, joint, kind, parent, origin, np.eye(3)[k])
-        sources = tuple(flexible.modes[i] for i in moving)
-        forms[joint] = Form(sources, 0.0, linear[moving], quadratic[np.ix_(moving, moving)])
-        parent, origin = joint, np.eye(4)
-    return end if end is not None else _add(robot, name, "fixed", parent, origin, np.eye(3)[0])

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.sweeps import couplings, followers
+
+if TYPE_CHECKING:
+    from diag_dynamics.model.robot import RobotModel
+    from diag_dynamics.model.tree import MovingJoint
 
 STEP, STEPS = 0.02, 1000
 """Step [rad, m] by which an independent joint moves to where a follower ends, and the number of steps."""
@@ -50,7 +54,7 @@ class FollowerState(NamedTuple):
 class FollowerMotion:
     """Followers of a model, mimic joints first. The last state chooses the branch of a loop: for one thread."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: RobotModel) -> None:
         self.model, self.names = model, (*model.mimics, *model.followers)
         self._rows = [model.first_body(name) for name in self.names]
         self.workspace = model.new_workspace(eliminates=False)
@@ -76,7 +80,7 @@ class FollowerMotion:
         return FollowerState(self.names, rows[:, 0], G @ qd, G, rows[:, 1 + nv :], singularity)
 
 
-def loop_error(model: Any, status: int) -> LoopError:
+def loop_error(model: RobotModel, status: int) -> LoopError:
     """Return the error of a kernel's status on a loop."""
     kind, number = divmod(-status, 1000)
     if kind == 0:
@@ -88,13 +92,13 @@ def loop_error(model: Any, status: int) -> LoopError:
     )
 
 
-def loop_title(model: Any, number: int) -> str:
+def loop_title(model: RobotModel, number: int) -> str:
     """Return the names of the loops of a closed group, and its joints."""
     names = listed([f"'{loop.name}'" for loop in model.loops[number]])
     return f"loop{'s' * (len(model.loops[number]) > 1)} {names} ({', '.join(model.loop_joints[number])})"
 
 
-def closed(model: Any, q: Array) -> Array:
+def closed(model: RobotModel, q: Array) -> Array:
     """Return positions in which loops are closed: q, or nearer to the start in the joints of loops."""
     motion, start, way = FollowerMotion(model), q.copy(), 1.0
     names = {name for group in model.loop_joints for name in group}
@@ -111,16 +115,15 @@ def closed(model: Any, q: Array) -> Array:
     return start + way * (q - start) if way > SHORTEST else start
 
 
-def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> list[str]:
+def limit_by_followers(
+    model: RobotModel, joints: Mapping[str, MovingJoint], lower: Array, upper: Array
+) -> list[str]:
     """Narrow the limits of independent joints to where followers are within theirs and loops can be closed.
 
     Return texts on followers whose limits do not count: those of several joints, of continuous
     ones, and those that are beyond their limits at the start.
     """
-    ends = {
-        name: [joints[name].limit(side, np.nan) for side in ("lower", "upper")]
-        for name in model.followers
-    }
+    ends = {name: [joints[name].joint.lower, joints[name].joint.upper] for name in model.followers}
     limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
     for leaders in set(model.followers.values()):
         own = {name: ends[name] for name, others in model.followers.items() if others == leaders}
@@ -140,7 +143,9 @@ def limit_by_followers(model: Any, joints: Any, lower: Array, upper: Array) -> l
     ]
 
 
-def _end(model: Any, k: int, limit: float, sign: float, own: Mapping[str, Any]) -> float | None:
+def _end(
+    model: RobotModel, k: int, limit: float, sign: float, own: Mapping[str, Array]
+) -> float | None:
     """Return the position up to which a joint moves toward its limit from the start; None if followers are beyond theirs."""
     motion, start = FollowerMotion(model), model.start
     rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))

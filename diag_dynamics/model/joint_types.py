@@ -39,10 +39,6 @@ JOINT_TYPES = {
     "planar": JointType(PLANAR, (*_LINEAR[:2], _ANGULAR[2]), ("x", "y", "theta")),
 }
 
-SINGLE = tuple(
-    name for name, kind in JOINT_TYPES.items() if len(kind.freedoms) == 1
-)  # of one degree of freedom
-
 
 def single_joints(model):
     """Return the joints of one degree of freedom, those of joint_states, in the model's order."""

@@ -9,38 +9,40 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import IO, Any, Literal
 
+import numpy as np
+
 from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import choice, not_negative, whole
-from diag_dynamics.exceptions import InertiaWarning
-from diag_dynamics.model.flexible_links import (
-    read_flexible_links,
-    with_flexible_links,
-)
-from diag_dynamics.model.geometry import estimated
-from diag_dynamics.model.inertias import Payload, checked_payloads, not_physical
-from diag_dynamics.model.loop_elements import curves_of, loops_of
-from diag_dynamics.model.loops import (
-    Loop,
-    read_couplings,
-)
+from diag_dynamics.description.catalog import robot_path
+from diag_dynamics.description.checks import remarks_of, warn, warn_of_inertias, warning_of
+from diag_dynamics.description.geometry import estimated
+from diag_dynamics.description.inertias import checked_payloads
+from diag_dynamics.description.loops import with_couplings
+from diag_dynamics.description.mjcf import Described, read_mjcf
+from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
+from diag_dynamics.description.records import Loop, Payload
+from diag_dynamics.description.text import expanded, folder_of, urdf_text
+from diag_dynamics.description.urdf import MAX_JOINTS, parse_urdf, read_urdf
+from diag_dynamics.exceptions import InertiaWarning, InputError
+from diag_dynamics.model.flexible_links import read_flexible_links, with_flexible_links
 from diag_dynamics.model.options import (
-    FRICTION_VELOCITY,
     MAX_COUPLED,
     Options,
-    checked_armature,
     checked_gravity,
     checked_locked,
+    with_armature,
 )
-from diag_dynamics.model.parameters import (
-    Parameters,
-    apply_parameters,
-    read_parameters,
-)
-from diag_dynamics.model.remarks import remarks_of, warn, warning_of
-from diag_dynamics.model.robot import RobotModel, model_of
-from diag_dynamics.model.sources import expanded, folder_of, urdf_text
-from diag_dynamics.model.transmissions import driven_joints, reflected_inertias
-from diag_dynamics.model.urdf import MAX_JOINTS, parse_urdf, read_urdf
+from diag_dynamics.model.robot import RobotModel, build
+
+OPTIONS = (
+    "gravity",
+    "floating_base",
+    "armature",
+    "estimate_inertias",
+)  # of load_urdf, which an MJCF has itself
+
+NEAR_SINGULAR = np.sin(np.radians(10.0))
+"""Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
 
 
 def load_urdf(
@@ -130,62 +132,122 @@ def load_urdf(
     """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    g = checked_gravity(gravity)
-    folder, source = folder_of(source), expanded(source, xacro_args)
-    found = None
+    gravity = checked_gravity(gravity)
+    folder, text = folder_of(source), urdf_text(expanded(source, xacro_args))
+    estimates = None
     if estimate_inertias is not None:
-        found = estimated(urdf_text(source), estimate_inertias, folder)
-        source = found.text
-    element = parse_urdf(urdf_text(source))
-    of_file, curves = read_couplings(loops, loops_of(element), curves_of(element))
-    robot, root = read_urdf(element, whole("max_joints", max_joints))
-    given = Parameters() if parameters is None else read_parameters(parameters)
-    robot = apply_parameters(robot, given)
-    rotors, ignored = reflected_inertias(element)
-    if mistakes := warning_of(robot.name, [*remarks_of(element), *ignored]):
+        estimates = estimated(text, estimate_inertias, folder)
+        text = estimates.text
+    element = parse_urdf(text)
+    description, ignored = read_urdf(element, whole("max_joints", max_joints))
+    description = with_couplings(description, loops)
+    beside = Parameters() if parameters is None else read_parameters(parameters)
+    description = with_parameters(description, beside)
+    if mistakes := warning_of(description.name, [*remarks_of(element), *ignored]):
         warn(mistakes)
-    if found and found.warning:
-        warn(f"robot '{robot.name}': {found.warning}", InertiaWarning)
-    for link in robot.links:
-        reason = (
-            None
-            if link.inertial is None
-            else not_physical(link.inertial.inertia, link.inertial.mass)
-        )
-        if reason and link.name not in given.lighter_links:
-            text = f"link '{link.name}' of robot '{robot.name}' has an inertia {reason}: no rigid body is like that."
-            warn(text, InertiaWarning)
-    rotors = {
-        name: inertia for name, inertia in rotors.items() if name not in given.flexible_joints
-    }
-    robot, flexible = with_flexible_links(robot, read_flexible_links(loops))
-    v_0 = next(
-        (v for v in (friction_velocity, given.friction_velocity) if v is not None),
-        FRICTION_VELOCITY,
-    )
+    if estimates:
+        names = tuple(estimate.link for estimate in estimates.estimates)
+        description = description._replace(estimated_links=names)
+        if estimates.warning:
+            warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning)
+    warn_of_inertias(description, beside.lighter_links)
+    description, flexible = with_flexible_links(description, read_flexible_links(loops))
+    description = with_armature(description, armature)
+    if friction_velocity is not None:
+        velocity = not_negative("friction_velocity", friction_velocity, "[rad/s, m/s]")
+        description = description._replace(friction_velocity=velocity)
     options = Options(
         floating_base=bool(floating_base),
-        gravity=g,
+        gravity=gravity,
         mimic=mimic,
         massless=massless,
-        locked=checked_locked({} if locked_joints is None else locked_joints, robot),
-        armature=rotors | given.by_joint("armature") | checked_armature(armature, robot),
-        effort_offset=given.by_joint("effort_offset"),
-        load_friction=given.by_joint("load_friction"),
-        root_friction=given.by_joint("root_friction"),
-        effort_scale=given.by_joint("effort_scale"),
-        couplings=dict(given.couplings),
-        motor_efforts=given.motor_efforts,
-        payloads=checked_payloads({} if payloads is None else payloads, robot),
+        locked=checked_locked({} if locked_joints is None else locked_joints, description),
+        payloads=checked_payloads({} if payloads is None else payloads, description),
         max_coupled=whole("max_coupled", max_coupled),
-        friction_velocity=not_negative("friction_velocity", v_0, "[rad/s, m/s]"),
-        estimated_links=tuple(estimate.link for estimate in found.estimates) if found else (),
-        loops=of_file,
-        curves={} if mimic == "free" else curves,
-        driven=driven_joints(element),
-        omitted=(),
-        held={},
-        flexible_joints=dict(given.flexible_joints),
         flexible_links=flexible,
     )
-    return model_of(robot, root, options, given)
+    return build(description, options, beside)
+
+
+def load_robot(name: str, **options: Any) -> RobotModel:
+    """Build the model of a robot by its name.
+
+    Parameters
+    ----------
+    name : str
+        One that ``diag-dynamics robots`` lists: ``panda``, or a robot of `example-robot-data`
+        (``ur5``) by its file's name or a part of one path only; or one of `robot_descriptions`
+        (``panda_description``), which it clones on first use.
+    **options
+        Those of :func:`load_urdf`, whose errors it has.
+    """
+    return load_urdf(robot_path(name), **options)
+
+
+def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
+    """Build a model from an MJCF; `mujoco` has to be installed.
+
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for
+    gravity, floating_base, armature and estimate_inertias, which the file has.
+
+    Joints that an equality couples are mimic joints; one without joint2 locks its joint at
+    polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
+    loops. A ball joint is three hinges at one point about x, y and z of its body, ``NAME_x``,
+    ``NAME_y`` and ``NAME_z``; at ±90° of the second they are singular.
+
+    Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is a
+    floating base. Degrees of freedom are in the order of :class:`RobotModel`, which need not be
+    MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a
+    ModelWarning names them, and `RobotModel.omitted` has them.
+
+    Raises
+    ------
+    UrdfError
+        MuJoCo rejects the file.
+    UnsupportedError
+        The file has what changes M, C, ν or K and cannot be modelled: equalities other than that of
+        a joint, connect or weld, or armature of a ball or free joint, a tendon, or an actuator
+        elsewhere than at a hinge or slide.
+
+    Warns
+    -----
+    ModelWarning
+        Forces are omitted, or the start is within 10° of the singularity of a ball joint's hinges.
+    """
+    for name in OPTIONS:
+        if name in options:
+            raise InputError(
+                f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
+            )
+    return loaded(read_mjcf(source), **options)
+
+
+def loaded(described: Described, **options: Any) -> RobotModel:
+    """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
+
+    Parameters beside the file, `armature` and `locked_joints` replace values of joints that they
+    name.
+    """
+    armature = dict(described.options.get("armature", {}))
+    if (beside := options.get("parameters")) is not None:
+        armature |= read_parameters(beside).by_joint("armature")
+    armature |= options.get("armature") or {}
+    locked = described.options.get("locked_joints", {}) | (options.get("locked_joints") or {})
+    by_joint = {"armature": armature, "locked_joints": locked}
+    model = load_urdf(described.text, **{**described.options, **options, **by_joint})
+    start = dict(zip(model.coordinate_names, model.start, strict=True))
+    if model.followers:
+        followers = model.followers_at(model.start)
+        start |= dict(zip(followers.names, followers.position, strict=True))
+    for name in described.balls:
+        if (angle := start.get(f"{name}_y")) is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
+            warn(
+                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
+                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
+                "its body in the file.",
+                stacklevel=4,
+            )
+    if described.omitted:
+        text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
+        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
+    return model.with_omitted(described.omitted)

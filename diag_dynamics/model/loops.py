@@ -1,34 +1,26 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Closed loops and non-linear mimic joints: what a file says of them, the independent joints, and tables for the sweeps."""
+"""Closed loops and non-linear mimic joints: their independent joints, and tables for the sweeps."""
 
 from __future__ import annotations
 
-import copy
 import math
-import os
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import array_of, choice, listed, mapping, number, numbers, unit
+from diag_dynamics.checks import listed
+from diag_dynamics.description.checks import warn
+from diag_dynamics.description.records import SINGLE, Curve, Description, Loop, Mimic
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
 from diag_dynamics.model.flexible_links import Flexible, form_tables
-from diag_dynamics.model.joint_types import SINGLE
-from diag_dynamics.model.mimic import Mimic
-from diag_dynamics.model.remarks import warn
-from diag_dynamics.rotations import from_rpy
+from diag_dynamics.model.tree import Tree
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
-from diag_dynamics.yaml_files import read_yaml
-
-TYPES = {"point": 1, "revolute": 2, "weld": 3}
-"""Pairs of points that coincide, by what closes a loop."""
 
 DEPENDENT = 1e-7
 """Singular value of a loop's equations, by the largest, below which they depend on each other at the start."""
@@ -42,9 +34,6 @@ RANK, ROUNDED_RANK = 1e-9, 1e-4
 MAX_CHOICES = 500
 """Maximum number of sets of independent joints that are compared."""
 
-COUPLINGS = "loops", "mimics", "flexible_links"
-"""Keys of a file."""
-
 MAX_STEP, MAX_STEPS = 0.3, 200
 """Largest correction of a joint by a step to the start, and the number of steps."""
 
@@ -52,191 +41,20 @@ FIRST_DAMPING, NEAR = 1e-3, 1e-6
 """Damping by the square of J's largest singular value, and the gap below which steps have none."""
 
 
-class LoopEnd(NamedTuple):
-    """A frame on a link where a loop is closed: position [m] and roll, pitch, yaw [rad] in the link's frame."""
-
-    link: str
-    xyz: tuple[float, ...] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-    @property
-    def placement(self) -> Array:
-        """The frame (4, 4) in the link."""
-        result = np.eye(4)
-        result[:3, :3], result[:3, 3] = from_rpy(*self.rpy), self.xyz
-        return result
-
-
-class Loop(NamedTuple):
-    """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
-
-    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of
-    freedom, chosen if it is empty. `start` has positions [rad, m] near those in which loops are
-    first closed, by joint: they choose the branch. Those of all loops of a robot count for each of
-    its loops.
-    """
-
-    name: str
-    a: LoopEnd
-    b: LoopEnd
-    type: str = "point"
-    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
-    independent: tuple[str, ...] = ()
-    start: Mapping[str, float] = {}  # never changed
-
-    @property
-    def points(self) -> list[tuple[Array, Array]]:
-        """Pairs of points that coincide, each in the frame of its link."""
-        axis = np.asarray(self.axis) / np.linalg.norm(self.axis)
-        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-        offsets = [np.zeros(3), axis, across][: TYPES[self.type]]
-        a, b = self.a.placement, self.b.placement
-        return [(a[:3, 3] + a[:3, :3] @ one, b[:3, 3] + b[:3, :3] @ one) for one in offsets]
-
-
-class Curve(NamedTuple):
-    """A joint whose position is a function of that of another one, as pieces of a polynomial.
-
-    A row of `pieces` has the source's position where a piece begins, and coefficients of the
-    distance from there, the constant first. `argument` and `result` are factor and offset of the
-    source's position and of the polynomial.
-    """
-
-    source: str
-    pieces: Array
-    argument: tuple[float, float] = (1.0, 0.0)
-    result: tuple[float, float] = (1.0, 0.0)
-
-    def __call__(self, x: float) -> float:
-        """Return the position at a position of the source."""
-        argument = self.argument[0] * x + self.argument[1]
-        row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], argument, "right")) - 1)]
-        value: float = (
-            self.result[0] * np.polynomial.Polynomial(row[1:])(argument - row[0]) + self.result[1]
-        )
-        return float(value)
-
-
-# --- The file -------------------------------------------------------------------------------------------------
-
-
-def read_couplings(
-    source: Any, loops: Sequence[Loop], curves: Mapping[str, Curve]
-) -> tuple[tuple[Loop, ...], dict[str, Curve]]:
-    """Return loops and non-linear mimic joints of a YAML file, or of its content; a list has loops alone.
-
-    `loops` and `curves` are those of the robot's own file. Loops of a source replace them, and take
-    from one of the same name the fields that they lack.
-    """
-    if source is None:
-        return tuple(loops), dict(curves)
-    name = "loops"
-    if isinstance(source, str | os.PathLike):
-        name, source = os.fspath(source), read_yaml(source, os.fspath(source))
-    if not isinstance(source, Mapping):
-        source = {"loops": source}
-    mapping(name, source, COUPLINGS)
-    given = source.get("loops", loops) or ()
-    if isinstance(given, str | Mapping) or not isinstance(given, Sequence):
-        raise InputError(f"{name}: loops is {given!r}, expected a list.")
-    own = {loop.name: loop._asdict() for loop in loops}
-    loops = tuple(_loop(name, k, one, own) for k, one in enumerate(given))
-    if twice := [name for name, count in Counter(loop.name for loop in loops).items() if count > 1]:
-        raise InputError(f"{name}: two loops have the name '{twice[0]}'.")
-    return loops, curves | {
-        joint: one if isinstance(one, Curve) else _curve(f"{name}: mimics of '{joint}'", one)
-        for joint, one in mapping(f"{name}: mimics", source.get("mimics") or {}).items()
-    }
-
-
-def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop:
-    given = mapping(f"{source}: loop {number_}", given)
-    given = own.get(given.get("name"), {}) | dict(given)
-    where = f"{source}: loop '{given.get('name', number_)}'"
-    given = mapping(where, given, Loop._fields, ("a", "b"))
-    kind = given.get("type", "point")
-    choice(f"{where}: type", kind, TYPES)
-    start = {
-        joint: number(f"{where}: start of '{joint}'", x, "a finite number [rad, m]")
-        for joint, x in mapping(f"{where}: start", given.get("start") or {}).items()
-    }
-    axis = unit(f"{where}: axis", given.get("axis", (0.0, 0.0, 1.0)))
-    independent = given.get("independent") or ()
-    independent = (independent,) if isinstance(independent, str) else independent
-    if not isinstance(independent, list | tuple):
-        raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
-    ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
-    return Loop(
-        str(given.get("name", number_)),
-        *ends,
-        kind,
-        tuple(axis.tolist()),
-        tuple(map(str, independent)),
-        start,
-    )
-
-
-def _end(where: str, given: Any) -> LoopEnd:
-    if isinstance(given, str):
-        return LoopEnd(given)
-    given = mapping(where, given, LoopEnd._fields, ["link"])
-    vectors = (
-        numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers")
-        for key in ("xyz", "rpy")
-    )
-    return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
-
-
-def _curve(where: str, given: Any) -> Curve:
-    given = mapping(where, given, ("source", "polynomial", "table"), ["source"])
-    source, expected = (
-        str(given["source"]),
-        "two rows or more of the source's position, ascending, and the joint's",
-    )
-    if ("polynomial" in given) == ("table" in given):
-        raise InputError(
-            f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table."
-        )
-    if "polynomial" in given:
-        values = array_of(given["polynomial"])
-        count, expected = (
-            1 if values is None else max(1, values.size),
-            "coefficients, the constant first",
-        )
-        return Curve(
-            source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
-        )
-    table = array_of(given["table"])
-    is_table = table is not None and table.ndim == 2 and table.shape[1] == 2 and len(table) > 1
-    if not is_table or not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0.0).all():
-        raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
-    return Curve(source, _spline(*table.T))
-
-
-def _spline(x: Array, y: Array) -> Array:
-    """Return the pieces of the natural cubic spline through points, straight outside of them."""
-    h, slope = np.diff(x), np.diff(y) / np.diff(x)
-    A, right = np.eye(len(x)), np.zeros(len(x))
-    for k in range(1, len(x) - 1):
-        A[k, k - 1 : k + 2] = h[k - 1], 2.0 * (h[k - 1] + h[k]), h[k]
-        right[k] = 6.0 * (slope[k] - slope[k - 1])
-    bend = np.linalg.solve(A, right)  # second derivatives at the points
-    first = slope - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
-    inside = np.column_stack([x[:-1], y[:-1], first, bend[:-1] / 2.0, np.diff(bend) / (6.0 * h)])
-    last = slope[-1] + h[-1] * (bend[-2] + 2.0 * bend[-1]) / 6.0
-    return np.vstack([[x[0], y[0], first[0], 0, 0], inside, [x[-1], y[-1], last, 0, 0]])
-
-
 # --- Joints that depend on others -----------------------------------------------------------------------------
 
 
+Closure = tuple[str | None, str | None, Array, Array, Array]
+"""Joints that carry both ends, points in their bodies, and a direction: see couplings.CLOSURE."""
+
+
 class Group(NamedTuple):
-    """Joints of loops that share some, their loops, mimic joints among them, and closures: see couplings.CLOSURE."""
+    """Joints of loops that share some, their loops, mimic joints among them, and closures."""
 
     joints: set[str]
     loops: list[Loop]
     equations: dict[str, Curve]
-    closures: list[tuple[str | None, str | None, Array, Array, Array]]
+    closures: list[Closure]
 
 
 class Coupled(NamedTuple):
@@ -255,72 +73,65 @@ class Coupled(NamedTuple):
     flexible: Flexible
 
 
-def without_curves(robot: Any, curves: Iterable[str]) -> Any:
-    """Return a robot whose joints with curves mimic none."""
-    joints = [copy.copy(joint) for joint in robot.joints]
-    for joint in joints:
-        if joint.name in curves:
-            joint.mimic = None
-    robot = copy.copy(robot)
-    robot.joints = joints
-    return robot
-
-
 def resolve_curves(
-    robot: Any, curves: Mapping[str, Curve], mimics: dict[str, Mimic], held: dict[str, float]
+    description: Description,
+    curves: Mapping[str, Curve],
+    mimics: dict[str, Mimic],
+    locked: dict[str, float],
 ) -> dict[str, Curve]:
     """Return curves by follower with independent sources, those of mimic joints of followers too.
 
-    Followers of a joint that is held are held as well, and mimic joints of a follower leave
+    Followers of a joint that is locked are locked as well, and mimic joints of a follower leave
     `mimics`.
     """
-    joints, found = {joint.name: joint for joint in robot.joints}, {}
+    joints, resolved = description.joints, dict[str, Curve]()
     for name, curve in curves.items():
         for joint in (name, curve.source):
             if joint not in joints:
                 raise InputError(
-                    f"mimics of '{name}': '{joint}' is not a joint of robot '{robot.name}'."
+                    f"mimics of '{name}': '{joint}' is not a joint of robot '{description.name}'."
                 )
             if joints[joint].type not in SINGLE:
-                text = f"mimics of '{name}': joint '{joint}' is {joints[joint].type}, expected one degree of freedom."
-                raise InputError(text)
-        if name in held:
+                raise InputError(
+                    f"mimics of '{name}': joint '{joint}' is {joints[joint].type}, "
+                    "expected one degree of freedom."
+                )
+        if name in locked:
             continue
         if curve.source in curves:
             raise InputError(
-                f"mimics of '{name}': its source '{curve.source}' is in mimics, too; name an independent joint."
+                f"mimics of '{name}': its source '{curve.source}' is in mimics, too; "
+                "name an independent joint."
             )
         leader, factor, offset = mimics.get(curve.source, Mimic(curve.source, 1.0, 0.0))
         if leader in curves:
             raise InputError(
-                f"mimics of '{name}': its source '{curve.source}' follows '{leader}', which is in mimics."
+                f"mimics of '{name}': its source '{curve.source}' follows '{leader}', "
+                "which is in mimics."
             )
-        if leader in held:
-            held[name] = curve(held[curve.source])
+        if leader in locked:
+            locked[name] = curve(locked[curve.source])
             continue
-        found[name] = curve._replace(source=leader, argument=(factor, offset))
+        resolved[name] = curve._replace(source=leader, argument=(factor, offset))
     for name, mimic in list(mimics.items()):
         if mimic.leader in curves:
             del mimics[name]
-            if mimic.leader in held:
-                held[name] = mimic.multiplier * held[mimic.leader] + mimic.offset
+            if mimic.leader in locked:
+                locked[name] = mimic.multiplier * locked[mimic.leader] + mimic.offset
             else:
-                found[name] = found[mimic.leader]._replace(result=(mimic.multiplier, mimic.offset))
-    return found
+                result = mimic.multiplier, mimic.offset
+                resolved[name] = resolved[mimic.leader]._replace(result=result)
+    return resolved
 
 
 def close(
-    tree: Any,
-    loops: Sequence[Loop],
-    curves: dict[str, Curve],
-    mimics: dict[str, Mimic],
-    driven: Set[str],
-    flexible: Flexible,
+    tree: Tree, curves: dict[str, Curve], mimics: dict[str, Mimic], flexible: Flexible
 ) -> Coupled:
-    """Find what depends on what, given the cut tree in which all joints are independent.
+    """Return the joints that depend on others, given the cut tree in which all joints are independent.
 
-    `driven` joints are independent if they can be.
+    Driven joints are independent if they can be.
     """
+    loops, driven = tree.description.loops, tree.description.driven
     followers = {name: (curve.source,) for name, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
@@ -473,9 +284,9 @@ def _pivots(J: Array, names: list[str], free: int, driven: Set[str]) -> tuple[st
 class _Cut:
     """The tree of a robot whose loops are cut, and closures there."""
 
-    def __init__(self, tree: Any) -> None:
+    def __init__(self, tree: Tree) -> None:
         self.tree = tree
-        bodies, _ = tree.records({}, {})
+        bodies, _ = tree.records({})
         self._workspace = Workspace(bodies, np.zeros(3), eliminates=False)
         self._places = {link.name: (body, place) for link, body, place in tree.links}
         self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
@@ -508,7 +319,7 @@ class _Cut:
         for name, x in loop.start.items():
             if (
                 name in self._q
-                and self.tree.moving[name].kind != "prismatic"
+                and self.tree.moving[name].joint.type != "prismatic"
                 and abs(x) > 2.0 * np.pi
             ):
                 raise LoopError(
@@ -630,7 +441,7 @@ class _Cut:
 
     def closures(
         self, q: Array, names: list[str], group: Group, threshold: float
-    ) -> tuple[list[Any], float]:
+    ) -> tuple[list[Closure], float]:
         """Return the closures of a group, only directions in which the points of a pair can part, and the largest gap there.
 
         Positions beside the loop show them: no joint of a planar loop moves a point out of its
@@ -668,7 +479,7 @@ class _Cut:
 # --- Tables for the sweeps ------------------------------------------------------------------------------------
 
 
-def coupling_tables(tree: Any, coupled: Coupled | None) -> couplings.CouplingTables | None:
+def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTables | None:
     """Return the tables of a tree with followers, or None."""
     if coupled is None or not coupled.followers:
         return None

@@ -157,7 +157,7 @@ def reject_massless(model, tree, found):
     }
     lines = []
     for k in massless[:MAX_LISTED]:
-        link = joints[k].joint.child if joints[k].joint else model.root_link
+        link = joints[k].joint.child
         is_heavy = tree.last_body[joints[k].name] in heavy
         why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
         lines.append(

@@ -6,98 +6,101 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.elements import LARGEST
+from diag_dynamics.description.records import SINGLE, Description, Joint, Mimic
 from diag_dynamics.exceptions import MimicJointError
 from diag_dynamics.model.followers import FollowerMotion
-from diag_dynamics.model.joint_types import SINGLE, places, single_joints
-from diag_dynamics.model.origins import LARGEST
+from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.rotations import wrap_angle
+
+if TYPE_CHECKING:
+    from diag_dynamics.model.robot import RobotModel
 
 _CURE = "The option mimic: free takes every joint as independent."
 
 
-class Mimic(NamedTuple):
-    """Coupling of a joint to an independent one: position = multiplier · leader's position + offset.
-
-    The multiplier is in [rad/rad, or as the joints are, m/rad, rad/m], the offset in [rad, m].
-    """
-
-    leader: str
-    multiplier: float
-    offset: float
-
-
 def resolve_mimics(
-    robot: Any, mode: str, locked: Mapping[str, float]
+    description: Description, mode: str, locked: Mapping[str, float]
 ) -> tuple[dict[str, Mimic], dict[str, float]]:
     """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
 
-    Locked are `locked` and mimic joints that stand still, all of them if `mode` is "lock".
+    Locked are `locked` and mimic joints that stand still, all of them if `mode` is "lock". Joints
+    with curves are no mimic joints.
     """
     mimics: dict[str, Mimic] = {}
-    held = dict(locked)
+    positions = dict(locked)
     if mode == "free":
-        return mimics, held
-    joints = {joint.name: joint for joint in robot.joints}
-    known: dict[str, Mimic] = {}
-    for joint in robot.joints:
-        if _follows(joint, locked):
-            mimic = _end_of_chain(joint, joints, locked, known)
-            if mimic.leader in locked or joints[mimic.leader].type == "fixed":
-                held[joint.name] = mimic.offset + mimic.multiplier * locked.get(mimic.leader, 0.0)
-            elif mode == "lock" or mimic.multiplier == 0.0:
-                held[joint.name] = mimic.offset
-            else:
-                mimics[joint.name] = mimic
-    return mimics, held
-
-
-def _follows(joint: Any, locked: Mapping[str, float]) -> bool:
-    return joint.mimic is not None and joint.name not in locked and joint.type != "fixed"
+        return mimics, positions
+    joints = description.joints
+    followers = {
+        joint.name: joint.mimic
+        for joint in joints.values()
+        if joint.mimic is not None
+        and joint.type != "fixed"
+        and joint.name not in locked
+        and joint.name not in description.curves
+    }
+    resolved: dict[str, Mimic] = {}
+    for name in followers:
+        mimic = _end_of_chain(name, followers, joints, resolved)
+        if mimic.leader in locked or joints[mimic.leader].type == "fixed":
+            leader_position = locked.get(mimic.leader, 0.0)
+            positions[name] = mimic.offset + mimic.multiplier * leader_position
+        elif mode == "lock" or mimic.multiplier == 0.0:
+            positions[name] = mimic.offset
+        else:
+            mimics[name] = mimic
+    return mimics, positions
 
 
 def _end_of_chain(
-    joint: Any, joints: Mapping[str, Any], locked: Mapping[str, float], known: dict[str, Mimic]
+    name: str,
+    followers: Mapping[str, Mimic],
+    joints: Mapping[str, Joint],
+    resolved: dict[str, Mimic],
 ) -> Mimic:
-    """Return the coupling of a joint to the end of its chain of mimics; `known` has those that were found before."""
-    chain = {joint.name: joint}
-    while joint.name not in known and _follows(joint, locked):
-        _require_single(joint, list(chain))
-        leader = joint.mimic.joint
+    """Return the coupling of a joint to the end of its chain of mimics; `resolved` has earlier ones."""
+    chain = [name]
+    while name not in resolved and name in followers:
+        _require_single(joints[name], chain)
+        leader = followers[name].leader
         if leader not in joints:
-            text = f"joint '{joint.name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}"
-            raise MimicJointError(text, [joint.name])
+            text = (
+                f"joint '{name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}"
+            )
+            raise MimicJointError(text, [name])
         if leader in chain:
             way = " → ".join(map(repr, [*chain, leader]))
-            raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", list(chain))
-        joint = chain[leader] = joints[leader]
-    _require_single(joint, list(chain))
-    mimic = known.get(joint.name, Mimic(joint.name, 1.0, 0.0))
-    for name in list(chain)[-2::-1]:
-        mimic = known[name] = _composed(chain[name], mimic)
+            raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", chain)
+        chain.append(leader)
+        name = leader
+    _require_single(joints[name], chain)
+    mimic = resolved.get(name, Mimic(name, 1.0, 0.0))
+    for follower in chain[-2::-1]:
+        mimic = resolved[follower] = _composed(follower, followers[follower], mimic)
     return mimic
 
 
-def _require_single(joint: Any, chain: list[str]) -> None:
+def _require_single(joint: Joint, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
         text = f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, where each mimics the next"
         raise MimicJointError(f"{text}; expected one degree of freedom. {_CURE}", chain)
 
 
-def _composed(joint: Any, leaders: Mimic) -> Mimic:
-    """Return the coupling of a mimic joint, given that of the joint that it names."""
-    own = joint.mimic
-    product = own.multiplier * leaders.multiplier
-    offset = own.offset + own.multiplier * leaders.offset
-    vanished = product == 0.0 and leaders.multiplier != 0.0 and own.multiplier != 0.0
+def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
+    """Return the coupling of a mimic joint to an independent one, given that of its leader."""
+    product = mimic.multiplier * leaders.multiplier
+    offset = mimic.offset + mimic.multiplier * leaders.offset
+    vanished = product == 0.0 and leaders.multiplier != 0.0 and mimic.multiplier != 0.0
     if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
-        text = f"joint '{joint.name}' follows '{leaders.leader}' with multiplier {product:g} and offset {offset:g}"
+        text = f"joint '{name}' follows '{leaders.leader}' with multiplier {product:g} and offset {offset:g}"
         text += f"; expected numbers within {LARGEST:g} that do not vanish. {_CURE}"
-        raise MimicJointError(text, [joint.name, leaders.leader])
+        raise MimicJointError(text, [name, leaders.leader])
     return Mimic(leaders.leader, product, offset)
 
 
@@ -129,19 +132,19 @@ def _joints_between(
     family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]
 ) -> set[str]:
     """Return the joints of a family, and all joints between them and the lowest joint that carries all of them."""
-    found: set[str | None] = {family[0]}
-    carrier = carriers[family[0]]  # of all joints that were found
+    joints = {family[0]}
+    carrier = carriers[family[0]]  # of all these joints
     for name in family[1:]:
-        found.add(name)
-        other = carriers[name]
-        while carrier != other and other not in found:
-            if depth[carrier] >= depth[other]:
-                found.add(carrier)
-                carrier = carriers[carrier]  # type: ignore[index]  # the world alone, None, has depth 0
-            else:
-                found.add(other)
-                other = carriers[other]  # type: ignore[index]
-    return found  # type: ignore[return-value]
+        joints.add(name)
+        branch = carriers[name]
+        while carrier != branch and branch not in joints:
+            if carrier is not None and depth[carrier] >= depth[branch]:
+                joints.add(carrier)
+                carrier = carriers[carrier]
+            elif branch is not None:  # the world alone, None, has depth 0
+                joints.add(branch)
+                branch = carriers[branch]
+    return joints
 
 
 # --- Values of mimic joints in messages
@@ -163,7 +166,7 @@ class Followers:
         mimics: Mapping[str, Mimic],
         tolerance: float = 0.0,
         continuous: Container[str] = (),
-        motion: Any = None,
+        motion: FollowerMotion | None = None,
     ) -> None:
         self.names, self.tolerance, self.motion = (
             tuple(motion.names if motion else mimics),
@@ -171,8 +174,10 @@ class Followers:
             motion,
         )
         joints = tuple(joints)
-        self._sources = {name: (mimic.leader,) for name, mimic in mimics.items()}
-        self._sources |= dict(motion.model.followers) if motion else {}
+        self._sources: dict[str, tuple[str, ...]] = {
+            name: (mimic.leader,) for name, mimic in mimics.items()
+        }
+        self._sources |= motion.model.followers if motion else {}
         self.leaders = np.array(
             places([mimic.leader for mimic in mimics.values()], joints), dtype=int
         )
@@ -183,7 +188,7 @@ class Followers:
         self._G[np.arange(len(mimics)), self.leaders] = self.multipliers
 
     @classmethod
-    def of(cls, model: Any, tolerance: float = 0.0) -> Followers:
+    def of(cls, model: RobotModel, tolerance: float = 0.0) -> Followers:
         """Return the followers of a model."""
         motion = FollowerMotion(model) if model.followers else None
         return cls(single_joints(model), model.mimics, tolerance, model.continuous_joints, motion)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
@@ -17,51 +17,34 @@ import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
-from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.flexible_links import (
-    Flexible,
-    FlexibleLink,
-    modal_effort,
-)
-from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
-from diag_dynamics.model.inertias import Payload, checked_payloads
-from diag_dynamics.model.joint_types import is_angle
-from diag_dynamics.model.loops import (
-    Loop,
-    coupling_tables,
-)
-from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
-from diag_dynamics.model.mimic import Mimic
-from diag_dynamics.model.options import (
-    Options,
-    checked_gravity,
-    checked_locked,
-    motor_rates,
-    reject_friction,
-    tree_of,
-)
-from diag_dynamics.model.parameters import (
-    Coupling,
-    FlexibleJoint,
+from diag_dynamics.description.inertias import checked_payloads, not_physical
+from diag_dynamics.description.parameters import (
     Parameters,
-    apply_parameters,
-    flexible_joints,
-    perturbed_links,
+    perturbed,
     read_parameters,
-    reject_too_light,
+    with_parameters,
 )
+from diag_dynamics.description.records import (
+    Coupling,
+    Description,
+    FlexibleJoint,
+    Loop,
+    Mimic,
+    Payload,
+)
+from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.model.flexible_links import Flexible, FlexibleLink, modal_effort
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
+from diag_dynamics.model.joint_types import is_angle
+from diag_dynamics.model.loops import coupling_tables
+from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
+from diag_dynamics.model.options import Options, checked_gravity, checked_locked, tree_of
 from diag_dynamics.model.tree import Tree
+from diag_dynamics.rigid_body import RigidBody, symmetric
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.memory import Workspace
 
-BESIDE = (
-    "armature",
-    "effort_offset",
-    "load_friction",
-    "root_friction",
-    "effort_scale",
-)  # of joints, in no URDF
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
 
@@ -148,81 +131,90 @@ class RobotModel:
         are among them.
     payloads : mapping
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
+    description : Description
+        Links and joints that the model is made of.
     estimated_links, omitted : tuple of str
         Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics
         omit of an MJCF, such as ``spring of joint 'knee'``.
     """
 
     def __init__(self, tree: Tree, options: Options) -> None:
-        flexible = flexible_joints(tree, options.flexible_joints, options.armature)
-        rotors = {
-            name: joint.reflected_inertia
-            for name, joint in flexible.items()
-            if joint.effort == "motor"
-        }
-        bodies, links = tree.records(options.armature | rotors, options.payloads)
-        of_urdf = tree.robot.joints
-        self.name: str = tree.robot.name
+        description = tree.description
+        joints = description.joints
+        curves = {} if options.mimic == "free" else description.curves
+        springs = flexible_joints(tree)
+        bodies, links = tree.records(options.payloads)
+        coupled = tree.coupled
+        groups = coupled.groups if coupled else []
+        self.name: str = description.name
         self.dof_names: tuple[str, ...] = tree.dof_names
         self.coordinate_names: tuple[str, ...] = tree.coordinate_names
         self.joint_names: tuple[str, ...] = tuple(joint.name for joint in tree.joints)
-        self.fixed_joints: tuple[str, ...] = tuple(j.name for j in of_urdf if j.type == "fixed")
+        self.fixed_joints: tuple[str, ...] = tuple(
+            n for n, j in joints.items() if j.type == "fixed"
+        )
         self.mimic_joints: tuple[str, ...] = tuple(
-            j.name for j in of_urdf if j.mimic is not None and j.type != "fixed"
+            name
+            for name, joint in joints.items()
+            if joint.mimic is not None and joint.type != "fixed" and name not in curves
         )
         self.continuous_joints: tuple[str, ...] = tuple(
-            j.name for j in of_urdf if j.type == "continuous"
+            name for name, joint in joints.items() if joint.type == "continuous"
         )
         self.link_names: tuple[str, ...] = tuple(link.name for link, _, _ in tree.links)
-        self.root_link: str = tree.root
+        self.root_link: str = description.root
         self.floating_base: bool = tree.floating_base
         self.gravity: Array = options.gravity
-        self.lower: Array = tree.limits("lower", -np.inf)
-        self.upper: Array = tree.limits("upper", np.inf)
-        self.velocity_limit: Array = tree.per_dof("limit", "velocity", np.inf)
-        self.effort_limit: Array = tree.per_dof("limit", "effort", np.inf)
-        self.damping: Array = tree.resistance("damping", 2)
-        self.friction: Array = tree.resistance("friction", 1)
-        self.effort_offset: Array = tree.reflected(options.effort_offset)
-        self.load_friction: Array = tree.reflected(options.load_friction, 0.0)
-        self.root_friction: Array = tree.reflected(options.root_friction, 1.5)
-        self.effort_scale: Mapping[str, float] = MappingProxyType(options.effort_scale)
-        self.couplings: Mapping[str, Coupling] = MappingProxyType(options.couplings)
-        self.flexible_joints: Mapping[str, FlexibleJoint] = MappingProxyType(flexible)
-        self.motor_efforts: bool = options.motor_efforts
+        self.lower: Array = tree.limits("lower")
+        self.upper: Array = tree.limits("upper")
+        self.velocity_limit: Array = tree.per_dof("velocity")
+        self.effort_limit: Array = tree.per_dof("effort")
+        self.damping: Array = tree.reflected("damping", 2)
+        self.friction: Array = tree.reflected("friction", 1)
+        self.effort_offset: Array = tree.reflected("effort_offset")
+        self.load_friction: Array = tree.reflected("load_friction", 0.0)
+        self.root_friction: Array = tree.reflected("root_friction", 1.5)
+        self.effort_scale: Mapping[str, float] = MappingProxyType(
+            {
+                name: joint.effort_scale
+                for name, joint in joints.items()
+                if joint.effort_scale is not None
+            }
+        )
+        self.couplings: Mapping[str, Coupling] = MappingProxyType(dict(description.couplings))
+        self.flexible_joints: Mapping[str, FlexibleJoint] = MappingProxyType(springs)
+        self.motor_efforts: bool = description.motor_efforts
         if self.motor_efforts and not self.couplings:
             raise InputError(
                 "parameters: motor_efforts is true, but couplings are missing. Give both."
             )
-        self.motor_rates: Array = motor_rates(options.couplings, tree.dof_names)
-        self.friction_velocity: float = options.friction_velocity
-        self.mimics: Mapping[str, Mimic] = MappingProxyType(tree.mimics)
+        self.motor_rates: Array = motor_rates(self.couplings, tree.dof_names)
+        self.friction_velocity: float = description.friction_velocity
+        self.mimics: Mapping[str, Mimic] = MappingProxyType(dict(tree.mimics))
         self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(
-            tree.coupled.followers if tree.coupled else {}
+            coupled.followers if coupled else {}
         )
-        self.loops: tuple[tuple[Loop, ...], ...] = tuple(
-            tuple(group.loops) for group in (tree.coupled.groups if tree.coupled else ())
-        )
+        self.loops: tuple[tuple[Loop, ...], ...] = tuple(tuple(group.loops) for group in groups)
         self.loop_joints: tuple[tuple[str, ...], ...] = tuple(
-            tuple(name for name in tree.moving if name in group.joints)
-            for group in (tree.coupled.groups if tree.coupled else ())
+            tuple(name for name in tree.moving if name in group.joints) for group in groups
         )
-        self.coupling_tables: CouplingTables | None = coupling_tables(tree, tree.coupled)
+        self.coupling_tables: CouplingTables | None = coupling_tables(tree, coupled)
         self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(
             options.flexible_links.links
         )
         self.follower_damping: Array = tree.of_followers("damping")
         self.follower_friction: Array = tree.of_followers("friction")
-        reject_friction(self.followers, options)
+        reject_friction(tree, self.followers)
         self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
-        self.locked_joints: Mapping[str, float] = MappingProxyType(tree.locked)
-        self.payloads: Mapping[str, Payload] = MappingProxyType(options.payloads)
+        self.locked_joints: Mapping[str, float] = MappingProxyType(dict(tree.locked))
+        self.payloads: Mapping[str, Payload] = MappingProxyType(dict(options.payloads))
         self.total_mass = float(links["mass"].sum())
-        self.estimated_links: tuple[str, ...] = options.estimated_links
-        self.omitted: tuple[str, ...] = options.omitted
+        self.estimated_links: tuple[str, ...] = description.estimated_links
+        self.omitted: tuple[str, ...] = description.omitted
         self.orientations: tuple[int, ...] = tree.orientations
         self.bodies: npt.NDArray[np.void] = bodies
         self.links: npt.NDArray[np.void] = links
+        self.description: Description = description
         self._tree, self._options = tree, options
         if self.followers:
             more = limit_by_followers(self, tree.moving, self.lower, self.upper)
@@ -240,10 +232,10 @@ class RobotModel:
             raise AttributeError(f"A RobotModel is immutable: {name} cannot be set.")
         super().__setattr__(name, value)
 
-    def _with(self, **changes: Any) -> RobotModel:
-        """Return this model with another value of some options; the rest is shared."""
+    def _with(self, **changes: object) -> RobotModel:
+        """Return this model with other values of some attributes; the rest is shared."""
         model = object.__new__(RobotModel)
-        vars(model).update(vars(self) | changes, _options=self._options._replace(**changes))
+        vars(model).update(vars(self) | changes)
         vars(model).pop("workspace", None)
         model._freeze()
         return model
@@ -403,11 +395,13 @@ class RobotModel:
 
     def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
         """Return this model with these texts in `omitted`, too."""
-        return self._with(omitted=tuple(dict.fromkeys((*omitted, *self.omitted))))
+        texts = tuple(dict.fromkeys((*omitted, *self.omitted)))
+        return self._with(omitted=texts, description=self.description._replace(omitted=texts))
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
-        return self._with(gravity=checked_gravity(gravity))
+        g = checked_gravity(gravity)
+        return self._with(gravity=g, _options=self._options._replace(gravity=g))
 
     def with_payload(
         self,
@@ -421,15 +415,9 @@ class RobotModel:
         `mass`, `com` and `inertia` are those of :class:`Payload`; mass 0 takes the payload off.
         Joints that ``massless="lock"`` holds stay held.
         """
-        added = checked_payloads(
-            {link: (mass, com) if inertia is None else (mass, com, inertia)}, self._tree.robot
-        )
-        payloads = {
-            name: payload for name, payload in self.payloads.items() if name != link
-        } | added
-        model = RobotModel(self._tree, self._options._replace(payloads=payloads))
-        reject_massless(model, self._tree, massless_freedoms(model))
-        return model
+        load = (mass, com) if inertia is None else (mass, com, inertia)
+        payloads = checked_payloads({**self.payloads, link: load}, self.description)
+        return build(self.description, self._options._replace(payloads=payloads))
 
     def without_payload(self, link: str) -> RobotModel:
         """Return this model without the payload of a link."""
@@ -443,39 +431,22 @@ class RobotModel:
         They are the path of a file, see :class:`Parameters`, or a dict with the file's keys.
         Payloads are added to those that are there. ``massless="lock"`` is applied again.
         """
-        given = read_parameters(parameters)
-        if flexible := sorted(given.links.keys() & self.flexible_links.keys()):
+        parameters = read_parameters(parameters)
+        if flexible := sorted(parameters.links.keys() & self.flexible_links.keys()):
             text = f"parameters: link '{flexible[0]}' is flexible, and its inertia is divided among its modes."
             raise InputError(f"{text} Give the parameters to load_urdf.")
-        return self._with_parameters(given)
-
-    def _with_parameters(self, given: Parameters) -> RobotModel:
-        own = self._options
-        robot = apply_parameters(self._tree.robot, given)
-        options = own._replace(
-            **{name: getattr(own, name) | given.by_joint(name) for name in BESIDE},
-            flexible_joints={**own.flexible_joints, **given.flexible_joints},
-            held={},
-        )
-        kept = {name: x for name, x in own.armature.items() if name not in given.flexible_joints}
-        options = options._replace(armature=kept | given.by_joint("armature"))
-        options = options._replace(couplings={**own.couplings, **given.couplings})
-        options = options._replace(motor_efforts=own.motor_efforts or given.motor_efforts)
-        if given.friction_velocity is not None:
-            options = options._replace(friction_velocity=given.friction_velocity)
-        return model_of(robot, self._tree.root, options, given)
+        description = with_parameters(self.description, parameters)
+        return build(description, self._options._replace(held={}), parameters)
 
     def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
         """Return this model with this effort of flexible joints: of the "spring", it is the model of the links."""
-        own = self._options
-        flexible = {
-            name: joint._replace(effort=part) for name, joint in own.flexible_joints.items()
-        }
-        return model_of(
-            self._tree.robot,
-            self._tree.root,
-            own._replace(flexible_joints=flexible, massless="error"),
-        )
+        joints = [
+            joint._replace(spring=joint.spring._replace(effort=part))
+            for joint in self.description.joints.values()
+            if joint.spring is not None
+        ]
+        options = self._options._replace(massless="error")
+        return build(self.description.with_joints(*joints), options)
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
@@ -486,20 +457,16 @@ class RobotModel:
         """
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
-        links = perturbed_links(self._tree.robot, part, np.random.default_rng(int(seed)))
-        return self._with_parameters(Parameters(links=links))
+        description = perturbed(self.description, part, np.random.default_rng(int(seed)))
+        return build(description, self._options._replace(held={}))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these positions [rad, m] of locked joints, by name; empty releases all.
 
         Joints that other options of load_urdf lock are added.
         """
-        robot = self._tree.robot
-        return model_of(
-            robot,
-            self._tree.root,
-            self._options._replace(locked=checked_locked(locked_joints, robot), held={}),
-        )
+        locked = checked_locked(locked_joints, self.description)
+        return build(self.description, self._options._replace(locked=locked, held={}))
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
@@ -519,11 +486,11 @@ class RobotModel:
 
     def cut_tree(self) -> RobotModel:
         """Return this robot with its loops open and every joint independent; some may move no inertia."""
-        tree = Tree(self._tree.robot, self._tree.root, self.floating_base, self._tree.locked, {})
         options = self._options._replace(
-            loops=(), curves={}, mimic="free", flexible_links=Flexible()
+            mimic="free", flexible_links=Flexible(), locked=self.locked_joints
         )
-        return RobotModel(tree, options)
+        description = self.description._replace(loops=())
+        return RobotModel(tree_of(description, options), options)
 
     def first_body(self, joint: str) -> int:
         """Return the first body of a joint that moves."""
@@ -533,28 +500,94 @@ class RobotModel:
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self._tree.robot, self._tree.root, self._options)
+        return _restored, (self.description, self._options)
 
 
-def model_of(
-    robot: Any, root: str, options: Options, applied: Parameters | None = None
+def build(
+    description: Description, options: Options, applied: Parameters | None = None
 ) -> RobotModel:
-    """Build the model of a robot with all options; the mass that applied parameters take off must be there."""
+    """Build the model of a description; the mass that applied parameters take off must be there."""
     while True:
-        tree = tree_of(robot, root, options)
+        tree = tree_of(description, options)
         if applied is not None:
             reject_too_light(tree, applied)
         model = RobotModel(tree, options)
-        found = massless_freedoms(model)
-        more = positions_to_hold(model, found) if options.massless == "lock" else {}
+        massless = massless_freedoms(model)
+        more = positions_to_hold(model, massless) if options.massless == "lock" else {}
         if not more:
-            reject_massless(model, tree, found)
+            reject_massless(model, tree, massless)
             return model
-        options = options._replace(held=options.held | more)
+        options = options._replace(held={**options.held, **more})
 
 
-def _restored(robot: Any, root: str, options: Options) -> RobotModel:
+def _restored(description: Description, options: Options) -> RobotModel:
     """Build a model from its pickled parts, whose arrays are writeable again."""
-    return model_of(
-        robot, root, options._replace(payloads=checked_payloads(options.payloads, robot))
-    )
+    payloads = checked_payloads(options.payloads, description)
+    return build(description, options._replace(payloads=payloads))
+
+
+def flexible_joints(tree: Tree) -> dict[str, FlexibleJoint]:
+    """Return the springs of degrees of freedom, in their order; InputError names joints that cannot have one."""
+    springs = {}
+    for name, joint in tree.description.joints.items():
+        if joint.spring is None:
+            continue
+        springs[name] = joint.spring
+        if joint.armature:
+            raise InputError(
+                f"flexible_joints: '{name}' has armature {joint.armature:g}, expected none. "
+                "Set its rotor_inertia and gear."
+            )
+        if name not in (*tree.dof_names, *tree.locked):
+            raise InputError(
+                f"flexible_joints: '{name}' follows other joints, expected a degree of freedom."
+            )
+    return {name: springs[name] for name in tree.dof_names if name in springs}
+
+
+def motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Array:
+    """Return rates of coupled motors by those of joints, (m, nv)."""
+    rates = np.zeros((len(couplings), len(names)))
+    for row, (motor, coupling) in zip(rates, couplings.items(), strict=True):
+        for joint, ratio in coupling.joints.items():
+            if joint not in names:
+                raise InputError(
+                    f"parameters: coupling '{motor}' names '{joint}', "
+                    f"expected one of {', '.join(names)}."
+                )
+            row[names.index(joint)] = ratio
+    return rates
+
+
+def reject_friction(tree: Tree, followers: Iterable[str]) -> None:
+    """Reject parameters of followers that no method reflects."""
+    for kind in ("effort_offset", "load_friction", "root_friction"):
+        for name in followers:
+            if value := getattr(tree.description.joints[name], kind):
+                raise UnsupportedError(
+                    f"parameters: {kind} of joint '{name}' is {value:g}; expected 0, "
+                    "because it follows other joints."
+                )
+
+
+def reject_too_light(tree: Tree, parameters: Parameters) -> None:
+    """Reject payloads that take more mass off a link than moves with it."""
+    bodies, _ = tree.records({})
+    body_of = {link.name: body for link, body, _ in tree.links}
+    for name in parameters.lighter_links:
+        body = bodies[body_of[name]]
+        mass, reason = float(body["mass"]), None
+        if mass > 0.0:
+            whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
+            reason = not_physical(whole.inertia, mass)
+        if mass > 0.0 and not reason:
+            continue
+        text = (
+            f"parameters: a payload of negative mass is on link '{name}', which leaves "
+            f"{mass:.3g} kg {reason or ''}: more is taken off than moves with that link."
+        )
+        locked = parameters.origin.get("locked_joints")
+        if isinstance(locked, Mapping) and locked:  # links behind these joints moved with theirs
+            positions = ", ".join(f"{joint}={position}" for joint, position in locked.items())
+            text += f" It was identified with locked_joints {positions}."
+        raise InputError(text)

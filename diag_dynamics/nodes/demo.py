@@ -19,10 +19,10 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from diag_dynamics.description.catalog import robot_source
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import end_effector_link, load_urdf
-from diag_dynamics.model.catalog import robot_source
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.descriptions import COMPILED

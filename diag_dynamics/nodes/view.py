@@ -17,10 +17,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.checks import handle_warnings
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge

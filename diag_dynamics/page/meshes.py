@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.description.meshes import Meshes, find_mesh
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.meshes import Meshes, find_mesh
 
 SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
 """Suffixes of files that are read: a description may come from anybody and name any file."""
@@ -26,7 +26,7 @@ class MeshLibrary:
     ----------
     folders : iterable of Path
         Folders for files that no ROS package has, see
-        :func:`~diag_dynamics.model.meshes.find_mesh`.
+        :func:`~diag_dynamics.description.meshes.find_mesh`.
 
     Attributes
     ----------

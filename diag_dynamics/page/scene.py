@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diag_dynamics.description.catalog import example_urdfs, read_source
+from diag_dynamics.description.elements import floats
+from diag_dynamics.description.geometry import shape_of
+from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model.catalog import example_urdfs, read_source
-from diag_dynamics.model.geometry import shape_of
-from diag_dynamics.model.origins import floats
-from diag_dynamics.model.sources import folder_of
-from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric
 

@@ -9,10 +9,10 @@ from dataclasses import fields
 from difflib import get_close_matches
 from fnmatch import fnmatch
 
+from diag_dynamics.description.loops import COUPLINGS
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
-from diag_dynamics.model.loops import COUPLINGS
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS, require_thresholds
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml

@@ -20,10 +20,10 @@ from diag_dynamics.collision.detector import (
 from diag_dynamics.collision.residuals import singular_joint
 from diag_dynamics.contact.points import ContactLimits
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
+from diag_dynamics.description.records import FRICTION_VELOCITY
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
-from diag_dynamics.model.options import FRICTION_VELOCITY
 from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED

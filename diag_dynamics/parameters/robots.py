@@ -3,13 +3,13 @@
 
 """Models of the robots of nodes and recordings, by their parameters."""
 
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.records import FRICTION_VELOCITY
+from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.model.catalog import read_source
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.model.mjcf import loaded
-from diag_dynamics.model.options import FRICTION_VELOCITY
-from diag_dynamics.model.urdf import parse_urdf
+from diag_dynamics.model.loading import loaded
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 

@@ -5,11 +5,11 @@
 
 import numpy as np
 
+from diag_dynamics.description.urdf import MAX_JOINTS
 from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.model.options import LARGEST_GRAVITY, MAX_COUPLED
-from diag_dynamics.model.urdf import MAX_JOINTS
 from diag_dynamics.parameters.spec import Spec, fixed
 
 MIMIC = ("embed", "free", "lock")

@@ -10,11 +10,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.model.sources import GIT_LFS
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch

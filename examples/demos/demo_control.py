@@ -20,7 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.nodes.controller.controller import ControllerNode
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode

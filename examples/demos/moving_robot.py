@@ -11,8 +11,8 @@ import time
 import numpy as np
 
 import diag_dynamics as dd
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of

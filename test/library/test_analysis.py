@@ -13,7 +13,7 @@ import pytest
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 

@@ -14,9 +14,9 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.model.geometry import Shape, estimated, shapes_of, solid_of, united
-from diag_dynamics.model.meshes import Meshes, find_mesh
-from diag_dynamics.model.remarks import handle_warnings
+from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.geometry import Shape, estimated, shapes_of, solid_of, united
+from diag_dynamics.description.meshes import Meshes, find_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 """Corners of the unit cube in the first octant."""

@@ -25,7 +25,7 @@ import diag_dynamics as dd
 from bags import Message, arm, description, serialized, urdf_of, write_mcap
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.recordings import fleet
 from diag_dynamics.recordings.summary import describe_faults
 from hostile import MS, START, Driver, S, hostile

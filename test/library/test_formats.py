@@ -13,7 +13,7 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.model.parameters import urdf_with
+from diag_dynamics.description.parameters import urdf_with
 from robots import robot_path
 
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")

@@ -13,11 +13,11 @@ import pytest
 
 import diag_dynamics as dd
 from coupling import with_payloads
+from diag_dynamics.description.parameters import urdf_with
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import ConvergenceError, fit_rows
 from diag_dynamics.identification.regressors import ROTOR
 from diag_dynamics.identification.result import without_impossible_links
-from diag_dynamics.model.parameters import urdf_with
 from examples import shortened, some_of
 from motions import efforts, fourier, recorded
 from oracles import Oracle

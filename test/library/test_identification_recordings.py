@@ -18,7 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from motions import fourier
 from robots import robot_path, without_hand
 

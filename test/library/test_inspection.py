@@ -12,8 +12,8 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.cli.inspect import report_lines
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.inspection import CHECKS, SEVERITIES, inspect_robot
-from diag_dynamics.model.catalog import find_urdf
 from examples import some_of
 from robots import changed, robot_path
 

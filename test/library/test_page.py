@@ -17,7 +17,7 @@ import trimesh
 
 import diag_dynamics as dd
 import page_fixture
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import GAP, FrameMaker, States
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.forces import UPPER, ForceOptions, Forces, component_deviations
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics.model.inertias import not_physical
+from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
@@ -344,7 +344,7 @@ def test_perturbed_inertias():
     )
     bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
     assert 0.15 < abs(bare[1] / bare[0] - 1.0).max() <= 0.3
-    for body in (perturbed.inertial for perturbed in one._tree.robot.links):
+    for body in (part.inertial for part in one.description.links.values()):
         assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
     for arguments, key in (((1.0,), "part is 1.0"), ((0.3, -1), "seed is -1")):
         with pytest.raises(dd.InputError, match=key):

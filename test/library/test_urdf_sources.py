@@ -12,8 +12,8 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
+from diag_dynamics.description import text as sources
 from diag_dynamics.inspection import inspect_robot
-from diag_dynamics.model import sources
 from robots import description, joint, link
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}

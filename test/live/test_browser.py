@@ -19,7 +19,7 @@ import recorded_arm
 from bags import odometry, write_floating
 from browser import Tab, browser
 from diag_dynamics.cli.main import main
-from diag_dynamics.model.catalog import find_urdf
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.layout import center_of_body

@@ -13,8 +13,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.markers import (
     COLD,

@@ -12,8 +12,8 @@ from std_msgs.msg import Bool, Float64MultiArray
 from std_srvs.srv import Trigger
 
 from controller_managers import ControllerManager
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.catalog import find_urdf
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.support import controller_manager
 from diag_dynamics.nodes.support.statuses import ERROR, OK

@@ -12,11 +12,11 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from diag_dynamics.description.meshes import find_mesh
+from diag_dynamics.description.text import folder_of
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.model.joint_types import sliding_dofs
-from diag_dynamics.model.meshes import find_mesh
-from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.forces import force_at_center
 from diag_dynamics.page.layout import center_of_body, links_of_dofs

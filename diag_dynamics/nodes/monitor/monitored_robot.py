@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.description.text import folder_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -15,7 +16,6 @@ from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
-from diag_dynamics.model.sources import folder_of
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch, LoopWatch

@@ -10,12 +10,12 @@ from functools import cache
 
 from std_msgs.msg import String
 
+from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.mjcf import is_mjcf
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import Parameters, load_urdf
-from diag_dynamics.model.catalog import read_source
-from diag_dynamics.model.mjcf import is_mjcf
-from diag_dynamics.model.remarks import handle_warnings
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import connected, latched

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.sources import GIT_LFS
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
 _REMOTE = re.compile(

@@ -11,14 +11,29 @@ do not matter.
 import io
 import math
 
+import numpy as np
 from lxml import etree
 
 from diag_dynamics.checks import listed
+from diag_dynamics.description.elements import (
+    is_xacro,
+    local_name,
+    numbers_of,
+    placement_of,
+    short,
+)
+from diag_dynamics.description.loop_elements import ENDS, curves_of, loops_of
+from diag_dynamics.description.records import (
+    JOINT_TYPES,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Mimic,
+)
+from diag_dynamics.description.text import DEFINITIONS, NO_CALL
+from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model.joint_types import JOINT_TYPES
-from diag_dynamics.model.loop_elements import ENDS, loops_of
-from diag_dynamics.model.origins import is_xacro, local_name, numbers_of, placement_of, short
-from diag_dynamics.model.sources import DEFINITIONS, NO_CALL
 
 MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
 
@@ -51,27 +66,30 @@ JOINT = {
     "dynamics": dict.fromkeys(("damping", "friction"), 1),
     "mimic": dict.fromkeys(("multiplier", "offset"), 1),
 }
+READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
-def read_urdf(robot, max_joints=MAX_JOINTS):
-    """Return links and joints of a parsed <robot> element (yourdfpy.Robot), and the name of the root link."""
-    joints, links = (len(robot.findall(tag)) for tag in ("joint", "link"))
-    if max(joints, links - 1) > max_joints:
-        most = f"no more than {max_joints} joints are accepted: see max_joints"
-        raise UrdfError(f"The URDF has {joints} joints and {links} links, and {most}.")
-    _reject_loops(robot)
-    reduced = etree.Element(
-        "robot", name=_expanded(robot.get("name"), "The robot's name") or "robot"
-    )
-    inertials = _add_links(robot, reduced)
-    origins, root = _add_joints(robot, reduced)
-    read = _read(reduced)
-    for link in read.links:
-        if link.name in inertials:
-            link.inertial.origin = inertials[link.name]
-    for joint in read.joints:
-        joint.origin = origins.get(joint.name)
-    return read, root
+def read_urdf(element, max_joints=MAX_JOINTS):
+    """Return the description of a parsed <robot> element, and remarks on transmissions that are ignored."""
+    loops, curves = loops_of(element), curves_of(element)
+    joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
+    if max(joint_count, link_count - 1) > max_joints:
+        raise UrdfError(
+            f"The URDF has {joint_count} joints and {link_count} links, and no more than "
+            f"{max_joints} joints are accepted: see max_joints."
+        )
+    _reject_loops(element)
+    name = _expanded(element.get("name"), "The robot's name") or "robot"
+    reduced = etree.Element("robot", name=name)
+    inertials = _add_links(element, reduced)
+    origins, root = _add_joints(element, reduced)
+    armature, remarks = reflected_inertias(element)
+    robot = _read(reduced)
+    links = {link.name: _link(link, inertials) for link in robot.links}
+    joints = {joint.name: _joint(joint, origins, armature) for joint in robot.joints}
+    driven = driven_joints(element)
+    description = Description(name, root, links, joints, loops, curves, driven)
+    return description, remarks
 
 
 def _read(reduced):
@@ -85,9 +103,41 @@ def _read(reduced):
     return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
 
+def _link(link, placements):
+    """Return the record of a link of yourdfpy."""
+    if link.inertial is None:
+        return Link(link.name)
+    placement = placements.get(link.name, np.eye(4))
+    return Link(link.name, Inertial(link.inertial.mass, placement, link.inertial.inertia))
+
+
+def _joint(joint, origins, armature):
+    """Return the record of a joint of yourdfpy."""
+    fields = {}
+    for part, names in READ.items():
+        for name in names:
+            value = getattr(getattr(joint, part), name, None)
+            if value is not None:
+                fields[name] = float(value)
+    if joint.type not in ("revolute", "prismatic"):
+        fields.pop("lower", None)
+        fields.pop("upper", None)
+    if joint.mimic is not None:
+        fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
+    return Joint(
+        joint.name,
+        joint.type,
+        joint.parent,
+        joint.child,
+        origins.get(joint.name, np.eye(4)),
+        np.asarray(joint.axis, dtype=float),
+        armature=armature.get(joint.name, 0.0),
+        **fields,
+    )
+
+
 def _reject_loops(robot):
     """Reject elements of dialects of URDF that change dynamics, but for loops that can be closed."""
-    loops_of(robot)
     for element in robot.iter(etree.Element):
         parent, tag = element.getparent(), local_name(element)
         if parent is None or parent.tag not in CONTAINERS or (parent is robot and tag in ENDS):

@@ -14,31 +14,14 @@ from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
 
+from diag_dynamics.description.mjcf import Described, is_mjcf, read_mjcf
+from diag_dynamics.description.text import expanded, urdf_text
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.loading import load_urdf
-from diag_dynamics.model.mjcf import Described, is_mjcf, read_mjcf
-from diag_dynamics.model.robot import RobotModel
-from diag_dynamics.model.sources import expanded, urdf_text
 
 DESCRIPTIONS = "robot_descriptions"  # its modules, one for each robot, clone a repository when they are imported
 _FOLDER = "example-robot-data/robots/"
 _OWN = Path(__file__).parents[1] / "robots"  # robots of this package, each in a folder of its name
-
-
-def load_robot(name: str, **options: Any) -> RobotModel:
-    """Build the model of a robot by its name.
-
-    Parameters
-    ----------
-    name : str
-        One that ``diag-dynamics robots`` lists: ``panda``, or a robot of `example-robot-data`
-        (``ur5``) by its file's name or a part of one path only; or one of `robot_descriptions`
-        (``panda_description``), which it clones on first use.
-    **options
-        Those of :func:`load_urdf`, whose errors it has.
-    """
-    return load_urdf(robot_path(name), **options)
 
 
 def robot_path(name: str) -> Path:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from difflib import get_close_matches
@@ -15,8 +15,10 @@ from typing import Any, NamedTuple
 
 from lxml import etree
 
-from diag_dynamics.exceptions import ModelWarning
-from diag_dynamics.model.origins import floats, short
+from diag_dynamics.description.elements import floats, short
+from diag_dynamics.description.inertias import not_physical
+from diag_dynamics.description.records import Description
+from diag_dynamics.exceptions import InertiaWarning, ModelWarning
 
 # Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
 # a prefix are free
@@ -168,6 +170,20 @@ def warning_of(robot: str, remarks: Iterable[Remark]) -> str:
     return (
         f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}" if texts else ""
     )
+
+
+def warn_of_inertias(description: Description, ignored: Sequence[str]) -> None:
+    """Warn of inertias of no rigid body, but for those of ignored links."""
+    for link in description.links.values():
+        if link.inertial is None or link.name in ignored:
+            continue
+        if reason := not_physical(link.inertial.inertia, link.inertial.mass):
+            warn(
+                f"link '{link.name}' of robot '{description.name}' has an inertia {reason}: "
+                "no rigid body is like that.",
+                InertiaWarning,
+                stacklevel=4,
+            )
 
 
 _handler: ContextVar[Callable[[str], object] | None] = ContextVar("handler", default=None)

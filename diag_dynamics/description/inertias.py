@@ -6,40 +6,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.arrays import Array
 from diag_dynamics.checks import mapping, numbers
+from diag_dynamics.description.records import Description, Payload
 from diag_dynamics.exceptions import InputError
 
 LARGEST = 1e9  # largest mass, length, inertia or armature accepted, in SI units
 
 
-class Payload(NamedTuple):
-    """A rigid body attached to a link, in the link's axes.
-
-    `mass` [kg]; `com`, shape (3,), the centre of mass from the link's origin [m]; `inertia`, shape
-    (3, 3), about the centre of mass [kg m²], that of a point by default.
-    """
-
-    mass: float
-    com: VectorLike = (0.0, 0.0, 0.0)
-    inertia: MatrixLike = ((0.0,) * 3,) * 3
-
-
-def checked_payloads(value: object, robot: Any) -> dict[str, Payload]:
+def checked_payloads(value: object, description: Description) -> dict[str, Payload]:
     """Return each :class:`Payload` with mass, of read-only arrays."""
-    links, checked = [link.name for link in robot.links], {}
-    for name, given in mapping("payloads", value).items():
-        if name not in links:
-            raise InputError(f"payloads: {name!r} is not a link of robot '{robot.name}'.")
+    checked = {}
+    for name, entry in mapping("payloads", value).items():
+        if name not in description.links:
+            raise InputError(f"payloads: {name!r} is not a link of robot '{description.name}'.")
         try:
-            payload = Payload(*given)
+            payload = Payload(*entry)
         except TypeError as error:
             raise InputError(
-                f"payloads: '{name}' has {given!r}, expected (mass, com, inertia)."
+                f"payloads: '{name}' has {entry!r}, expected (mass, com, inertia)."
             ) from error
         checked[name] = checked_body(payload, "payloads: ", f" on link '{name}'")
     return {name: payload for name, payload in checked.items() if payload.mass > 0.0}

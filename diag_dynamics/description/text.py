@@ -15,10 +15,10 @@ from typing import Any
 
 from lxml import etree
 
+from diag_dynamics.description.checks import warn
+from diag_dynamics.description.elements import is_xacro, local_name, short
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.origins import is_xacro, local_name, short
-from diag_dynamics.model.remarks import warn
 
 MAX_BYTES = (
     32 * 1024 * 1024

@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType, SimpleNamespace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +17,20 @@ from lxml import etree
 from diag_dynamics.arrays import Array
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import choice, listed, mapping, not_negative, number, numbers, positive
+from diag_dynamics.description.inertias import LARGEST, checked_body
+from diag_dynamics.description.records import (
+    SINGLE,
+    Coupling,
+    Description,
+    FlexibleJoint,
+    Inertial,
+    Joint,
+    Link,
+    Payload,
+)
+from diag_dynamics.description.urdf import parse_urdf, read_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model.inertias import LARGEST, Payload, checked_body, not_physical
-from diag_dynamics.model.joint_types import SINGLE
-from diag_dynamics.model.tree import Tree
-from diag_dynamics.model.urdf import parse_urdf, read_urdf
-from diag_dynamics.rigid_body import RigidBody, symmetric
+from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.yaml_files import read_text, read_yaml, yaml_text
 
 NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding
@@ -55,27 +62,6 @@ _HEAD = """\
 _END = "# End of file. Number of joints: {}\n"
 
 
-class FlexibleJoint(NamedTuple):
-    """Spring and rotor of a joint in the reduced model, in which a rotor has the energy of its own spin alone.
-
-    With the motor's position θ = θ_motor/N and the link's q the spring torque is τ_J = k(θ − q) + d(θ̇ − q̇), and
-    B = N²J_rotor. Joint states carry the position of the "motor" (θ) or the "link" (q), and the effort of the "motor"
-    (N τ_motor) or of the "spring" (τ_J).
-    """
-
-    stiffness: float  # k [N m/rad, N/m]
-    rotor_inertia: float  # J_rotor, at the motor [kg m²]
-    damping: float = 0.0  # d [N m s/rad, N s/m]
-    gear: float = 1.0  # N [1, prismatic: rad/m]
-    position: str = "motor"
-    effort: str = "motor"
-
-    @property
-    def reflected_inertia(self) -> float:
-        """B [kg m², kg]."""
-        return self.gear**2 * self.rotor_inertia
-
-
 class JointParameters(NamedTuple):
     """Numbers of a joint of one degree of freedom; None leaves what the model has.
 
@@ -97,18 +83,6 @@ class JointParameters(NamedTuple):
     def known(self) -> dict[str, float]:
         """The numbers that are not None, by name."""
         return {name: float(value) for name, value in self._asdict().items() if value is not None}
-
-
-class Coupling(NamedTuple):
-    """Motor that turns several joints: its rate by that of each joint, its damping and its Coulomb friction at that rate.
-
-    `joints` maps names to ratios, 1 for the joint that the coupling is named after. Friction [N m s/rad, N m] acts on each of
-    the joints times its ratio, beside friction of the joints themselves.
-    """
-
-    joints: Mapping[str, float]
-    damping: float = 0.0
-    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -256,7 +230,7 @@ class Parameters:
         }
         for link, payload in later.payloads.items():
             payloads[link] = (
-                _union(_rigid(payloads[link]), payload, link) if link in payloads else payload
+                _union(payloads[link].body, payload, link) if link in payloads else payload
             )
         velocity = (
             self.friction_velocity if later.friction_velocity is None else later.friction_velocity
@@ -343,99 +317,71 @@ def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
     return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
 
 
-def flexible_joints(
-    tree: Tree, given: Mapping[str, FlexibleJoint], armature: Mapping[str, float]
-) -> dict[str, Any]:
-    """Return the flexible joints that are degrees of freedom, in their order; InputError names joints that cannot be."""
-    types = {joint.name: joint.type for joint in tree.robot.joints}
-    for name in given:
-        reason = f"is no joint of robot '{tree.robot.name}', expected one of {listed(list(types))}"
-        if name in types:
-            reason = (
-                "" if types[name] in SINGLE else f"is {types[name]}, expected one degree of freedom"
+def with_parameters(description: Description, parameters: Parameters) -> Description:
+    """Return a description with parameters; a spring takes the place of the joint's armature."""
+    _reject_unknown("joint", parameters.joints, description.joints, description.name)
+    bodies = *parameters.links, *parameters.payloads
+    _reject_unknown("link", bodies, description.links, description.name)
+    joints, links = dict(description.joints), dict(description.links)
+    for name, spring in parameters.flexible_joints.items():
+        _reject_inflexible(name, description)
+        joints[name] = joints[name]._replace(spring=spring, armature=0.0)
+    for name, entry in parameters.joints.items():
+        if joints[name].type not in SINGLE:
+            raise InputError(
+                f"parameters: joint '{name}' is {joints[name].type}, expected one degree of freedom."
             )
-        if not reason and name not in (*tree.dof_names, *tree.locked):
-            reason = "follows other joints, expected a degree of freedom"
-        if armature.get(name):
-            reason = (
-                f"has armature {armature[name]:g}, expected none. Set its rotor_inertia and gear"
+        joints[name] = Joint(**{**joints[name]._asdict(), **entry.known})
+    for name, body in parameters.links.items():
+        links[name] = _link(name, body)
+    for name, payload in parameters.payloads.items():
+        inertial = links[name].inertial
+        if payload.mass != 0.0:
+            links[name] = _link(
+                name, payload if inertial is None else _union(inertial.body, payload, name)
             )
-        if reason:
-            raise InputError(f"flexible_joints: '{name}' {reason}.")
-    return {name: given[name] for name in tree.dof_names if name in given}
+    velocity = parameters.friction_velocity
+    return description._replace(
+        joints=joints,
+        links=links,
+        couplings={**description.couplings, **parameters.couplings},
+        motor_efforts=description.motor_efforts or parameters.motor_efforts,
+        friction_velocity=description.friction_velocity if velocity is None else velocity,
+    )
 
 
-def apply_parameters(robot: Any, parameters: Parameters) -> Any:
-    """Return the robot of a URDF with these damping and friction of joints, and inertias and payloads of links."""
-    _reject_unknown("joint", parameters.joints, robot.joints, robot.name)
-    _reject_unknown("link", (*parameters.links, *parameters.payloads), robot.links, robot.name)
-    robot = copy.copy(robot)
-    robot.joints = [
-        _with_resistance(joint, parameters.joints.get(joint.name)) for joint in robot.joints
-    ]
-    robot.links = [_with_bodies(link, parameters) for link in robot.links]
-    return robot
+def _reject_unknown(
+    kind: str, names: Iterable[str], elements: Mapping[str, object], robot: str
+) -> None:
+    for name in names:
+        if name not in elements:
+            raise InputError(
+                f"parameters: '{name}' is not a {kind} of robot '{robot}'. "
+                f"Its {kind}s are {listed(list(elements))}."
+            )
 
 
-def _reject_unknown(what: str, given: Iterable[str], elements: Iterable[Any], robot: str) -> None:
-    known = [element.name for element in elements]
-    for name in given:
-        if name not in known:
-            text = f"parameters: '{name}' is not a {what} of robot '{robot}'. Its {what}s are {listed(known)}."
-            raise InputError(text)
-
-
-def _with_resistance(joint: Any, given: JointParameters | None) -> Any:
-    if given is None:
-        return joint
-    if joint.type not in SINGLE:
+def _reject_inflexible(name: str, description: Description) -> None:
+    """Reject a spring at what is no joint of one degree of freedom."""
+    if name not in description.joints:
         raise InputError(
-            f"parameters: joint '{joint.name}' is {joint.type}, expected one degree of freedom."
+            f"flexible_joints: '{name}' is no joint of robot '{description.name}', "
+            f"expected one of {listed(list(description.joints))}."
         )
-    joint, own = copy.copy(joint), joint.dynamics
-    names = ("damping", "friction")
-    joint.dynamics = SimpleNamespace(
-        **{name: given.known.get(name, getattr(own, name, None)) for name in names}
-    )
-    return joint
+    kind = description.joints[name].type
+    if kind not in SINGLE:
+        raise InputError(f"flexible_joints: '{name}' is {kind}, expected one degree of freedom.")
 
 
-def _with_bodies(link: Any, parameters: Parameters) -> Any:
-    """Return the link with its inertia of the parameters, and with a payload as part of its inertia."""
-    if link.name in parameters.links:
-        link = _with_inertia(link, parameters.links[link.name])
-    payload = parameters.payloads.get(link.name)
-    if payload is None or payload.mass == 0.0:
-        return link
-    return _with_inertia(
-        link, payload if link.inertial is None else _union(_body_of(link), payload, link.name)
-    )
-
-
-def _with_inertia(link: Any, given: Payload) -> Any:
-    link, place = copy.copy(link), np.eye(4)
-    place[:3, 3] = np.asarray(given.com, float)
-    link.inertial = SimpleNamespace(
-        mass=given.mass, inertia=np.array(given.inertia, float), origin=place
-    )
-    return link
+def _link(name: str, body: Payload) -> Link:
+    """Return a link with this inertia."""
+    placement = np.eye(4)
+    placement[:3, 3] = np.asarray(body.com, float)
+    return Link(name, Inertial(body.mass, placement, np.array(body.inertia, float)))
 
 
 def _plain(body: Payload) -> dict[str, Any]:
     return {key: np.asarray(value, float).tolist() for key, value in body._asdict().items()}
-
-
-def _rigid(payload: Payload) -> RigidBody:
-    return RigidBody(
-        payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float)
-    )
-
-
-def _body_of(link: Any) -> RigidBody:
-    """Return the inertia of a link in its own axes."""
-    own = link.inertial
-    place = np.eye(4) if own.origin is None else own.origin
-    return RigidBody(own.mass, place[:3, 3], place[:3, :3] @ own.inertia @ place[:3, :3].T)
 
 
 def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
@@ -445,56 +391,28 @@ def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
             f"parameters: the payload of {payload.mass:g} kg leaves link '{link}' without mass, and so without a centre. "
             f"To remove it, give links: {link}: {{mass: 0}}."
         )
-    both = RigidBody.union(body, _rigid(payload))
+    both = RigidBody.union(body, payload.body)
     return Payload(both.mass, both.centre, both.inertia)
 
 
-def reject_too_light(tree: Tree, parameters: Parameters) -> None:
-    """Reject payloads that take more mass off a link than moves with it."""
-    bodies, _ = tree.records({}, {})
-    of_link = {link.name: body for link, body, _ in tree.links}
-    for name in parameters.lighter_links:
-        body = bodies[of_link[name]]
-        mass, reason = float(body["mass"]), None
-        if mass > 0.0:
-            whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
-            reason = not_physical(whole.inertia, mass)
-        if mass <= 0.0 or reason:
-            text = (
-                f"parameters: a payload of negative mass is on link '{name}', which leaves {mass:.3g} kg {reason or ''}: "
-                "more is taken off than moves with that link."
-            )
-            locked = parameters.origin.get("locked_joints")
-            if (
-                isinstance(locked, Mapping) and locked
-            ):  # links behind these joints moved with theirs
-                listed_joints = ", ".join(
-                    f"{joint}={position}" for joint, position in locked.items()
-                )
-                text += f" It was identified with locked_joints {listed_joints}."
-            raise InputError(text)
-
-
-def perturbed_links(robot: Any, part: float, rng: np.random.Generator) -> dict[str, Payload]:
-    """Return inertias of links with random errors, see :meth:`RobotModel.perturbed`."""
-    links = {}
-    for link in robot.links:
+def perturbed(description: Description, part: float, rng: np.random.Generator) -> Description:
+    """Return a description with random errors of inertias, see :meth:`RobotModel.perturbed`."""
+    links = dict(description.links)
+    for name, link in links.items():
         if link.inertial is None or not link.inertial.mass:
             continue
-        own = _body_of(link)
-        moments = (
-            0.5 * np.trace(own.inertia) * np.eye(3) - own.inertia
-        )  # second moments: inertia is trace less matrix
+        body = link.inertial.body
+        # second moments: inertia is their trace less their matrix
+        moments = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
         heavier = 1.0 + part * rng.uniform(-1.0, 1.0)
-        radius = np.sqrt(max(np.trace(moments), 0.0) / own.mass)
-        centre = own.centre + part * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
+        radius = np.sqrt(max(np.trace(moments), 0.0) / body.mass)
+        centre = body.centre + part * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
         random = rng.uniform(-1.0, 1.0, (3, 3))
         stretch = np.eye(3) + 0.25 * part * (random + random.T)
         moments = heavier * stretch @ moments @ stretch
-        links[link.name] = Payload(
-            heavier * own.mass, centre, np.trace(moments) * np.eye(3) - moments
-        )
-    return links
+        inertia = np.trace(moments) * np.eye(3) - moments
+        links[name] = _link(name, Payload(heavier * body.mass, centre, inertia))
+    return description._replace(links=links)
 
 
 # --- A URDF written anew with parameters; all else in the file stays, comments too
@@ -543,8 +461,8 @@ def _insert_first(parent: Any, element: Any) -> None:
 def urdf_with(text: str, parameters: Parameters) -> str:
     """Return a URDF's text with inertias, payloads, damping and friction; it has no place for armature and offsets."""
     element = parse_urdf(text, comments=True)
-    robot, _ = read_urdf(element)
-    inertials = {link.name: link.inertial for link in apply_parameters(robot, parameters).links}
+    description, _ = read_urdf(element)
+    links = with_parameters(description, parameters).links
     origin = [
         str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)
     ]
@@ -554,8 +472,11 @@ def urdf_with(text: str, parameters: Parameters) -> str:
         payload = parameters.payloads.get(name)
         if name in parameters.links or (payload is not None and payload.mass):
             etree.strip_elements(link, "inertial", with_tail=False)
-            own = inertials[name]
-            insert_inertia(link, source, own.mass, own.origin[:3, 3], np.asarray(own.inertia))
+            inertial = links[name].inertial
+            if inertial is not None:
+                insert_inertia(
+                    link, source, inertial.mass, inertial.placement[:3, 3], inertial.inertia
+                )
     for joint in element.findall("joint"):
         given = parameters.joints.get(joint.get("name"), JointParameters()).known
         if numbers := {

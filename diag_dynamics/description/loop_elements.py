@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics import rotations
+from diag_dynamics.description.elements import floats, numbers_of, placement_of, short
+from diag_dynamics.description.records import Curve, Loop, LoopEnd
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model.loops import Curve, Loop, LoopEnd
-from diag_dynamics.model.origins import floats, numbers_of, placement_of, short
 
 TYPES = {
     "spherical": "point",

@@ -15,11 +15,11 @@ from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import positive
+from diag_dynamics.description.elements import LARGEST, floats, placement_of
+from diag_dynamics.description.meshes import Meshes
+from diag_dynamics.description.parameters import insert_inertia
+from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import InputError, UrdfError
-from diag_dynamics.model.meshes import Meshes
-from diag_dynamics.model.origins import LARGEST, floats, placement_of
-from diag_dynamics.model.parameters import insert_inertia
-from diag_dynamics.model.urdf import parse_urdf
 from diag_dynamics.rigid_body import RigidBody
 
 KINDS = {  # shapes that are known, and how many numbers each attribute has

@@ -15,21 +15,8 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics import rotations
+from diag_dynamics.description.parameters import numbers_text, set_inertia
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
-from diag_dynamics.model.loading import load_urdf
-from diag_dynamics.model.parameters import numbers_text, read_parameters, set_inertia
-from diag_dynamics.model.remarks import warn
-from diag_dynamics.model.robot import RobotModel
-
-OPTIONS = (
-    "gravity",
-    "floating_base",
-    "armature",
-    "estimate_inertias",
-)  # of load_urdf, which an MJCF has itself
-
-NEAR_SINGULAR = np.sin(np.radians(10.0))
-"""Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
 
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
 # the version
@@ -54,75 +41,6 @@ class Described(NamedTuple):
     def is_mjcf(self) -> bool:
         """Whether it was an MJCF."""
         return bool(self.options)
-
-
-def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
-    """Build a model from an MJCF; `mujoco` has to be installed.
-
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for
-    gravity, floating_base, armature and estimate_inertias, which the file has.
-
-    Joints that an equality couples are mimic joints; one without joint2 locks its joint at
-    polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
-    loops. A ball joint is three hinges at one point about x, y and z of its body, ``NAME_x``,
-    ``NAME_y`` and ``NAME_z``; at ±90° of the second they are singular.
-
-    Names are the file's, or ``body<number>`` and ``joint<number>``. A single free body is a
-    floating base. Degrees of freedom are in the order of :class:`RobotModel`, which need not be
-    MuJoCo's. Forward and inverse dynamics omit some forces, such as those of springs: a
-    ModelWarning names them, and `RobotModel.omitted` has them.
-
-    Raises
-    ------
-    UrdfError
-        MuJoCo rejects the file.
-    UnsupportedError
-        The file has what changes M, C, ν or K and cannot be modelled: equalities other than that of
-        a joint, connect or weld, or armature of a ball or free joint, a tendon, or an actuator
-        elsewhere than at a hinge or slide.
-
-    Warns
-    -----
-    ModelWarning
-        Forces are omitted, or the start is within 10° of the singularity of a ball joint's hinges.
-    """
-    for name in OPTIONS:
-        if name in options:
-            raise InputError(
-                f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
-            )
-    return loaded(read_mjcf(source), **options)
-
-
-def loaded(described: Described, **options: Any) -> RobotModel:
-    """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
-
-    Parameters beside the file, `armature` and `locked_joints` replace values of joints that they
-    name.
-    """
-    armature = dict(described.options.get("armature", {}))
-    if (beside := options.get("parameters")) is not None:
-        armature |= read_parameters(beside).by_joint("armature")
-    armature |= options.get("armature") or {}
-    locked = described.options.get("locked_joints", {}) | (options.get("locked_joints") or {})
-    by_joint = {"armature": armature, "locked_joints": locked}
-    model = load_urdf(described.text, **{**described.options, **options, **by_joint})
-    start = dict(zip(model.coordinate_names, model.start, strict=True))
-    if model.followers:
-        followers = model.followers_at(model.start)
-        start |= dict(zip(followers.names, followers.position, strict=True))
-    for name in described.balls:
-        if (angle := start.get(f"{name}_y")) is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
-            warn(
-                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
-                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
-                "its body in the file.",
-                stacklevel=4,
-            )
-    if described.omitted:
-        text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
-        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
-    return model.with_omitted(described.omitted)
 
 
 def is_mjcf(source: object) -> bool:

@@ -9,11 +9,11 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from diag_dynamics.description.checks import Remark
+from diag_dynamics.description.elements import floats, local_name, short
+from diag_dynamics.description.inertias import LARGEST
+from diag_dynamics.description.records import SINGLE
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.model.inertias import LARGEST
-from diag_dynamics.model.joint_types import SINGLE
-from diag_dynamics.model.origins import floats, local_name, short
-from diag_dynamics.model.remarks import Remark
 
 # Names without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>,
 # <drake:gear_ratio>
@@ -24,20 +24,15 @@ ACTUATORS = ("actuator", "leftActuator", "rightActuator")
 JOINTS = ("joint", "flexJoint", "rollJoint")
 
 
-def driven_joints(robot: Any) -> tuple[str, ...]:
+def driven_joints(robot: Any) -> frozenset[str]:
     """Return the joints of transmissions, and those of ros2_control with a command interface."""
-    joints = [
-        joint
-        for one in robot.iter("transmission")
-        for joint in one.iterchildren()
-        if local_name(joint) in JOINTS
-    ]
-    joints += [
-        joint
-        for joint in robot.findall("ros2_control/joint")
-        if joint.find("command_interface") is not None
-    ]
-    return tuple(sorted({joint.get("name") or "" for joint in joints}))
+    joints = []
+    for transmission in robot.iter("transmission"):
+        joints += [child for child in transmission.iterchildren() if local_name(child) in JOINTS]
+    for joint in robot.findall("ros2_control/joint"):
+        if joint.find("command_interface") is not None:
+            joints.append(joint)
+    return frozenset(joint.get("name") or "" for joint in joints)
 
 
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:

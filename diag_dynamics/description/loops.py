@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Closed loops and non-linear mimic joints in a file beside a description."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diag_dynamics.arrays import Array
+from diag_dynamics.checks import array_of, choice, listed, mapping, number, numbers, unit
+from diag_dynamics.description.records import LOOP_TYPES, Curve, Description, Loop, LoopEnd
+from diag_dynamics.exceptions import InputError
+from diag_dynamics.yaml_files import read_yaml
+
+COUPLINGS = "loops", "mimics", "flexible_links"
+"""Keys of a file."""
+
+
+def with_couplings(description: Description, source: Any) -> Description:
+    """Return a description with loops and non-linear mimic joints of a YAML file or its content; a list has loops alone.
+
+    Loops of a source replace those of the robot's own file, and take from one of the same name the
+    fields that they lack.
+    """
+    if source is None:
+        return description
+    name = "loops"
+    if isinstance(source, str | os.PathLike):
+        name, source = os.fspath(source), read_yaml(source, os.fspath(source))
+    if not isinstance(source, Mapping):
+        source = {"loops": source}
+    mapping(name, source, COUPLINGS)
+    entries = source.get("loops", description.loops) or ()
+    if isinstance(entries, str | Mapping) or not isinstance(entries, Sequence):
+        raise InputError(f"{name}: loops is {entries!r}, expected a list.")
+    in_file = {loop.name: loop._asdict() for loop in description.loops}
+    loops = tuple(_loop(name, k, entry, in_file) for k, entry in enumerate(entries))
+    for loop_name, count in Counter(loop.name for loop in loops).items():
+        if count > 1:
+            raise InputError(f"{name}: two loops have the name '{loop_name}'.")
+    curves = dict(description.curves)
+    for joint, entry in mapping(f"{name}: mimics", source.get("mimics") or {}).items():
+        is_curve = isinstance(entry, Curve)
+        curves[joint] = entry if is_curve else _curve(f"{name}: mimics of '{joint}'", entry)
+    return description._replace(loops=loops, curves=curves)
+
+
+def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop:
+    given = mapping(f"{source}: loop {number_}", given)
+    given = own.get(given.get("name"), {}) | dict(given)
+    where = f"{source}: loop '{given.get('name', number_)}'"
+    given = mapping(where, given, Loop._fields, ("a", "b"))
+    kind = given.get("type", "point")
+    choice(f"{where}: type", kind, LOOP_TYPES)
+    start = {
+        joint: number(f"{where}: start of '{joint}'", x, "a finite number [rad, m]")
+        for joint, x in mapping(f"{where}: start", given.get("start") or {}).items()
+    }
+    axis = unit(f"{where}: axis", given.get("axis", (0.0, 0.0, 1.0)))
+    independent = given.get("independent") or ()
+    independent = (independent,) if isinstance(independent, str) else independent
+    if not isinstance(independent, list | tuple):
+        raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
+    ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
+    return Loop(
+        str(given.get("name", number_)),
+        *ends,
+        kind,
+        tuple(axis.tolist()),
+        tuple(map(str, independent)),
+        start,
+    )
+
+
+def _end(where: str, given: Any) -> LoopEnd:
+    if isinstance(given, str):
+        return LoopEnd(given)
+    given = mapping(where, given, LoopEnd._fields, ["link"])
+    vectors = (
+        numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers")
+        for key in ("xyz", "rpy")
+    )
+    return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
+
+
+def _curve(where: str, given: Any) -> Curve:
+    given = mapping(where, given, ("source", "polynomial", "table"), ["source"])
+    source, expected = (
+        str(given["source"]),
+        "two rows or more of the source's position, ascending, and the joint's",
+    )
+    if ("polynomial" in given) == ("table" in given):
+        raise InputError(
+            f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table."
+        )
+    if "polynomial" in given:
+        values = array_of(given["polynomial"])
+        count, expected = (
+            1 if values is None else max(1, values.size),
+            "coefficients, the constant first",
+        )
+        return Curve(
+            source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
+        )
+    table = array_of(given["table"])
+    is_table = table is not None and table.ndim == 2 and table.shape[1] == 2 and len(table) > 1
+    if not is_table or not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0.0).all():
+        raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
+    return Curve(source, _spline(*table.T))
+
+
+def _spline(x: Array, y: Array) -> Array:
+    """Return the pieces of the natural cubic spline through points, straight outside of them."""
+    h, slope = np.diff(x), np.diff(y) / np.diff(x)
+    A, right = np.eye(len(x)), np.zeros(len(x))
+    for k in range(1, len(x) - 1):
+        A[k, k - 1 : k + 2] = h[k - 1], 2.0 * (h[k - 1] + h[k]), h[k]
+        right[k] = 6.0 * (slope[k] - slope[k - 1])
+    bend = np.linalg.solve(A, right)  # second derivatives at the points
+    first = slope - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
+    inside = np.column_stack([x[:-1], y[:-1], first, bend[:-1] / 2.0, np.diff(bend) / (6.0 * h)])
+    last = slope[-1] + h[-1] * (bend[-2] + 2.0 * bend[-1]) / 6.0
+    return np.vstack([[x[0], y[0], first[0], 0, 0], inside, [x[-1], y[-1], last, 0, 0]])

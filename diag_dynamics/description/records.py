@@ -1,0 +1,238 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Description of a robot as records: links, joints and loops, whatever file they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.rigid_body import RigidBody
+from diag_dynamics.rotations import from_rpy
+
+SINGLE = "revolute", "continuous", "prismatic"
+"""Types of joints of one degree of freedom."""
+
+JOINT_TYPES = (*SINGLE, "fixed", "floating", "planar")
+
+FRICTION_VELOCITY = 5e-3
+"""Default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
+
+LOOP_TYPES = {"point": 1, "revolute": 2, "weld": 3}
+"""Pairs of points that coincide, by the type of a loop."""
+
+
+class Payload(NamedTuple):
+    """A rigid body attached to a link, in the link's axes.
+
+    `mass` [kg]; `com`, shape (3,), the centre of mass from the link's origin [m]; `inertia`, shape
+    (3, 3), about the centre of mass [kg m²], that of a point by default.
+    """
+
+    mass: float
+    com: VectorLike = (0.0, 0.0, 0.0)
+    inertia: MatrixLike = ((0.0,) * 3,) * 3
+
+    @property
+    def body(self) -> RigidBody:
+        """The same as a :class:`RigidBody`."""
+        return RigidBody(self.mass, np.asarray(self.com, float), np.asarray(self.inertia, float))
+
+
+class FlexibleJoint(NamedTuple):
+    """Spring and rotor of a joint in the reduced model, in which a rotor has the energy of its own spin alone.
+
+    With the motor's position θ = θ_motor/N and the link's q the spring torque is τ_J = k(θ − q) +
+    d(θ̇ − q̇), and B = N²J_rotor. Joint states carry the position of the "motor" (θ) or the "link"
+    (q), and the effort of the "motor" (N τ_motor) or of the "spring" (τ_J).
+    """
+
+    stiffness: float  # k [N m/rad, N/m]
+    rotor_inertia: float  # J_rotor, at the motor [kg m²]
+    damping: float = 0.0  # d [N m s/rad, N s/m]
+    gear: float = 1.0  # N [1, prismatic: rad/m]
+    position: str = "motor"
+    effort: str = "motor"
+
+    @property
+    def reflected_inertia(self) -> float:
+        """B [kg m², kg]."""
+        return self.gear**2 * self.rotor_inertia
+
+
+class Coupling(NamedTuple):
+    """Motor that turns several joints: its rate by that of each joint, its damping and Coulomb friction.
+
+    `joints` maps names to ratios, 1 for the joint that the coupling is named after. Friction [N m
+    s/rad, N m] at the motor's rate acts on each of the joints times its ratio, beside friction of
+    the joints themselves.
+    """
+
+    joints: Mapping[str, float]
+    damping: float = 0.0
+    friction: float = 0.0
+
+
+class Mimic(NamedTuple):
+    """Coupling of a joint to another one: position = multiplier · leader's position + offset.
+
+    The multiplier is in [rad/rad, or as the joints are, m/rad, rad/m], the offset in [rad, m]. The
+    leader in a model's `mimics` is independent.
+    """
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+class Curve(NamedTuple):
+    """A joint whose position is a function of that of another one, as pieces of a polynomial.
+
+    A row of `pieces` has the source's position where a piece begins, and coefficients of the
+    distance from there, the constant first. `argument` and `result` are factor and offset of the
+    source's position and of the polynomial.
+    """
+
+    source: str
+    pieces: Array
+    argument: tuple[float, float] = (1.0, 0.0)
+    result: tuple[float, float] = (1.0, 0.0)
+
+    def __call__(self, x: float) -> float:
+        """Return the position at a position of the source."""
+        argument = self.argument[0] * x + self.argument[1]
+        row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], argument, "right")) - 1)]
+        polynomial = np.polynomial.Polynomial(row[1:])
+        return float(self.result[0] * polynomial(argument - row[0]) + self.result[1])
+
+
+class LoopEnd(NamedTuple):
+    """A frame on a link where a loop is closed: position [m] and roll, pitch, yaw [rad] in the link's frame."""
+
+    link: str
+    xyz: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    @property
+    def placement(self) -> Array:
+        """The frame (4, 4) in the link."""
+        result = np.eye(4)
+        result[:3, :3], result[:3, 3] = from_rpy(*self.rpy), self.xyz
+        return result
+
+
+class Loop(NamedTuple):
+    """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
+
+    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of
+    freedom, chosen if it is empty. `start` has positions [rad, m] near those in which loops are
+    first closed, by joint: they choose the branch. Those of all loops of a robot count for each of
+    its loops.
+    """
+
+    name: str
+    a: LoopEnd
+    b: LoopEnd
+    type: str = "point"
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    independent: tuple[str, ...] = ()
+    start: Mapping[str, float] = {}  # never changed
+
+    @property
+    def points(self) -> list[tuple[Array, Array]]:
+        """Pairs of points that coincide, each in the frame of its link."""
+        axis = np.asarray(self.axis) / np.linalg.norm(self.axis)
+        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        offsets = [np.zeros(3), axis, across][: LOOP_TYPES[self.type]]
+        a, b = self.a.placement, self.b.placement
+        return [(a[:3, 3] + a[:3, :3] @ x, b[:3, 3] + b[:3, :3] @ x) for x in offsets]
+
+
+class Inertial(NamedTuple):
+    """Mass [kg], axes of the inertia in the link (4, 4), and inertia (3, 3) about their origin [kg m²]."""
+
+    mass: float
+    placement: Array
+    inertia: Array
+
+    @property
+    def body(self) -> RigidBody:
+        """The same in the axes of the link."""
+        return RigidBody(self.mass, np.zeros(3), self.inertia).moved(self.placement)
+
+
+class Link(NamedTuple):
+    """A link, with the mass and inertia that its file states."""
+
+    name: str
+    inertial: Inertial | None = None
+
+
+class Joint(NamedTuple):
+    """A joint: what its file, parameters beside the file, and arguments state, merged in this order.
+
+    Numbers of a joint of one degree of freedom are by its own rate and effort; those from
+    `effort_offset` on, and `armature`, stand in no URDF.
+    """
+
+    name: str
+    type: str  # of JOINT_TYPES
+    parent: str  # link
+    child: str  # link
+    origin: Array  # (4, 4) placement in the parent link
+    axis: Array  # (3,) in the joint's frame, of any length
+    lower: float = -np.inf  # position limits [rad, m]
+    upper: float = np.inf
+    velocity: float = np.inf  # limit [rad/s, m/s]
+    effort: float = np.inf  # limit [N m, N]
+    mimic: Mimic | None = None
+    damping: float = 0.0  # [N m s/rad, N s/m]
+    friction: float = 0.0  # Coulomb [N m, N]
+    armature: float = 0.0  # reflected rotor inertia [kg m², kg]
+    effort_offset: float = 0.0  # effort that is measured where none acts [N m, N]
+    load_friction: float = 0.0  # Coulomb friction by the torque of gravity [1]
+    root_friction: float = 0.0  # friction by √|q̇| [N m √(s/rad), N √(s/m)]
+    effort_scale: float | None = None  # effort by reported unit [N m, N], NaN if it is unknown
+    spring: FlexibleJoint | None = None
+
+    @property
+    def reflected_inertia(self) -> float:
+        """Inertia of rotors that the joint's effort moves [kg m², kg]."""
+        if self.spring is not None and self.spring.effort == "motor":
+            return self.spring.reflected_inertia
+        return self.armature
+
+
+class Description(NamedTuple):
+    """A robot: a tree of links and joints by name in the file's order, and loops that close in it.
+
+    `driven` are joints with an actuator. An MJCF states `floating_base`, `gravity` [m/s²] and
+    positions of `locked` joints [rad, m] too; `omitted` has its forces that no model has, `balls`
+    its ball joints, each of three hinges. `estimated_links` have an inertia estimated from
+    geometry. `couplings`, `motor_efforts` and `friction_velocity` are those of :class:`Parameters`.
+    """
+
+    name: str
+    root: str  # link
+    links: Mapping[str, Link]
+    joints: Mapping[str, Joint]
+    loops: tuple[Loop, ...] = ()
+    curves: Mapping[str, Curve] = {}  # non-linear mimic joints
+    driven: frozenset[str] = frozenset()
+    floating_base: bool | None = None
+    gravity: Array | None = None
+    locked: Mapping[str, float] = {}
+    omitted: tuple[str, ...] = ()
+    balls: tuple[str, ...] = ()
+    estimated_links: tuple[str, ...] = ()
+    couplings: Mapping[str, Coupling] = {}
+    motor_efforts: bool = False
+    friction_velocity: float = FRICTION_VELOCITY
+
+    def with_joints(self, *joints: Joint) -> Description:
+        """Return this description with these joints in place of those of the same names."""
+        return self._replace(joints={**self.joints, **{joint.name: joint for joint in joints}})
