@@ -14,7 +14,6 @@ from diag_dynamics.checks import positive, vector
 from diag_dynamics.control.laws import Command, actuated
 from diag_dynamics.control.references import nearest
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps import classical
 
 RESERVE = 0.1
 """Fraction of the capacity that is left to the work which an effort does because it is held for a cycle."""
@@ -56,11 +55,9 @@ class EnergyTank:
             positive("rate", rate, "[1/s]"),
         )
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
-        self._workspace = model.new_workspace()
-        self._gravity = model.gravity if gravity else np.zeros(3)
+        self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
-        dynamics.compile("tau_from_epsilon", "forward_dynamics")
-        classical.first_moment.compile()
+        dynamics.compile("tau_from_epsilon", "forward_dynamics", "potential_energy")
         self.fill()
 
     def fill(self) -> None:
@@ -84,9 +81,7 @@ class EnergyTank:
 
     def _potential(self, q: Array) -> float:
         """Return U [J]."""
-        moment = np.zeros(3)
-        classical.first_moment(self._workspace.robot, q, moment)
-        return -float(self._gravity @ moment)
+        return float(self.dynamics.potential_energy(q)) if self._gravity else 0.0
 
     def filter(
         self,

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from functools import cached_property, partial
 from typing import Any, NamedTuple, NoReturn
@@ -37,6 +38,7 @@ from diag_dynamics.sweeps import (
     joints,
     kinematics,
     mobilities,
+    regressors,
 )
 from diag_dynamics.sweeps import workspace as ws
 
@@ -49,13 +51,14 @@ class VectorSweep(NamedTuple):
     gravity: tuple[float, ...] = ()
     """Factor of gravity, an argument of inverse dynamics alone."""
     vectors: int = 1
-    """Vectors in the result, one after another."""
+    """Vectors in the result, one after another; 0 if it is a point in space."""
 
 
 FORWARD_DYNAMICS = VectorSweep(classical.forward_dynamics, batch.FORWARD)
 INVERSE_DYNAMICS = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (1.0,))
 WITHOUT_GRAVITY = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (0.0,))
 MOMENTUM = VectorSweep(classical.momentum, batch.MOMENTUM, vectors=2)
+FIRST_MOMENT = VectorSweep(classical.first_moment, batch.FIRST_MOMENT, vectors=0)
 NU_FROM_QD = VectorSweep(factorization.nu_from_qd, batch.NU_FROM_QD)
 QD_FROM_NU = VectorSweep(factorization.qd_from_nu, batch.QD_FROM_NU)
 EPSILON_FROM_TAU = VectorSweep(factorization.epsilon_from_tau, batch.EPSILON_FROM_TAU)
@@ -84,9 +87,9 @@ class SweepCaller:
 
     def vector(self, sweep: VectorSweep, at: States, problem: str = "") -> Array:
         """Return the vector of a sweep; `problem` is its error, by default that of an argument."""
-        result, vectors = self._empty(at, sweep.vectors * self.nv), at.vectors.values()
+        result, vectors = self._empty(at, sweep.vectors * self.nv or 3), at.vectors.values()
         if at.threads:
-            A, B = (*vectors, self._zeros)[:2]
+            A, B = (*vectors, self._zeros, self._zeros)[:2]
             inputs = sweep.number, at.q, A, B, sum(sweep.gravity)
             single = partial(self.vector, sweep, problem=problem)
             self._call_many(batch.sweep_each, inputs, (result,), at, single)
@@ -172,6 +175,24 @@ class SweepCaller:
             classical.mass_matrix, batch.mass_matrix_each, (at.q,), (M,), at, self.mass_matrix
         )
         return M
+
+    def factors(self, at: States) -> tuple[Array, Array]:
+        """Return m, ℓ and the unit factor, shape (3, …, nv, nv), and D."""
+        nv, D = self.nv, self._empty(at, self.nv)
+        factors = self._empty(at, 3, nv, nv)
+        blocks = factors.reshape(3 * math.prod(D.shape[:-1]), nv, nv)
+        kernels = factorization.factors, batch.factors_each
+        self._call(*kernels, (at.q,), (blocks, D), at, self.factors)
+        return np.moveaxis(factors, -3, 0), D
+
+    def regressor(self, at: States) -> Array:
+        """Return Y of the parameters of all links."""
+        frames = self.link_frames
+        Y = self._empty(at, self.nv, regressors.PARAMETERS * len(frames))
+        inputs = at.q, *at.vectors.values(), frames
+        kernels = regressors.regressor, batch.regressor_each
+        self._call(*kernels, inputs, (Y,), at, self.regressor)
+        return Y
 
     def derivative(self, sweep: Callable[..., int], at: States, scratch: int = 0) -> Array:
         """Return the vector of a sweep along q̇."""

@@ -14,17 +14,20 @@ from diag_dynamics.sweeps import (
     factorization,
     kinematics,
     mobilities,
+    regressors,
 )
 
 METHODS = {
     evaluation.evaluate: "evaluate",
     evaluation.link_energies: "evaluate",
-    factorization.factors: "factors",
+    factorization.factors: "factors inverse_mass_matrix",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics coriolis_torque gravity_torque",
     classical.momentum: "momentum",
     classical.effort_of_wrenches: "evaluate forward_dynamics inverse_dynamics",
     classical.mass_matrix: "mass_matrix",
+    classical.first_moment: "center_of_mass potential_energy",
+    regressors.regressor: "regressor",
     factorization.nu_from_qd: "nu_from_qd impact",
     factorization.qd_from_nu: "qd_from_nu impact",
     factorization.epsilon_from_tau: "epsilon_from_tau evaluate",
@@ -50,9 +53,11 @@ METHODS = {
 ROWS = {
     batch.evaluate_many: "evaluate",
     batch.mass_matrix_each: "mass_matrix",
+    batch.factors_each: "factors inverse_mass_matrix",
+    batch.regressor_each: "regressor",
     batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
     batch.sweep_each: "evaluate forward_dynamics inverse_dynamics coriolis_torque gravity_torque "
-    "momentum nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
+    "momentum center_of_mass potential_energy nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
     external.touched_link_each: "touched_link",
     contacts.contacts_each: "contact",
 }

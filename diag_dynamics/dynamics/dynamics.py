@@ -166,18 +166,18 @@ class DiagonalDynamics:
 
     # --- Joint space
 
-    def factors(self, q: VectorLike) -> Factors:
+    def factors(self, q: StatesLike, *, threads: int | None = None) -> Factors:
         """Return the factors m, ℓ, the unit factor and D of M(q) as :class:`Factors`."""
         nv, status = self._nv, ws.BAD_LENGTH
         factors, D = np.empty((3, nv, nv)), np.empty(nv)
         try:
-            if are_vectors(q, q, q):
+            # are_vectors has excluded mappings, which mypy does not infer.
+            if are_vectors(q, q, q) and q.ndim == 1:  # type: ignore[union-attr]
                 status = factorization.factors.run(self._robot, q, factors, D)
         except TypeError:  # as in evaluate
             pass
         if status:
-            at = self._arguments.one(q)
-            self._caller.check(factorization.factors(self._robot, at.q, factors, D), at)
+            factors, D = self._caller.factors(self._arguments.states(q, threads))
         factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         D.setflags(False)  # type: ignore[call-arg]  # as in evaluate
         # Half of the time that Factors(…) takes.
@@ -253,6 +253,11 @@ class DiagonalDynamics:
         """Return M(q) [kg m², kg, mixed kg m], shape (nv, nv), including armature."""
         return self._caller.mass_matrix(self._arguments.states(q, threads))
 
+    def inverse_mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:
+        """Return M⁻¹ = ℓᵀℓ [1/(kg m²), 1/kg, mixed 1/(kg m)], shape (nv, nv), without forming M."""
+        inverse = self.factors(q, threads=threads).l
+        return np.swapaxes(inverse, -1, -2) @ inverse
+
     def coriolis_torque(
         self, q: StatesLike, qd: StatesLike, *, threads: int | None = None
     ) -> Array:
@@ -267,6 +272,44 @@ class DiagonalDynamics:
         """Return g(q) [N m, N], shape (nv,): the effort that balances gravity at rest."""
         at = self._arguments.states(q, threads, qd=self._zero, qdd=self._zero)
         return self._caller.vector(calls.INVERSE_DYNAMICS, at)
+
+    def potential_energy(self, q: StatesLike, *, threads: int | None = None) -> Any:
+        """Return U = −g·Σ m_i c_i [J] of all links in the field of gravity; of rows an array (T,).
+
+        It is zero where the centre of mass is level with the world's origin, and g(q) is its
+        gradient. Springs are no part of it.
+        """
+        energy = -self._first_moment(q, threads) @ self.model.gravity
+        return energy if energy.ndim else float(energy)
+
+    def center_of_mass(self, q: StatesLike, *, threads: int | None = None) -> Array:
+        """Return Σ m_i c_i/Σ m_i [m], shape (3,), of all links in the world's axes.
+
+        A fixed root link counts, too. Raises InputError if no link has mass.
+        """
+        moment, mass = self._first_moment(q, threads), self.model.total_mass
+        if mass == 0.0:
+            raise InputError(
+                f"total_mass of robot '{self.model.name}' is 0; expected a link with mass. "
+                "Add its inertial element."
+            )
+        return moment / mass
+
+    def _first_moment(self, q: StatesLike, threads: int | None) -> Array:
+        """Return Σ m_i c_i [kg m]."""
+        return self._caller.vector(calls.FIRST_MOMENT, self._arguments.states(q, threads))
+
+    def regressor(
+        self, q: StatesLike, qd: StatesLike, qdd: StatesLike, *, threads: int | None = None
+    ) -> Array:
+        """Return Y of M q̈ + c + g = Y π, shape (nv, 10·links), π the inertial parameters of links.
+
+        Each link of ``model.link_names`` has ten columns, in Pinocchio's order: m [kg], m c (three)
+        [kg m], I_xx, I_xy, I_yy, I_xz, I_yz, I_zz [kg m²]. The centre of mass c and the inertia
+        about the link's origin are in the link's axes. Rotor inertia, which adds
+        ``model.armature * qdd`` to joints without followers, and friction are apart.
+        """
+        return self._caller.regressor(self._arguments.states(q, threads, qd=qd, qdd=qdd))
 
     def momentum(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Momentum:
         """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`, in O(N) without M.

@@ -10,20 +10,11 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import instance, numbers, vector
+from diag_dynamics.checks import instance, vector
 from diag_dynamics.dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import places
 from diag_dynamics.results import Evaluation
-from diag_dynamics.sweeps import classical
-
-
-def potential_energy(model: RobotModel, q: VectorLike) -> float:
-    """Return the energy of the robot in the field of gravity [J], −g·Σ m_i c_i in the world's axes; q of shape (nq,)."""
-    workspace, moment = model.new_workspace(), np.zeros(3)
-    q = numbers("q", q, (model.nq,), f"{model.nq} finite numbers")
-    classical.first_moment(workspace.robot, q, moment)
-    return -float(model.gravity @ moment)
 
 
 class FlexibleEvaluation(NamedTuple):
@@ -130,7 +121,7 @@ class FlexibleDynamics:
             spring_torque=torque,
             motor_energy=0.5 * nu**2,
             spring_energy=0.5 * self.stiffness * stretch**2,
-            gravity_energy=potential_energy(self.model, q),
+            gravity_energy=self.link.potential_energy(q),
             kinetic_power=float(s.power or 0.0) + float(nu @ epsilon),
             spring_power=self.stiffness * stretch * rate,
             loss=self.damping * rate**2,

@@ -7,8 +7,8 @@ import numpy as np
 
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import jackknife
-from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.optional import require
+from diag_dynamics.sweeps.regressors import PARAMETERS
 
 SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
 STATES, REACH, RATES = (

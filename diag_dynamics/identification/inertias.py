@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from diag_dynamics.identification.regressors import PARAMETERS
 from diag_dynamics.rigid_body import parallel_axes
+from diag_dynamics.sweeps.regressors import PARAMETERS
 
 TRIANGLE = np.tril_indices(3)  # Ixx, Ixy, Iyy, Ixz, Iyz, Izz: the order of the parameters
 SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of these in the 3x3 inertia

@@ -16,10 +16,9 @@ from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
-from diag_dynamics.sweeps.regressors import coefficients, propagate_motions
+from diag_dynamics.sweeps.regressors import PARAMETERS, coefficients, propagate_motions
 from diag_dynamics.sweeps.workspace import clear, opened
 
-PARAMETERS = 10  # of a body's inertia
 OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(
     6
 )  # unknowns of a degree of freedom beside inertias

@@ -22,8 +22,7 @@ from diag_dynamics.simulation.simulation import (
     CompliantLimits,
     EnergyAudit,
     Simulation,
-    potential_energy,
     rest_position,
 )
 
-__all__ = ["CompliantLimits", "EnergyAudit", "Simulation", "potential_energy", "rest_position"]
+__all__ = ["CompliantLimits", "EnergyAudit", "Simulation", "rest_position"]

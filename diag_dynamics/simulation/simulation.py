@@ -15,7 +15,7 @@ from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
 from diag_dynamics.checks import in_order, number, per_name, vector
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
-from diag_dynamics.dynamics.flexible import FlexibleDynamics, potential_energy
+from diag_dynamics.dynamics.flexible import FlexibleDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.flexible_links import bending_energy, warn_of_slopes
@@ -487,7 +487,8 @@ class Simulation:
     @property
     def potential_energy(self) -> float:
         """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
-        return potential_energy(self.model, self._memory["q"])
+        energy: float = self.dynamics.potential_energy(self._memory["q"])
+        return energy
 
     @property
     def elastic_energy(self) -> float:
@@ -506,7 +507,7 @@ class Simulation:
         elastic = stiffness[leaning] @ depth[leaning] ** 2 + 2.0 * self._bending_energy(q)
         elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
         kinetic = nu @ nu + flexible.rotor_inertia @ thetad**2
-        return np.array([0.5 * kinetic, potential_energy(self.model, q), 0.5 * elastic])
+        return np.array([0.5 * kinetic, self.dynamics.potential_energy(q), 0.5 * elastic])
 
     def _bending_energy(self, q):
         """Return the strain energy of flexible links beyond that of linear springs [J]."""

@@ -14,7 +14,15 @@ there.
 """
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.sweeps import classical, evaluation, factorization, groups, joints, records
+from diag_dynamics.sweeps import (
+    classical,
+    evaluation,
+    factorization,
+    groups,
+    joints,
+    records,
+    regressors,
+)
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.records import N_RESULTS, WIDTH, lane_of
@@ -321,7 +329,8 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
 
 # --- Other sweeps ---
 
-FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON, MOMENTUM = range(7)
+FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(6)
+MOMENTUM, FIRST_MOMENT = 6, 7
 """Sweeps of :func:`sweep_each`."""
 
 
@@ -351,9 +360,39 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
             status = factorization.epsilon_from_tau(robot, q, a, result)
         elif which == MOMENTUM:
             status = classical.momentum(robot, q, a, result)
+        elif which == FIRST_MOMENT:
+            status = classical.first_moment(robot, q, result)
         else:
             status = factorization.tau_from_epsilon(robot, q, a, result)
         if status != 0:
+            return t
+    return end
+
+
+@nk.entry_kernel(
+    nk.ROBOT, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nk.FILLED_MATRIX, nogil=True
+)
+def factors_each(robot, Q, begin, end, factors, D):
+    """Fill the factors of states `begin` to `end`: m, ℓ and the unit factor of one after another."""
+    for t in range(begin, end):
+        if factorization.factors(robot, Q[t], factors[3 * t : 3 * t + 3], D[t]) != 0:
+            return t
+    return end
+
+
+@nk.entry_kernel(
+    nk.ROBOT,
+    *[nk.MATRIX] * 3,
+    regressors.FRAMES,
+    nk.COUNT,
+    nk.COUNT,
+    nk.FILLED_STATES,
+    nogil=True,
+)
+def regressor_each(robot, Q, QD, QDD, frames, begin, end, Y):
+    """Fill the regressors of states `begin` to `end`."""
+    for t in range(begin, end):
+        if regressors.regressor(robot, Q[t], QD[t], QDD[t], frames, Y[t]) != 0:
             return t
     return end
 

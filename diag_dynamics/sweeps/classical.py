@@ -239,7 +239,11 @@ def mass_matrix(robot, q, M):
 def first_moment(robot, q, moment):
     """Σ m_i c_i of all bodies in the world's axes [kg m]."""
     bodies, _, work, _ = ws.opened(robot)
-    joints.update_placements(bodies, q, work)
+    if not joints.are_positions(bodies, q):
+        return -1
+    status = joints.update_placements(bodies, q, work)
+    if status != 0:
+        return status
     total = sp.ZERO
     for i in range(len(bodies)):
         X, h = joints.pose(bodies, i, 0, work), records.vector_of(bodies[i].first_moment)
@@ -247,3 +251,4 @@ def first_moment(robot, q, moment):
             total, sp.add(sp.apply(X.rotation, h), sp.scale(X.translation, bodies[i].mass))
         )
     records.set_vector(moment, 0, total)
+    return 0 if joints.are_finite(moment) else -1

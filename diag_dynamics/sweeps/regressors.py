@@ -11,10 +11,14 @@ the columns Y_p of momentum, Y_∂ of ∂K/∂q and Y_g of gravity, parameters �
 import math
 
 from diag_dynamics.numerics import kernel as nk
+from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.mobilities import FRAMES
+
+PARAMETERS = 10
+"""Parameters of a body."""
 
 LOAD = 4
 """Parameters of a load: m and mc. Its inertia is that of a point."""
@@ -43,6 +47,40 @@ def propagate_motions(bodies, last, gravity, q, qd, work):
             w.acceleration, sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
         )
     return status
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, FRAMES, nk.FILLED_MATRIX)
+def regressor(robot, q, qd, qdd, frames, Y):
+    """Fill Y of the parameters of the links with these frames: Sᵀ(I A + V ×* I V), A less gravity.
+
+    The second term is (S × V)ᵀI V. A walk from each frame to the base has all S that move it.
+    """
+    bodies, gravity, work, _ = ws.opened(robot)
+    if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
+        return -1
+    status = joints.couple_with_rates(q, qd, work)
+    if status != 0:
+        return status
+    joints.set_base_at_rest(work)
+    joints.set_base_acceleration(gravity, 1.0, work)
+    for i in range(1, len(bodies)):
+        joints.update_motion(bodies, i, q, qd, qdd, work)
+    ws.clear(flat(Y))
+    for link in range(len(frames)):
+        frame, i = frames[link], frames[link].body
+        R, p = records.matrix_of(frame.rotation), records.vector_of(frame.translation)
+        V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
+        A = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
+        while i > 0:
+            S = sp.motion_along(bodies[i].direction, work[i].multiplier)
+            S = sp.motion_to_child(sp.Placement(R, p), S)
+            inertial, centrifugal = coefficients(S, A), coefficients(sp.cross_motion(S, V), V)
+            for j in range(PARAMETERS):
+                Y[bodies[i].dof, PARAMETERS * link + j] += inertial[j] + centrifugal[j]
+            X = records.placement_of(work[i])
+            R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+            i = bodies[i].parent
+    return 0 if joints.are_finite(flat(Y)) else -1
 
 
 @nk.kernel

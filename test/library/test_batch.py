@@ -99,6 +99,11 @@ METHODS = {
         q, v, t, **forces(d, t, "world"), **o
     ),
     "mass_matrix": lambda d, q, v, t, **o: d.mass_matrix(q, **o),
+    "inverse_mass_matrix": lambda d, q, v, t, **o: d.inverse_mass_matrix(q, **o),
+    "factors": lambda d, q, v, t, **o: d.factors(q, **o).m,
+    "potential_energy": lambda d, q, v, t, **o: d.potential_energy(q, **o),
+    "center_of_mass": lambda d, q, v, t, **o: d.center_of_mass(q, **o),
+    "regressor": lambda d, q, v, t, **o: d.regressor(q, v, v, **o),
     "coriolis_torque": lambda d, q, v, t, **o: d.coriolis_torque(q, v, **o),
     "gravity_torque": lambda d, q, v, t, **o: d.gravity_torque(q, **o),
     "friction_torque": lambda d, q, v, t, **o: d.friction_torque(v, **o),
@@ -252,6 +257,8 @@ WRONG = {
         lambda d: d.coriolis_torque(STATE, NAN),
         "state 0: qd of joint 'elbow'",
     ),
+    "first moment": (lambda d: d.potential_energy(NAN), "state 0: q of joint 'elbow' is nan"),
+    "accelerations": (lambda d: d.regressor(STATE, STATE, NAN), "state 0: qdd of joint 'elbow'"),
     "rates of friction": (lambda d: d.friction_torque(NAN), "state 0: qd of joint 'elbow'"),
     "inverse dynamics": (
         lambda d: d.inverse_dynamics(STATE, NAN, STATE),

@@ -124,6 +124,8 @@ WRONG = [
     (lambda d: d.factors(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.mass_matrix(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.gravity_torque(NAN), "q of joint 'elbow' is nan"),
+    (lambda d: d.potential_energy(NAN), "q of joint 'elbow' is nan"),
+    (lambda d: d.regressor(Z, Z, NAN), "qdd of joint 'elbow' is nan"),
     (lambda d: d.coriolis_torque(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.momentum(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.nu_from_qd(Z, NAN), "qd of joint 'elbow' is nan"),
@@ -161,6 +163,13 @@ def test_wrong_arguments(two, call, key):
     assert two.evaluate([0.1, 0.2], [0.3, 0.4]).kinetic_energy > 0.0
 
 
+def test_robot_without_mass_has_no_centre():
+    moved = joint("j", "revolute", "a", "b")
+    model = dd.load_urdf(description("r", link("a"), link("b"), moved), armature={"j": 0.1})
+    with pytest.raises(dd.InputError, match="total_mass of robot 'r' is 0"):
+        dd.DiagonalDynamics(model).center_of_mass([0.0])
+
+
 def test_mass_along_an_axis_is_infinite():
     """What moves along the axis of a joint is rounding alone."""
     axis, body = (
@@ -183,7 +192,7 @@ def test_methods_are_compiled_by_the_names_of_their_functions(two):
             assert entry.__name__ in compilation.METHODS[entry].split()
     for table in (compilation.METHODS, compilation.ROWS):
         assert all(hasattr(two, name) for name in " ".join(table.values()).split())
-    with pytest.raises(dd.InputError, match="'evaluation' is none of contact, coriolis_bracket"):
+    with pytest.raises(dd.InputError, match="'evaluation' is none of center_of_mass, contact"):
         two.compile("evaluation")
 
 

@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 import diag_dynamics as dd
 from diag_dynamics.model import loops as reader
 from diag_dynamics.model.followers import FollowerMotion
-from diag_dynamics.simulation.simulation import potential_energy
 from diag_dynamics.yaml_files import read_yaml
+from oracles import link_regressor
 from point_masses import PointMasses, polynomial
 from robots import description, joint, link
 
@@ -289,6 +289,14 @@ def test_pinocchio(name):
         settings = pin.ProximalSettings(1e-13, 1e-8, 200)
         a = pin.constraintDynamics(model, data, x, v, forces, models, memories, settings)
         expected = np.array([a[names.index(j)] for j in it.model.dof_names])
+        turned = np.array([G[j] for j in names])
+        Y = turned.T @ link_regressor(model, model.createData(), (x, v, a), it.model.link_names)
+        actual = it.dynamics.regressor(q, qd, expected)
+        assert np.abs(actual - Y).max() <= 1e-9 * np.abs(Y).max()
+        energy = pin.computePotentialEnergy(model, data, x)
+        fixed = model.inertias[0]
+        energy -= fixed.mass * model.gravity.linear @ fixed.lever
+        assert it.dynamics.potential_energy(q) == pytest.approx(energy, rel=1e-11, abs=1e-11)
         assert (
             np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()
             <= 1e-11 * np.abs(expected).max()
@@ -345,7 +353,7 @@ def test_energy():
         return np.concatenate([x[2:], dynamics.forward_dynamics(x[:2], x[2:], tau)])
 
     def energy(x):
-        return dynamics.evaluate(x[:2], x[2:]).kinetic_energy + potential_energy(model, x[:2])
+        return dynamics.evaluate(x[:2], x[2:]).kinetic_energy + dynamics.potential_energy(x[:2])
 
     before = energy(x)
     for _ in range(30_000):

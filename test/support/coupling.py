@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from oracles import COORDINATES, EARTH, ROOT, Oracle, State
 from robots import Robot, all_robots, description, joint, link, robot
@@ -392,9 +391,17 @@ class Coupled:
         return self.G.T @ self.full.effort_of(self.q_full(q), wrenches, frame)
 
     def potential_energy(self, q: np.ndarray) -> float:
-        """Return the energy in the field of gravity, up to a constant."""
-        full = self.full
-        return pin.computePotentialEnergy(full.model, full.data, full.configuration(self.q_full(q)))
+        """Return the energy in the field of gravity."""
+        return self.full.potential_energy(self.q_full(q))
+
+    def center_of_mass(self, q: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return mass and centre of mass of all bodies."""
+        return self.full.center_of_mass(self.q_full(q))
+
+    def regressor(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, links) -> np.ndarray:
+        """Return Gᵀ Y_full of the parameters of links."""
+        arguments = self.q_full(q), self.G @ qd, self.G @ qdd
+        return self.G.T @ self.full.regressor(*arguments, links)
 
     def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
         """Return the energy per URDF link with its payload; a joint's armature counts for the link it moves."""

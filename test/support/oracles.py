@@ -312,6 +312,24 @@ class Oracle:
             tau += J.T @ np.asarray(wrench, dtype=float)
         return self.from_pin(tau)
 
+    def center_of_mass(self, q: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return mass and centre of mass of all bodies; Pinocchio leaves out the body of the world."""
+        com = pin.centerOfMass(self.model, self.data, self.configuration(q))
+        fixed = self.model.inertias[0]
+        mass = self.mass + fixed.mass
+        return mass, (self.mass * com + fixed.mass * fixed.lever) / mass
+
+    def potential_energy(self, q: np.ndarray) -> float:
+        """Return the energy in the field of gravity; Pinocchio leaves out the body of the world."""
+        energy = pin.computePotentialEnergy(self.model, self.data, self.configuration(q))
+        fixed = self.model.inertias[0]
+        return energy - fixed.mass * self.model.gravity.linear @ fixed.lever
+
+    def regressor(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, links) -> np.ndarray:
+        """Return the regressor of the parameters of links."""
+        arguments = self.configuration(q), self.to_pin(qd), self.to_pin(qdd)
+        return link_regressor(self.model, self.data, arguments, links)[self._order]
+
     # --- energy, link by link
 
     def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
@@ -333,6 +351,28 @@ class Oracle:
         """Return the URDF link that dof k moves."""
         joint = next(j for j in self.xml.findall("joint") if j.get("name") == self.dof_names[k])
         return joint.find("child").get("link")
+
+
+def link_regressor(model, data, arguments, links) -> np.ndarray:
+    """Return Pinocchio's regressor at (q, q̇, q̈) by parameters of links, from that of its joints' bodies."""
+    by_body = pin.computeJointTorqueRegressor(model, data, *arguments)
+    by_body = by_body.reshape(model.nv, -1)  # a vector if there is one joint
+    by_body = np.hstack([np.zeros((model.nv, 10)), by_body])  # of the world
+    blocks = []
+    for link in links:
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+
+        def in_body(parameters, placement=frame.placement):
+            """Return parameters of a body in the axes of its joint; linear, but the mass may not be 0."""
+            inertia = pin.Inertia.FromDynamicParameters(parameters)
+            return placement.act(inertia).toDynamicParameters()
+
+        unit = np.eye(10)
+        columns = [in_body(unit[0])]
+        columns += [in_body(unit[0] + axis) - columns[0] for axis in unit[1:]]
+        body = frame.parentJoint
+        blocks.append(by_body[:, 10 * body : 10 * body + 10] @ np.transpose(columns))
+    return np.hstack(blocks)
 
 
 class State:
