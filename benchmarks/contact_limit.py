@@ -118,7 +118,7 @@ class Motions:
                 elif kind == "limits":
                     command = asked._replace(tau=limits.filter(q, qd, asked, PERIOD).effort)
                 times.append(time.perf_counter() - begun)
-                usages.append(self.dyn.contact(q, qd, self.points).usage.max())
+                usages.append(self.dyn.contact_limits(q, qd, self.points).usage.max())
                 errors.append(asked.error)
                 changes.append(command.tau - asked.tau)
                 plant.advance(command.tau)

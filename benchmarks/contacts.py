@@ -50,8 +50,8 @@ def measure(name, rounds):
         {
             "evaluate": partial(dyn.evaluate, q, qd, qd),
             "mobilities": partial(dyn.mobilities, q),
-            "frames": partial(dyn.contact, q, qd, frames),
-            "hulls": partial(dyn.contact, q, qd, hulls),
+            "frames": partial(dyn.contact_limits, q, qd, frames),
+            "hulls": partial(dyn.contact_limits, q, qd, hulls),
         },
         rounds,
     )

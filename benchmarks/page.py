@@ -132,7 +132,7 @@ class Tab:
         self._stream = Stream(address, robot="/arm", hz=HZ, link=link, timeout=30.0).__enter__()
         self._stream.next(HEARTBEAT)
         if contact:
-            self._stream.next(FRAME, lambda frame: frame["contact_worst"] >= 0.0)
+            self._stream.next(FRAME, lambda frame: frame["contact_limits_worst"] >= 0.0)
         self._thread = threading.Thread(target=self._read, daemon=True)
         self._thread.start()
 
@@ -184,7 +184,7 @@ def measure(case, seconds, rounds, folder):
         limits = Path(folder) / "limits.yaml"
         limits.write_text(f"geometry: meshes\n{LIMITS}", encoding="utf-8")
         observed |= {
-            "contact.limits_file": limits,
+            "contact_limits.file": limits,
             "robot_description": find_urdf(robot),
         }
     simulator = started(

@@ -21,9 +21,9 @@ _NAMES = {
     "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
     "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
-    "contact.geometry": "link_geometry",
-    "contact.points": "BodyRegion ContactLimits ContactPoint ContactPoints",
-    "contact.results": "Contact Impact",
+    "collision.link_geometry": "link_geometry",
+    "collision.contact_points": "BodyRegion ContactLimits ContactPoint ContactPoints",
+    "collision.predicted_contact": "Impact PredictedContact",
     "simulation": "CompliantLimits EnergyAudit Simulation",
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
@@ -48,15 +48,15 @@ _MODULES = ("plot",)  # public modules
 if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics import plot as plot
     from diag_dynamics.collision.calibration import Calibration as Calibration
+    from diag_dynamics.collision.contact_points import BodyRegion as BodyRegion
+    from diag_dynamics.collision.contact_points import ContactLimits as ContactLimits
+    from diag_dynamics.collision.contact_points import ContactPoint as ContactPoint
+    from diag_dynamics.collision.contact_points import ContactPoints as ContactPoints
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
-    from diag_dynamics.contact.geometry import link_geometry as link_geometry
-    from diag_dynamics.contact.points import BodyRegion as BodyRegion
-    from diag_dynamics.contact.points import ContactLimits as ContactLimits
-    from diag_dynamics.contact.points import ContactPoint as ContactPoint
-    from diag_dynamics.contact.points import ContactPoints as ContactPoints
-    from diag_dynamics.contact.results import Contact as Contact
-    from diag_dynamics.contact.results import Impact as Impact
+    from diag_dynamics.collision.link_geometry import link_geometry as link_geometry
+    from diag_dynamics.collision.predicted_contact import Impact as Impact
+    from diag_dynamics.collision.predicted_contact import PredictedContact as PredictedContact
     from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
     from diag_dynamics.control.filters import Limits as Limits
     from diag_dynamics.control.laws import GravityCompensation as GravityCompensation

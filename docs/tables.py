@@ -39,7 +39,7 @@ GROUPS = {
         "alarm.joints": "Collision detection",
         "external_wrench.frames": "External wrench",
         "reaction.service": "Reaction to a collision",
-        "contact.limits_file": "Predicted contact",
+        "contact_limits.file": "Predicted contact",
         "publish_inverse_factor": "Published messages",
     },
     "simulator": {
@@ -56,7 +56,7 @@ GROUPS = {
         "command_joints": "Commands",
         "initial_mode": "Control laws",
         "limit_margin": "Position and energy limits",
-        "contact.limits_file": "Contact limits",
+        "contact_limits.file": "Contact limits",
         "observer_gain": "Observer and effort limits",
         "max_state_age": "Timeouts and status",
     },
@@ -228,7 +228,7 @@ INTERFACES = {
             OUT,
             "/diagnostics",
             "diagnostic_msgs/DiagnosticArray",
-            "inputs, model, numerical health, energy, external torque, contact: once a second, and immediately on a "
+            "inputs, model, numerical health, energy, external torque, contact limits: once a second, and immediately on a "
             "threshold, a collision or an exceeded contact limit",
         ),
         Interface(
@@ -355,7 +355,7 @@ INTERFACES = {
             "contact_scale",
             "std_msgs/Float64",
             "fraction from 0 to 1 of the allowed contact speeds, for speed and separation monitoring",
-            "contact.limits_file or contact.energy_limit",
+            "contact_limits.file or contact_limits.energy",
         ),
         CLOCK,
         Interface(
@@ -410,7 +410,12 @@ INTERFACES = {
         Interface(
             IN, "diag_dynamics/external_torque", "ExternalTorque", "of every monitor on the graph"
         ),
-        Interface(IN, "diag_dynamics/contact", "Contact", "of every monitor with contact limits"),
+        Interface(
+            IN,
+            "diag_dynamics/contact_limits",
+            "ContactLimits",
+            "of every monitor with contact limits",
+        ),
         Interface(IN, "diag_dynamics/load", "Load", "of every monitor with load.link"),
         Interface(
             IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"

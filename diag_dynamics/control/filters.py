@@ -12,7 +12,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import not_negative, vector
-from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.control.effort_rate import EffortRate
 from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.control.limits import (

@@ -16,8 +16,8 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
 from diag_dynamics.checks import instance, number, per_name, positive, vector
-from diag_dynamics.contact.points import ContactPoints
-from diag_dynamics.contact.results import Contact
+from diag_dynamics.collision.contact_points import ContactPoints
+from diag_dynamics.collision.predicted_contact import PredictedContact
 from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -212,7 +212,7 @@ class PositionRepulsion:
 class ContactSeen(NamedTuple):
     """Contact at a state, by its worst entry: that with the largest fraction of its allowed speed."""
 
-    contact: Contact
+    contact: PredictedContact
     worst: int  # the entry; -1 if nothing moves
     energy: float  # its transferable energy [J]
     limit: float  # its limit [J]: the energy at the allowed speed, scaled; inf at rest or without a limit
@@ -248,7 +248,7 @@ class ContactLimiter:
         if not points.limited.any():
             raise InputError("points have no limit: there is nothing to bound.")
         dynamics.compile(
-            "contact", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon"
+            "contact_limits", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon"
         )
         dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
         kinematics.integrate.compile()
@@ -264,7 +264,7 @@ class ContactLimiter:
 
     def look(self, q: VectorLike, qd: VectorLike) -> ContactSeen:
         """Return the contact at a state, and store it in `seen`."""
-        contact = self.dynamics.contact(q, qd, self.points)
+        contact = self.dynamics.contact_limits(q, qd, self.points)
         usage = contact.usage
         k = int(np.argmax(usage))
         self.seen = ContactSeen(contact, -1, 0.0, math.inf, "")
@@ -310,16 +310,16 @@ class ContactLimiter:
     def _slowed(self, q: Array, qd: Array, allowed: Array) -> Array:
         """Return rates at which no entry exceeds its allowed B."""
         for _ in range(PASSES):
-            contact = self.dynamics.contact(q, qd, self.points)
+            contact = self.dynamics.contact_limits(q, qd, self.points)
             fraction = _fraction(contact.usage**2, allowed)
             k = int(np.argmin(fraction))
             if fraction[k] >= 1.0:
                 return qd
             qd = qd - self._impulse(q, qd, contact, k) * (1.0 - fraction[k])
-        contact = self.dynamics.contact(q, qd, self.points)
+        contact = self.dynamics.contact_limits(q, qd, self.points)
         return qd * min(1.0, float(_fraction(contact.usage**2, allowed).min()))
 
-    def _impulse(self, q: Array, qd: Array, contact: Contact, k: int) -> Array:
+    def _impulse(self, q: Array, qd: Array, contact: PredictedContact, k: int) -> Array:
         """Return M⁻¹JᵀΛv, the change of rates by an impulse that stops the worst point of an entry."""
         dynamics, link, point = (
             self.dynamics,

@@ -110,7 +110,7 @@ class ControlLoop:
         self.limits = _limits(dynamics, values, compensated, points)
         self._max_period = values["max_state_age"]
         self._scale_timeout, self._scale = (
-            values["contact.scale_timeout"],
+            values["contact_limits.scale_timeout"],
             None,
         )  # scale, and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
@@ -272,7 +272,7 @@ class ControlLoop:
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
         if self.limits.contact is None:
             raise InputError(
-                "contact_scale is set, but there are no contact limits. Set contact.limits_file."
+                "contact_scale is set, but there are no contact limits. Set contact_limits.file."
             )
         self._scale = (
             number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0),

@@ -14,8 +14,8 @@ import numpy as np
 
 from diag_dynamics import checks, results, threads
 from diag_dynamics.arrays import Array, Frame, PointLike
-from diag_dynamics.contact.points import ContactPoint, ContactPoints
-from diag_dynamics.contact.results import Contact
+from diag_dynamics.collision.contact_points import ContactPoint, ContactPoints
+from diag_dynamics.collision.predicted_contact import PredictedContact
 from diag_dynamics.description.checks import warn
 from diag_dynamics.dynamics import external_wrench
 from diag_dynamics.dynamics.arguments import Loads, States
@@ -401,7 +401,9 @@ class SweepCaller:
         self._call(external.touched_link, external.touched_link_each, inputs, (rows,), at, single)
         return results.TouchedLink.of_rows(links, rows)
 
-    def contact(self, at: States, points: ContactPoints | Iterable[ContactPoint]) -> Contact:
+    def contact_limits(
+        self, at: States, points: ContactPoints | Iterable[ContactPoint]
+    ) -> PredictedContact:
         """Return contact quantities."""
         model = self.model
         points = points if isinstance(points, ContactPoints) else ContactPoints(model, points)
@@ -416,9 +418,9 @@ class SweepCaller:
             inputs,
             outputs,
             at,
-            partial(self.contact, points=points),
+            partial(self.contact_limits, points=points),
         )
-        return Contact(points, *outputs)
+        return PredictedContact(points, *outputs)
 
 
 def root_of_rate(qd: Array, v0: float) -> Array:

@@ -46,7 +46,7 @@ METHODS = {
     mobilities.mobilities: "mobilities",
     external.jacobians: "wrench",
     external.touched_link: "touched_link",
-    contacts.contacts: "contact",
+    contacts.contacts: "contact_limits",
 }
 """Methods by the function that they call for one state."""
 
@@ -59,7 +59,7 @@ ROWS = {
     batch.sweep_each: "evaluate forward_dynamics inverse_dynamics coriolis_torque gravity_torque "
     "momentum center_of_mass potential_energy nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
     external.touched_link_each: "touched_link",
-    contacts.contacts_each: "contact",
+    contacts.contacts_each: "contact_limits",
 }
 """Methods by the function that they call for rows of states."""
 

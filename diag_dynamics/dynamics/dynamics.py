@@ -21,8 +21,8 @@ from diag_dynamics.arrays import (
     VectorLike,
 )
 from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector
-from diag_dynamics.contact.points import ContactPoint, ContactPoints
-from diag_dynamics.contact.results import Contact, Impact, impact
+from diag_dynamics.collision.contact_points import ContactPoint, ContactPoints
+from diag_dynamics.collision.predicted_contact import Impact, PredictedContact, impact
 from diag_dynamics.dynamics import calls, external_wrench, noise
 from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
@@ -665,11 +665,11 @@ class DiagonalDynamics:
             found = self._tables[key] = make(self.model, covariance, *options)
         return found
 
-    # --- Contact. It is advisory: no result is safety-rated.
+    # --- Predicted contact. It is advisory: no result is safety-rated.
 
-    def contact(
+    def contact_limits(
         self, q: StatesLike, qd: StatesLike, points: Points, *, threads: int | None = None
-    ) -> Contact:
+    ) -> PredictedContact:
         """Return speed, reflected mass, energy, force and allowed speed of contact.
 
         A sweep of O(N), and for each point a walk to the base.
@@ -679,7 +679,7 @@ class DiagonalDynamics:
         enlarge the reflected mass, and the drive train between them and the link is stiffer than a
         human body.
         """
-        return self._caller.contact(self._arguments.states(q, threads, qd=qd), points)
+        return self._caller.contact_limits(self._arguments.states(q, threads, qd=qd), points)
 
     def impact(
         self,

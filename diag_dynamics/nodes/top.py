@@ -66,7 +66,11 @@ class Robot:
             return Text(text, "bold")
         collisions = zip(self._external.dof_names, self._external.joint_collision, strict=False)
         joints = ", ".join(name for name, collision in collisions if collision)
-        place = plain(joints or self._external.touched_link)
+        links = zip(
+            self._external.touched_link_probability, self._external.touched_links, strict=False
+        )
+        _, link = max(links, default=(0.0, ""))
+        place = plain(joints or link)
         return Text(f"{text}, ALARM collision {place}", "bold red")
 
     def table(self):

@@ -21,7 +21,7 @@ from diag_dynamics.description.catalog import read_source
 from diag_dynamics.description.checks import handle_warnings
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
+from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
@@ -84,10 +84,10 @@ VECTORS = (
 """Fields of a state's message, in the order of :class:`~diag_dynamics.page.frames.States`."""
 
 CONTACT_VECTORS = {
-    "contact_speed": "speed",
-    "contact_mass": "reflected_mass",
-    "contact_energy": "transferable_energy",
-    "contact_allowed": "allowed_speed",
+    "contact_limits_speed": "speed",
+    "contact_limits_mass": "reflected_mass",
+    "contact_limits_energy": "transferable_energy",
+    "contact_limits_allowed": "allowed_speed",
 }
 """Fields of a frame, and those of the message that they are read from."""
 
@@ -153,7 +153,7 @@ class RobotSubscription:
         kinds = {
             "state": DiagonalizedState,
             "torque": ExternalTorque,
-            "contact": Contact,
+            "contact_limits": ContactLimits,
             "load": Load,
         }
         self._readers = {name: MessageReader(kind) for name, kind in kinds.items()}
@@ -226,11 +226,15 @@ class RobotSubscription:
         """Show statuses of this robot's nodes."""
         for status in statuses:
             if (
-                status.name == f"{self.monitor.lstrip('/')}: contact"
-                and "contact" not in self._subscriptions
+                status.name == f"{self.monitor.lstrip('/')}: contact limits"
+                and "contact_limits" not in self._subscriptions
             ):
                 # Without limits the monitor would compute contact for the page alone.
-                self._subscribe(Contact, "contact", lambda raw: self._newest.update(contact=raw))
+                self._subscribe(
+                    ContactLimits,
+                    "contact_limits",
+                    lambda raw: self._newest.update(contact_limits=raw),
+                )
             values = {value.key: value.value for value in status.values}
             about = {
                 "level": status.level[0],
@@ -421,7 +425,7 @@ class RobotSubscription:
                 raise InputError(f"{name} has {len(fields[name])} entries; expected {expected}")
         t = stamp_of(fields)
         torque, limits = self._read_torque(t, model)
-        points, contact = self._read_contact(t, model)
+        points, contact = self._read_contact_limits(t, model)
         states = States(
             np.array([t]),
             *(fields[name][None] if name in fields else np.nan for name in VECTORS),
@@ -451,12 +455,7 @@ class RobotSubscription:
         fields = reader.read(self._newest["torque"])
         if len(reader.message.dof_names) != model.nv:
             return {}, ()
-        joints = (
-            fields["torque_threshold"].tolist()
-            if "torque_threshold" in fields
-            else [np.inf] * model.nv
-        )
-        limits = (*joints, fields["torque_norm_threshold"].item(), fields["threshold"].item())
+        limits = tuple(fields["collision_threshold"].tolist())
         if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
             return {}, limits
         rows = {
@@ -464,12 +463,12 @@ class RobotSubscription:
         }
         return rows | {name: fields[name] for name in ("norm", "collision", "contact")}, limits
 
-    def _read_contact(self, t, model):
+    def _read_contact_limits(self, t, model):
         """Return name and link of each point of contact, and its fields at a time."""
-        if "contact" not in self._newest:
+        if "contact_limits" not in self._newest:
             return self._points, {}
-        reader = self._readers["contact"]
-        fields, message = reader.read(self._newest["contact"]), reader.message
+        reader = self._readers["contact_limits"]
+        fields, message = reader.read(self._newest["contact_limits"]), reader.message
         if not fields["valid"] or not set(message.link_names) <= set(model.link_names):
             return self._points, {}
         self._points = tuple(zip(message.point_names, message.link_names, strict=True))
@@ -481,8 +480,8 @@ class RobotSubscription:
         )
         rows = {field: fields[name][None] for field, name in CONTACT_VECTORS.items()}
         return self._points, rows | {
-            "contact_worst": fields["worst"],
-            "contact_position": position[None],
+            "contact_limits_worst": fields["worst"],
+            "contact_limits_position": position[None],
         }
 
     def _read_load(self, t, model):

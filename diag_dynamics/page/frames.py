@@ -46,13 +46,13 @@ class States(NamedTuple):
     receive_time: Any = False
     latency: Any = np.nan
     rate: Any = np.nan
-    contact_worst: Any = np.nan
-    """Index of the worst point, −1 for none; `contact_position` is that point's, in the root link's axes."""
-    contact_position: Any = np.nan
-    contact_speed: Any = np.nan
-    contact_mass: Any = np.nan
-    contact_energy: Any = np.nan
-    contact_allowed: Any = np.nan
+    contact_limits_worst: Any = np.nan
+    """Index of the worst point, −1 for none; `contact_limits_position` is that point's, in the root link's axes."""
+    contact_limits_position: Any = np.nan
+    contact_limits_speed: Any = np.nan
+    contact_limits_mass: Any = np.nan
+    contact_limits_energy: Any = np.nan
+    contact_limits_allowed: Any = np.nan
     contact: Any = False
     touched_link: Any = np.nan
     """Index of the touched link, −1 for none; NaN where it is unknown."""
@@ -69,16 +69,16 @@ class States(NamedTuple):
         rows = (np.nan if x is None else np.atleast_2d(x) for x in terms)
         return cls(np.atleast_1d(t), *rows, np.atleast_1d(s.kinetic_energy), **others)
 
-    def with_contact(self, contact):
-        """Return the states with the :class:`~diag_dynamics.contact.Contact` at them."""
+    def with_contact_limits(self, contact):
+        """Return the states with the :class:`~diag_dynamics.collision.predicted_contact.PredictedContact` at them."""
         position = contact.position[np.arange(len(self.t)), contact.worst]
         return self._replace(
-            contact_worst=contact.worst,
-            contact_position=np.where(contact.worst[:, None] < 0, np.nan, position),
-            contact_speed=contact.speed,
-            contact_mass=contact.reflected_mass,
-            contact_energy=contact.energy,
-            contact_allowed=contact.allowed_speed,
+            contact_limits_worst=contact.worst,
+            contact_limits_position=np.where(contact.worst[:, None] < 0, np.nan, position),
+            contact_limits_speed=contact.speed,
+            contact_limits_mass=contact.reflected_mass,
+            contact_limits_energy=contact.energy,
+            contact_limits_allowed=contact.allowed_speed,
         )
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.contact.results import simplified_mass
+from diag_dynamics.collision.predicted_contact import simplified_mass
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.model.followers import FollowerMotion
@@ -110,11 +110,11 @@ FIELDS = (
     ("", 1, "", "coriolis_work flags"),
     ("", 1, "s", "latency"),
     ("", 1, "1/s", "rate"),
-    ("contact", 1, "", "contact_worst"),
-    ("contact", 3, "m", "contact_position"),
-    ("points", 1, "m/s", "contact_speed contact_allowed"),
-    ("points", 1, "kg", "contact_mass"),
-    ("points", 1, "J", "contact_energy"),
+    ("contact_limits", 1, "", "contact_limits_worst"),
+    ("contact_limits", 3, "m", "contact_limits_position"),
+    ("points", 1, "m/s", "contact_limits_speed contact_limits_allowed"),
+    ("points", 1, "kg", "contact_limits_mass"),
+    ("points", 1, "J", "contact_limits_energy"),
     ("", 1, "", "touched_link touched_confidence touch_unobserved load_link"),
     ("", 3, "N", "touch_force"),
     ("", 6, "N", "touch_root"),
@@ -168,7 +168,7 @@ class Layout:
         }
         counts |= {
             "points": len(self.points),
-            "contact": min(1, len(self.points)),
+            "contact_limits": min(1, len(self.points)),
             "frames": len(self.frames),
         }
         rows = [
@@ -208,7 +208,11 @@ class Layout:
             "tree": tree_of(model),
             "scene": scene,
             "end_effector": end_effector_link(model),
-            "contact": {"points": points, "half": half_mass(model), "frames_only": frames_only},
+            "contact_limits": {
+                "points": points,
+                "half": half_mass(model),
+                "frames_only": frames_only,
+            },
         }
 
 

@@ -35,7 +35,7 @@ style-src 'unsafe-inline'; img-src data: blob:">
 EVERY, SLOW = 20, ("link_energy", *CHOSEN)
 """Fields that change slowly: at the full rate one state of so many has them."""
 
-LOGARITHMIC = ("coriolis_work", "contact_mass", "contact_allowed")
+LOGARITHMIC = ("coriolis_work", "contact_limits_mass", "contact_limits_allowed")
 """Fields of which the logarithms are packed."""
 
 FULL_RATE_LEVELS, OF_NOISE = 16_000, 1.0 / 3.0

@@ -6,8 +6,8 @@
 from diag_dynamics.control.loop import require_consistent
 from diag_dynamics.control.modes import MODES, TRACKING
 from diag_dynamics.entries import assignments
-from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
-from diag_dynamics.parameters.contact import limits_of
+from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
+from diag_dynamics.parameters.contact_limits import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, check_entries
 from diag_dynamics.parameters.spec import Spec, while_unconfigured
@@ -118,10 +118,10 @@ _WHILE_UNCONFIGURED = {
         0.0,
     ),
     **CONTACT,
-    "contact.energy_limit": Spec(
+    "contact_limits.energy": Spec(
         0.0, "Maximum transferable energy of all contact points [J]; 0: no limit.", 0.0
     ),
-    "contact.scale_timeout": Spec(
+    "contact_limits.scale_timeout": Spec(
         0.0,
         "Maximum age of contact_scale [s]; after it the allowed speeds are 0. 0: no timeout.",
         0.0,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from diag_dynamics.collision.contact_points import ContactLimits
 from diag_dynamics.collision.detector import (
     HOLD_OFF,
     NORM,
@@ -18,14 +19,13 @@ from diag_dynamics.collision.detector import (
     AlarmThresholds,
 )
 from diag_dynamics.collision.residuals import singular_joint
-from diag_dynamics.contact.points import ContactLimits
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.description.records import FRICTION_VELOCITY
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
-from diag_dynamics.parameters.contact import PARAMETERS as CONTACT
-from diag_dynamics.parameters.contact import limits_of
+from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
+from diag_dynamics.parameters.contact_limits import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
@@ -45,7 +45,7 @@ _RATE_LIMITS = {
     "external_wrench_estimates": 250.0,
     "mass_matrix_factors": 50.0,
     "joint_space_dynamics": 50.0,
-    "contact": 50.0,
+    "contact_limits": 50.0,
     "markers": 20.0,
     "load": 20.0,
 }
@@ -343,13 +343,13 @@ PARAMETERS = {
     **fixed(_DRIVER),
     **fixed(_REACTION),
     **CONTACT,
-    "contact.warn_at": Spec(
+    "contact_limits.warn_at": Spec(
         0.8,
         "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.",
         0.01,
         1.0,
     ),
-    "contact.release": Spec(
+    "contact_limits.release": Spec(
         0.9, "Hysteresis of contact warnings, as a fraction of their limit.", 0.01, 1.0
     ),
     "publish_inverse_factor": Spec(

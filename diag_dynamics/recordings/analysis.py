@@ -71,7 +71,7 @@ class ContactExposure:
         self._names, self._last, self._worst = points.names, None, []
 
     def add_states(self, stamps, contact):
-        """Add states: stamps [ns] and Contact."""
+        """Add states: stamps [ns] and PredictedContact."""
         since = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last) * 1e-9
         self._last = int(stamps[-1])
         interval = np.where((since > 0.0) & (since <= MAX_INTERVAL), since, 0.0)
@@ -155,7 +155,7 @@ class Analysis:
         contact = wanted.contact if wanted else None
         self._contact_detector = AlarmDetector(names, contact) if contact else None
         self.contacts = Alarms(self._contact_detector) if contact else None
-        points = reading.contact_points[0] if settings.contact is not None else None
+        points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
@@ -225,7 +225,7 @@ class Analysis:
         self.motion.add_states(states)
         if self.exposure:
             options = {"threads": self._threads}
-            contact = self._dynamics.contact(
+            contact = self._dynamics.contact_limits(
                 states.position, states.velocity, self._points, **options
             )
             self.exposure.add_states(states.stamp, contact)

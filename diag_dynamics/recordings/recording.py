@@ -18,7 +18,7 @@ from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
-from diag_dynamics.parameters.contact import contact_points
+from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
@@ -239,9 +239,9 @@ class Reading:
         """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
         if self.described is None:
             raise InputError(
-                "contact.limits_file requires the path or text of a URDF; the robot is a RobotModel."
+                "contact_limits.file requires the path or text of a URDF; the robot is a RobotModel."
             )
-        return contact_points(self.model, self.described, self.settings.contact)
+        return contact_points(self.model, self.described, self.settings.contact_limits)
 
     @property
     def offset(self):

@@ -79,7 +79,7 @@ def summarize(analysis):
         },
         "collisions": _entries(analysis.collisions, time),
         "contacts": _entries(analysis.contacts, time) if analysis.contacts else None,
-        "contact": analysis.exposure.summary(time) if analysis.exposure else None,
+        "contact_limits": analysis.exposure.summary(time) if analysis.exposure else None,
         "quality": quality,
         "warnings": [unmeasured, *warnings] if unmeasured else warnings,
         "findings": [one._asdict() for one in analysis.findings],
@@ -338,7 +338,7 @@ def _about_collisions(summary):
 
 
 def _about_contact(summary):
-    if not (contact := summary["contact"]):
+    if not (contact := summary["contact_limits"]):
         return
     yield f"Contact limits exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:

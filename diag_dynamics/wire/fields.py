@@ -3,7 +3,6 @@
 
 """Fields of the monitor's messages: about one state, or with a leading axis about many."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,42 +19,24 @@ QUANTITIES = {"total": "kinetic_energy", "power": "effort_power"}
 OF_EFFORT = "effort", "epsilon", "kappa", "power"
 """Fields that are empty or zero without effort."""
 
-LAST_LIMITS = "contact_torque_norm_threshold", "contact_threshold"
-"""Fields of the last two limits of a contact."""
 
-
-class CollisionThresholds(NamedTuple):
-    """Thresholds of external torque by joint, and the joints whose collision lasts.
+class Alarming(NamedTuple):
+    """Thresholds of collision and contact, and what exceeds them, of one state or of many.
 
     Attributes
     ----------
-    limits : ndarray, shape (nv + 2,)
-        Of an AlarmDetector: thresholds of the joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s].
+    collision_limits, contact_limits : ndarray, shape (nv + 2,)
+        Thresholds of joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s]; inf for none.
     joints : ndarray of bool, shape (nv,)
-        Which joints keep the alarm up.
+        Joints whose collision lasts.
+    contact : bool
+        Whether there is a contact.
     """
 
-    limits: np.ndarray
+    collision_limits: np.ndarray
+    contact_limits: np.ndarray
     joints: np.ndarray
-
-    def fields(self, valid):
-        """Fields of ExternalTorque, with a result or without."""
-        limits = self.limits.T  # a row for each state becomes a column
-        fields = {"torque_threshold": limits[:-2].T, "torque_norm_threshold": limits[-2]}
-        return fields | ({"joint_collision": self.joints} if valid else {})
-
-
-class ContactThresholds(NamedTuple):
-    """Thresholds of contact, as in CollisionThresholds, and whether there is a contact."""
-
-    limits: np.ndarray
-    on: bool
-
-    def fields(self):
-        """Fields of ExternalTorque."""
-        limits = self.limits.T
-        fields = {"contact": self.on, "contact_torque_threshold": limits[:-2].T}
-        return fields | dict(zip(LAST_LIMITS, limits[-2:], strict=True))
+    contact: bool
 
 
 def texts_of(topic, model, revision):
@@ -102,7 +83,10 @@ def matrix_fields(topic, dynamics, state, with_inverse):
     """Return values by field of m, D and, if requested, ℓ; or of M, c and g."""
     q, qd = state.position, state.velocity
     if topic == "joint_space_dynamics":
-        values = {"mass_matrix": dynamics.mass_matrix(q), "bias": dynamics.coriolis_torque(q, qd)}
+        values = {
+            "mass_matrix": dynamics.mass_matrix(q),
+            "coriolis_torque": dynamics.coriolis_torque(q, qd),
+        }
         return flags_of(state) | values | {"gravity": dynamics.gravity_torque(q)}
     m, inverse, _, d = zip(*map(dynamics.factors, np.atleast_2d(q)), strict=True)
     values = {"nv": dynamics.model.nv, "m": np.array(m), "d": np.array(d)}
@@ -110,19 +94,18 @@ def matrix_fields(topic, dynamics, state, with_inverse):
     return values | {"stamp_is_receive_time": state.stamp_is_receive_time}
 
 
-def torque_fields(seen, valid, state, observation, alarming, contact, confidence):
+def torque_fields(seen, valid, state, alarming, touched):
     """Return values by field of results of an observer, empty where they are not `valid`.
 
-    `seen` is a Disturbance or many, `alarming` are CollisionThresholds or None, `contact`
-    ContactThresholds or None, `confidence` is that of the touched link.
+    `seen` is a Disturbance or many, `alarming` their Alarming, `touched` the probabilities of
+    links, None without a touched link.
     """
     values = flags_of(state) | {"valid": valid, "collision": seen.collision}
-    values |= {"norm": 0.0, "torque_norm": 0.0}
-    if valid:
-        names = "residual", "external_torque", "norm", "torque_norm"
-        values |= {name: getattr(seen, name) for name in names}
-    values |= {"threshold": observation.threshold, "release_threshold": observation.release}
-    values |= {"torque_norm_threshold": math.inf, "contact_threshold": math.inf}
-    values |= {"contact_torque_norm_threshold": math.inf, "touched_link_confidence": confidence}
-    values |= alarming.fields(valid) if alarming else {}
-    return values | (contact.fields() if contact else {})
+    values |= {"contact": alarming.contact, "touched_link_probability": touched}
+    values |= {"collision_threshold": alarming.collision_limits}
+    values |= {"contact_threshold": alarming.contact_limits}
+    if not valid:
+        return values | {"norm": 0.0, "torque_norm": 0.0}
+    names = "residual", "external_torque", "norm", "torque_norm"
+    values |= {name: getattr(seen, name) for name in names}
+    return values | {"joint_collision": alarming.joints}

@@ -15,7 +15,6 @@ TITLES = {
     "model": "Robot models",
     "dynamics": "Dynamics",
     "results": "Dynamics",
-    "contact": "Predicted contact",
     "simulation": "Simulation",
     "control": "Control and observation",
     "collision": "Collision",

@@ -284,7 +284,7 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
     options = [
         "external_torque.gain=25",
         "external_torque.threshold=1",
-        f"contact.limits_file={tmp_path}/limits.yaml",
+        f"contact_limits.file={tmp_path}/limits.yaml",
     ]
     options += noise_parameters(ur5, 0.1)
     whole, *_ = analysed(*columns, parameters=options)
@@ -298,9 +298,11 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
     monkeypatch.setattr(Reading, "pieces", small)
     parts, *_ = analysed(*columns, parameters=options)
     for summary in (parts, whole):
-        times = sorted(one["at"] for one in summary["contact"]["worst"])
+        times = sorted(one["at"] for one in summary["contact_limits"]["worst"])
         assert times and np.diff(times).min(initial=np.inf) >= 1.0 - 1e-9
-        del summary["contact"]["worst"][1:]  # one that hid others may give way to a later one
+        del summary["contact_limits"]["worst"][
+            1:
+        ]  # one that hid others may give way to a later one
     for one, other in zip(leaves(parts), leaves(whole), strict=True):
         assert one == (
             pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other
@@ -497,11 +499,11 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
     """Sums and maxima over single calls of the library."""
     t, q, qd, tau = motion
     points = dd.ContactPoints(ur5, dd.link_geometry(ur5, find_urdf("ur5")).points, None)
-    energy = dd.DiagonalDynamics(ur5).contact(q, qd, points).energy
+    energy = dd.DiagonalDynamics(ur5).contact_limits(q, qd, points).energy
     limit, path = float(np.quantile(energy.max(axis=1), 0.7)), tmp_path / "limits.yaml"
     path.write_text(f"regions: {{any: {{energy: {limit!r}}}}}")
-    summary, text, _ = analysed(t, q, qd, tau, parameters=[f"contact.limits_file={path}"])
-    contact, since = summary["contact"], np.diff(t, prepend=t[0])
+    summary, text, _ = analysed(t, q, qd, tau, parameters=[f"contact_limits.file={path}"])
+    contact, since = summary["contact_limits"], np.diff(t, prepend=t[0])
     assert contact["above"] == pytest.approx(since @ (energy > limit).any(axis=1), rel=1e-6)
     assert contact["of"] == pytest.approx(t[-1] - t[0])
     by_point = dict(zip(points.names, (since @ (energy > limit)).tolist(), strict=True))

@@ -192,7 +192,9 @@ def test_methods_are_compiled_by_the_names_of_their_functions(two):
             assert entry.__name__ in compilation.METHODS[entry].split()
     for table in (compilation.METHODS, compilation.ROWS):
         assert all(hasattr(two, name) for name in " ".join(table.values()).split())
-    with pytest.raises(dd.InputError, match="'evaluation' is none of center_of_mass, contact"):
+    with pytest.raises(
+        dd.InputError, match="'evaluation' is none of center_of_mass, contact_limits"
+    ):
         two.compile("evaluation")
 
 

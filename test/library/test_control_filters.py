@@ -12,7 +12,7 @@ import diag_dynamics as dd
 from controlled import ARM as PANDA
 from controlled import READY, START, TREE, UR5, Z1, Sampled, frictionless
 from described import subject
-from diag_dynamics.contact.results import contact_force
+from diag_dynamics.collision.predicted_contact import contact_force
 from diag_dynamics.exceptions import InputError
 from examples import shortened
 
@@ -336,7 +336,7 @@ class Swing:
         self.plant.advance(command.tau)
         self.k += 1
         self.limited += command is not asked
-        return arm().dyn.contact(q, qd, contact_points()).usage.max(), command, asked
+        return arm().dyn.contact_limits(q, qd, contact_points()).usage.max(), command, asked
 
 
 def contact_limiter():

@@ -195,7 +195,7 @@ def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
         strong, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1.0}})
     )
     values = {name: spec.default for name, spec in PARAMETERS.items()} | {
-        "contact.scale_timeout": timeout
+        "contact_limits.scale_timeout": timeout
     }
     loop = ControlLoop(strong, values, False, points)
     if scale is not None:

@@ -153,7 +153,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     torque, norm, contact = (
         dyn.tau_from_epsilon(q, r),
         np.linalg.norm(r),
-        dyn.contact(q[None], qd[None], points),
+        dyn.contact_limits(q[None], qd[None], points),
     )
     observed = {
         "residual": r[None],
@@ -168,9 +168,9 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "load_mass": 2.0,
         "load_deviation": 0.5,
     }
-    states = States.of(1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0).with_contact(
-        contact
-    )
+    states = States.of(
+        1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0
+    ).with_contact_limits(contact)
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
     expected = {
@@ -201,15 +201,19 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         },
         **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
         **{
-            "contact_worst": contact.worst,
-            "contact_position": contact.position[0, contact.worst[0]],
+            "contact_limits_worst": contact.worst,
+            "contact_limits_position": contact.position[0, contact.worst[0]],
         },
         **{
-            "contact_speed": contact.speed,
-            "contact_mass": contact.reflected_mass,
-            "contact_energy": contact.energy,
+            "contact_limits_speed": contact.speed,
+            "contact_limits_mass": contact.reflected_mass,
+            "contact_limits_energy": contact.energy,
         },
-        **{"contact_allowed": contact.allowed_speed, "touched_link": 1, "touched_confidence": 0.75},
+        **{
+            "contact_limits_allowed": contact.allowed_speed,
+            "touched_link": 1,
+            "touched_confidence": 0.75,
+        },
         **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
@@ -252,7 +256,7 @@ def test_unknown_values_are_nan_and_flagged(panda):
         "external_torque",
         "norm",
         "torque_norm",
-        "contact_speed",
+        "contact_limits_speed",
     ):
         assert np.isnan(value(frame, maker.layout, name)).all(), name
     flags = int(value(frame, maker.layout, "flags")[0])
@@ -332,7 +336,9 @@ def test_a_frame_is_made_once_for_each_link(panda):
     ]
     number, layout = stream.newest().layout
     assert (number, json.loads(layout)["thresholds"]["norm"]) == (2, 8.0)
-    assert json.loads(layout)["contact"]["points"] == [{"name": "tool", "link": "panda_hand"}]
+    assert json.loads(layout)["contact_limits"]["points"] == [
+        {"name": "tool", "link": "panda_hand"}
+    ]
 
 
 @pytest.mark.parametrize("id", some_of(SHOWN, 14))

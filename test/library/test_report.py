@@ -307,11 +307,11 @@ COMPARED = (
     "K",
     "p_effort",
     "p_gravity",
-    "contact_worst",
-    "contact_position",
-    "contact_speed",
-    "contact_mass",
-    "contact_energy",
+    "contact_limits_worst",
+    "contact_limits_position",
+    "contact_limits_speed",
+    "contact_limits_mass",
+    "contact_limits_energy",
     "link_energy",
     "link_velocity",
 )
@@ -321,7 +321,7 @@ COMPARED = (
 def test_the_numbers_are_those_of_frames(recording):
     """In the overview and at full rate: to the steps of the packing and the rounding of floats."""
     limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
-    options = ["--set", *WATCHED, f"contact.limits_file={recording.folder / 'limits.yaml'}"]
+    options = ["--set", *WATCHED, f"contact_limits.file={recording.folder / 'limits.yaml'}"]
     html, summary = recording.analyse("swing", *options, **recording.columns())
     (collision,) = summary["collisions"]
     assert PUSHED[0] < collision["start"] < PUSHED[0] + 0.2
@@ -331,7 +331,9 @@ def test_the_numbers_are_those_of_frames(recording):
     assert (len(overview["parts"]), len(whole["parts"])) == (1, 2)
     points = dd.link_geometry(recording.model, ARM).points
     points = dd.ContactPoints(recording.model, points, limits, "limit")
-    assert [point["name"] for point in told["layout"]["contact"]["points"]] == list(points.names)
+    assert [point["name"] for point in told["layout"]["contact_limits"]["points"]] == list(
+        points.names
+    )
     maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
     hand, places = told["layout"]["end_effector"], maker.layout.places
     for track in told["tracks"]:
@@ -341,10 +343,12 @@ def test_the_numbers_are_those_of_frames(recording):
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
         evaluation = recording.dyn.evaluate(q, qd, tau)
         states = States.of(t, q, qd, tau, evaluation)
-        numbers = maker.frames(states.with_contact(recording.dyn.contact(q, qd, points)))["numbers"]
+        numbers = maker.frames(
+            states.with_contact_limits(recording.dyn.contact_limits(q, qd, points))
+        )["numbers"]
         for k, state in enumerate(zip(q, evaluation.nu, strict=True)):
             numbers[k, maker.layout.common :] = maker.chosen(*state, hand)
-        mass = places["contact_mass"]
+        mass = places["contact_limits_mass"]
         numbers[:, mass] = np.log10(numbers[:, mass])
         smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
         for name in COMPARED:
@@ -354,7 +358,7 @@ def test_the_numbers_are_those_of_frames(recording):
             error, size = np.abs(columns - expected[every]), np.abs(expected).max()
             if name.startswith("p_"):
                 assert (error[smooth] <= 2e-3 * size).all(), name
-            elif name.startswith("contact"):
+            elif name.startswith("contact_limits"):
                 assert (error <= 1e-3).all(), name
             else:
                 assert (error <= np.ptp(expected, axis=0) / 16_000 + 2e-6 * size + 1e-9).all(), name
@@ -441,7 +445,7 @@ def test_times_behind_a_long_gap_are_right(recording):
     told, blocks = parts_of(html)
     t = track_of(told, blocks, told["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
-    assert told["layout"]["contact"]["points"] == []
+    assert told["layout"]["contact_limits"]["points"] == []
     assert told["parameters"][0] == {
         "name": "external_torque.gain",
         "value": "25.0",

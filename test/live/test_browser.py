@@ -562,7 +562,7 @@ def test_contact_now_and_then(chromium, serve):
             "energy": 0.5 * speed**2,
             "allowed": np.array([[-1.0, np.inf]]),
         }  # the first is above its limit
-        return {f"contact_{name}": number for name, number in numbers.items()}
+        return {f"contact_limits_{name}": number for name, number in numbers.items()}
 
     def read(dynamics):
         received = robot.take(dynamics)
@@ -579,7 +579,7 @@ def test_contact_now_and_then(chromium, serve):
     with Tab(chromium) as tab:
         tab.open(serve(stream).address)
         tab.until("document.querySelectorAll('.contact tr.above').length === 1 && diag.contact")
-        assert "0.300 kg" in tab.page.locator("#contact p").inner_text()
+        assert "0.300 kg" in tab.page.locator("#contact-limits p").inner_text()
         past = tab.until("diag.values.t")
         tab.until(f"diag.state.last > {past!r} + 0.5")
         tab.page.keyboard.press("Space")
@@ -588,19 +588,19 @@ def test_contact_now_and_then(chromium, serve):
         tab.drawn()
         contact = contact_at(past)
         np.testing.assert_allclose(
-            tab.ask("diag.contact"), contact["contact_position"][0], rtol=1e-5, atol=1e-6
+            tab.ask("diag.contact"), contact["contact_limits_position"][0], rtol=1e-5, atol=1e-6
         )
         cells = [
             read_number(cell)
             for cell in tab.page.locator(".contact tbody tr").first.inner_text().split()[1:]
         ]
-        v = contact["contact_speed"][0, 0]
+        v = contact["contact_limits_speed"][0, 0]
         np.testing.assert_allclose(
             cells, [-1 - v, v, 1, 0.5 * v * v, 0.15 * v * v], rtol=6e-3, atol=6e-4
         )
         tab.page.keyboard.press("l")
         quiet.set()
-        tab.until("diag.contact === null && document.querySelector('#contact.old')")
+        tab.until("diag.contact === null && document.querySelector('#contact-limits.old')")
         assert (tab.cut_off(), tab.said) == ([], [])
 
 
@@ -654,7 +654,7 @@ def test_a_report_shows_the_recording(chromium, recording):
         "--quiet",
         "--set",
         *WATCHED,
-        f"contact.limits_file={recording.folder / 'limits.yaml'}",
+        f"contact_limits.file={recording.folder / 'limits.yaml'}",
     ]
     html, summary = recording.analyse("page", *options, **recording.columns())
     dyn, model = recording.dyn, recording.model
@@ -667,19 +667,19 @@ def test_a_report_shows_the_recording(chromium, recording):
             k = round(values["t"] * recorded_arm.RATE)
             s, c = (
                 dyn.evaluate(recording.q[k], recording.qd[k]),
-                dyn.contact(recording.q[k], recording.qd[k], points),
+                dyn.contact_limits(recording.q[k], recording.qd[k], points),
             )
             np.testing.assert_allclose(values["nu"], s.nu, atol=1e-3 * np.abs(s.nu).max())
             np.testing.assert_allclose(values["K"][0], s.kinetic_energy, rtol=2e-3)
-            assert values["contact_worst"] == [c.worst]
-            np.testing.assert_allclose(values["contact_speed"], c.speed, atol=1e-4)
+            assert values["contact_limits_worst"] == [c.worst]
+            np.testing.assert_allclose(values["contact_limits_speed"], c.speed, atol=1e-4)
             np.testing.assert_allclose(place, c.position[c.worst], atol=1e-3)
         words = {
             name: " ".join(tab.page.locator(f"#{name}").inner_text().split()) for name in CHAPTERS
         }
         assert f"{summary['kinetic_energy']['at']:.3f} s" in words["overall"]
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
-        assert f"{summary['contact']['worst'][0]['at']:.3f} s" in words["limits"]
+        assert f"{summary['contact_limits']['worst'][0]['at']:.3f} s" in words["limits"]
         assert words["collisions"].startswith("1 collision")
         assert "external_torque.threshold" in words["parameters"]
         tab.page.locator("#collisions .link").first.click()
@@ -732,10 +732,10 @@ def test_the_worst_point_moves_with_a_floating_base(chromium, tmp_path):
             values, drawn = show_moment(tab, moment)
             k = int(np.argmin(np.abs(rec.t - rec.t[0] - values["t"])))
             c, root = (
-                dyn.contact(rec.q[k], rec.qd[k], points),
+                dyn.contact_limits(rec.q[k], rec.qd[k], points),
                 dyn.placement(rec.q[k], rec.model.root_link),
             )
-            assert values["contact_worst"] == [c.worst]
+            assert values["contact_limits_worst"] == [c.worst]
             place = root[:3, :3] @ c.position[c.worst] + root[:3, 3]
             np.testing.assert_allclose(drawn, place, atol=3e-4)
         assert tab.said == []

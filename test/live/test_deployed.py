@@ -167,7 +167,7 @@ def test_names_of_the_policy(peer):
     with (
         node_process("simulator", **simulator),
         node_process(
-            "monitor", floating_base=True, use_sim_time=True, **{"contact.limits_file": LIMITS}
+            "monitor", floating_base=True, use_sim_time=True, **{"contact_limits.file": LIMITS}
         ),
         node_process("controller", **controller),
         node_process("view", port=0, use_sim_time=True),

@@ -12,7 +12,7 @@ CONTRADICTIONS = [
     ("controller", {"max_state_age": 0.5}, "hold_time"),
     ("controller", {"initial_mode": "pose"}, "controlled_link"),
     ("controller", {"effort_rate": ["fast"]}, "effort_rate"),
-    ("controller", {"contact.limits_file": "/nowhere.yaml"}, "contact.limits_file"),
+    ("controller", {"contact_limits.file": "/nowhere.yaml"}, "contact_limits.file"),
     ("controller", {"locked_joints": ["*"]}, "locked_joints"),
     ("monitor", {"locked_joints": ["*"]}, "locked_joints"),
     ("monitor", {"load.link": "tool0"}, "load.link"),

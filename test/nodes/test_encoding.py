@@ -35,11 +35,11 @@ from diag_dynamics.nodes.support.messages import (
     MessageMaker,
 )
 from diag_dynamics.nodes.support.topics import MATRICES, ORDER
-from diag_dynamics.parameters.monitor import Observation, Settings
+from diag_dynamics.parameters.monitor import Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, read_message
-from diag_dynamics.wire.fields import CollisionThresholds, ContactThresholds
+from diag_dynamics.wire.fields import Alarming
 from examples import examples, shortened
 from joint_state_messages import INF, NOW, S
 from joint_state_readers import DEFAULTS
@@ -245,27 +245,16 @@ def arguments(name, moment):
         )
     seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
     seen = seen if moment.effort else Disturbance(False, "")
-    observation = Observation(
-        1.0, INF if moment.received else 2.0 + moment.age, 1.0 + moment.age, False, 0.1
-    )
-    alarming = (
-        CollisionThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], r > 0.0)
-        if moment.friction
-        else None
-    )
-    contact = (
-        ContactThresholds(np.r_[np.abs(tau), INF, 1.0 + moment.age], moment.received)
-        if moment.inverse
-        else None
-    )
+    limits = np.r_[np.abs(tau), INF, 1.0 + moment.age]
+    alarming = Alarming(limits, 0.5 * limits, r > 0.0, moment.received)
     touched = None
     if moment.effort and model.nv and moment.friction:
         touched = dyn.touched_link(q, tau, np.eye(model.nv) * 10.0 ** rng.integers(-2, 2))
     return {
         **{topic: (s, state) for topic in ORDER if topic not in MATRICES},
         **dict.fromkeys(MATRICES, (dyn, state, moment.inverse)),
-        "contact": (dyn.contact(q, moment.effort * qd, points), state),
-        "external_torque": (seen, observation, state, alarming, contact, touched),
+        "contact_limits": (dyn.contact_limits(q, moment.effort * qd, points), state),
+        "external_torque": (seen, state, alarming, touched),
         "external_wrench_estimates": (links[moment.seed % len(links)], found, state),
     } | ({"external_wrench": (links[0], found, state)} if found else {})
 

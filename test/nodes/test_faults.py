@@ -260,7 +260,7 @@ PARAMETERS = [
     ({"plausibility.position": -1.0}, "plausibility.position"),
     ({"alarm.joints": ["elbow=1"]}, "gain is 0"),
     ({"armature": ["panda_joint1=0.5"]}, "read-only"),
-    ({"contact.limits_file": "/nowhere/limits.yaml"}, "parameter 'contact.limits_file'"),
+    ({"contact_limits.file": "/nowhere/limits.yaml"}, "parameter 'contact_limits.file'"),
     ({"effort_includes_gravity": [f"{MIMIC_FINGER}=false"]}, MIMIC_FINGER),
     ({"gravity": [0.0, 9810.0, 0.0]}, "within ±1000"),
     ({"gravity": -9.81}, "Wrong parameter type"),

@@ -174,7 +174,7 @@ OBSERVED = {
 
 OTHERS = (
     "alarm.contact_",
-    "contact.",
+    "contact_limits.",
     "external_torque.covariance",
     "external_wrench.",
     "gravity_",
@@ -265,8 +265,7 @@ def external_torque(messages):
                 one.valid,
                 one.collision,
                 list(one.joint_collision),
-                one.threshold,
-                list(one.torque_threshold),
+                list(one.collision_threshold),
             ),
         )
         for one in messages
@@ -326,7 +325,7 @@ def test_every_field_of_a_recording_is_that_of_the_monitor(peer, tmp_path, flag)
                 else:
                     assert values[0] == values[1], field
     torque = offline["external_torque"]
-    assert {one.touched_link for one in torque} == {"", "upper", "lower"}
+    assert {tuple(one.touched_links) for one in torque} == {(), ("upper", "lower")}
     assert {one.contact for one in torque} == {one.valid for one in torque} == {False, True}
     assert {one.effort_valid for one in offline["state"]} == {False, True}
 

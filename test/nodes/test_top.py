@@ -121,7 +121,9 @@ def test_a_robot_on_the_screen(make_robot, make_top, screen, peer):
     assert len(bars[1][0]) > 3 * len(bars[0][0])
     robot.publish(collision=True, joint_collision=[False, True, True])
     assert "ALARM collision elbow, wrist" in screen.text.getvalue()
-    robot.publish(collision=True, touched_link="forearm")
+    robot.publish(
+        collision=True, touched_links=["arm", "forearm"], touched_link_probability=[0.3, 0.7]
+    )
     assert "ALARM collision forearm" in screen.text.getvalue()
     robot.publish()
     assert "ALARM" not in screen.text.getvalue()

@@ -146,15 +146,14 @@ def last_line(monitor):
 def test_thresholds_of_the_norm(monitor, free):
     """Messages have both, and none without parameters."""
     message = feed(monitor, [free])[0]
-    assert (
-        message.threshold == message.release_threshold == message.torque_norm_threshold == math.inf
-    )
-    assert not len(message.torque_threshold) and not len(message.joint_collision)
+    count = len(message.dof_names)
+    assert list(message.collision_threshold) == [math.inf] * (count + 2)
+    assert list(message.joint_collision) == [False] * count
     with monitor.having(
         **{"external_torque.threshold": 6.0, "external_torque.release_threshold": 2.0}
     ):
         message = feed(monitor, [free])[0]
-        assert (message.threshold, message.release_threshold) == (6.0, 2.0)
+        assert list(message.collision_threshold) == [math.inf] * (count + 1) + [6.0]
 
 
 def test_alarms(monitor, panda, free):
@@ -172,8 +171,7 @@ def test_alarms(monitor, panda, free):
         before, count = monitor.next_report().count("collisions"), len(monitor.reports)
         found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
         assert not found[-1].collision and not any(found[-1].joint_collision)
-        assert list(found[0].torque_threshold) == list(limits.values())
-        assert (found[0].torque_norm_threshold, found[0].threshold) == (25.0, 50.0)
+        assert list(found[0].collision_threshold) == [*limits.values(), 25.0, 50.0]
         first = next(m for m in found if m.collision)
         assert list(first.joint_collision) == [name == "panda_joint2" for name in panda.names]
         entries = monitor.reports[count].entries
@@ -204,19 +202,15 @@ def test_contact_thresholds(monitor, panda, free):
     values = {"alarm.joints": ["*=20"]}
     with monitor.having(**values):
         message = feed(monitor, [free])[0]
-        assert (
-            not message.contact
-            and message.contact_threshold == message.contact_torque_norm_threshold == math.inf
-        )
-        assert not len(message.contact_torque_threshold) and message.touched_link == ""
+        assert list(message.contact_threshold) == [math.inf] * (len(panda.names) + 2)
+        assert not message.contact and not message.touched_links
     with monitor.having(**values, **LOWER):
         feed(monitor, [free] * 3)
         before = monitor.next_report().count("contacts")
         found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 150)
         assert found[254].contact and not found[0].contact and not found[-1].contact
         assert not any(m.collision for m in found)
-        assert (found[0].contact_torque_norm_threshold, found[0].contact_threshold) == (15.0, 40.0)
-        assert list(found[0].contact_torque_threshold) == [12.0] * len(panda.names)
+        assert list(found[0].contact_threshold) == [12.0] * len(panda.names) + [15.0, 40.0]
         report = monitor.next_report()
         assert report.entries[TORQUE].level == OK and report.count("contacts") == before + 1
         assert report.entries[TORQUE].message == "contact: panda_joint2"
@@ -243,18 +237,16 @@ def test_touched_link(monitor, panda, free):
         found = feed(monitor, [free] * 3 + [pushed] * 60)
         matrix = np.reshape(noise["external_torque.covariance"], 2 * [len(panda.names)])
         expected = dynamics.touched_link(q, np.array(found[-1].external_torque), matrix)
-        assert found[-1].touched_link == expected.link != ""
-        assert found[-1].touched_link_confidence == pytest.approx(expected.confidence)
-        assert found[2].touched_link == "" and found[2].touched_link_confidence == 0.0
+        assert tuple(found[-1].touched_links) == expected.links
+        np.testing.assert_allclose(found[-1].touched_link_probability, expected.probability)
+        assert not found[2].touched_links and not len(found[2].touched_link_probability)
         report = monitor.reports[count]
         first = next(m for m in found if m.collision)
-        assert report.message == f"collision: {first.touched_link}"
-        assert report.values["detectors"].startswith(
-            f"{first.touched_link} ({first.touched_link_confidence:.2f}): panda_joint"
-        )
-        assert last_line(monitor).startswith(
-            f"Collision: {first.touched_link} ({first.touched_link_confidence:.2f}): "
-        )
+        largest = int(np.argmax(first.touched_link_probability))
+        link, probability = first.touched_links[largest], first.touched_link_probability[largest]
+        assert report.message == f"collision: {link}"
+        assert report.values["detectors"].startswith(f"{link} ({probability:.2f}): panda_joint")
+        assert last_line(monitor).startswith(f"Collision: {link} ({probability:.2f}): ")
     values = noise | {"external_torque.covariance_joints": ["*" + name for name in panda.names]}
     result = monitor.set_parameters(values)
     assert not result.successful and "external_torque.covariance_joints lacks" in result.reason
@@ -287,8 +279,7 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     arguments = "--params-file", str(tmp_path / "alarms.yaml")
     with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
         message = feed(subscribed(monitor), [free] * 2)[1]
-        assert list(message.torque_threshold) == list(joints.values())
-        assert (message.torque_norm_threshold, message.threshold) == (31.5, 4.25)
+        assert list(message.collision_threshold) == [*joints.values(), 31.5, 4.25]
         values = parameters_of([tmp_path / "alarms.yaml"])
         assert values["external_torque.gain"] == GAIN
         options = [values[f"alarm.{key}"] for key in ("release", "hold_off", "standing")]
@@ -335,7 +326,7 @@ QUANTITIES = ("speed", "reflected_mass", "force", "allowed_speed", "margin")
 def contact(monitor, q, qd):
     """Publish a state and return the message of contact."""
     monitor.publish(joint_state(robot(PANDA).names, q, qd, (), monitor.tick(50 * MS)))
-    return monitor.contact.at(monitor.now)
+    return monitor.contact_limits.at(monitor.now)
 
 
 def check_contact(message, expected, points):
@@ -365,14 +356,14 @@ def test_contact(monitor, panda, tmp_path):
     dynamics, points = points_of(panda)
     q, qd = panda.samples[0][:2]
     message = contact(monitor, q, qd)
-    check_contact(message, dynamics.contact(q, qd, points), points)
+    check_contact(message, dynamics.contact_limits(q, qd, points), points)
     assert set(message.margin) == {math.inf}
     assert contact(monitor, q, 0 * qd).worst == -1
     others = "".join(f"  {link}: []\n" for link in {*points.links} - {"panda_link4"})
     tip = "points: {tip: {link: panda_hand, xyz: [0, 0, 0.1]}}\n"
     path = tmp_path / "points.yaml"
     path.write_text(f"geometry: frames\nlinks:\n{others}{tip}")
-    with monitor.having(**{"contact.limits_file": str(path)}):
+    with monitor.having(**{"contact_limits.file": str(path)}):
         message = contact(monitor, q, qd)
         assert list(message.point_names) == ["panda_link4", "tip"]
         assert list(message.link_names) == ["panda_link4", "panda_hand"]
@@ -380,22 +371,26 @@ def test_contact(monitor, panda, tmp_path):
 
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_limits_of_contact(monitor, panda, tmp_path):
-    """A rise is reported at once with point and region; noise around a threshold is one alarm, until `contact.release`."""
+    """A rise is reported at once with point and region; noise around a limit is one alarm."""
     (tmp_path / "limits.yaml").write_text(LIMITS)
     dynamics, points = points_of(panda, dd.ContactLimits.load(tmp_path / "limits.yaml"))
     q, qd = panda.samples[0][:2]
-    full = qd / dynamics.contact(q, qd, points).usage.max()  # at which the first limit is reached
+    full = (
+        qd / dynamics.contact_limits(q, qd, points).usage.max()
+    )  # at which the first limit is reached
     levels, alarms = [], []
-    with monitor.having(**{"contact.limits_file": str(tmp_path / "limits.yaml")}):
+    with monitor.having(**{"contact_limits.file": str(tmp_path / "limits.yaml")}):
         for part in (0.5, 0.79, 0.81, 0.75, 0.73, 0.71, 1.01, 0.99, 1.01, 0.91, 0.89, 0.5):
             count, message = len(monitor.reports), contact(monitor, q, part * full)
-            check_contact(message, dynamics.contact(q, part * full, points), points)
+            check_contact(message, dynamics.contact_limits(q, part * full, points), points)
             at_once = monitor.reports[count:]
             entries = (at_once or [monitor.next_report()])[0].entries
             if at_once:
                 alarms.append(len(levels))
-                assert set(entries) == {"contact"}
-                assert f"'{message.point_names[message.worst]}'" in entries["contact"].message
-                assert "'nobody'" in entries["contact"].message
-            levels.append(entries["contact"].level)
+                assert set(entries) == {"contact limits"}
+                assert (
+                    f"'{message.point_names[message.worst]}'" in entries["contact limits"].message
+                )
+                assert "'nobody'" in entries["contact limits"].message
+            levels.append(entries["contact limits"].level)
     assert levels == [OK, OK, WARN, WARN, WARN, OK, *[ERROR] * 4, WARN, OK] and alarms == [2, 6]

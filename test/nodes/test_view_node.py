@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from diag_dynamics.msg import Contact, DiagonalizedState, ExternalTorque, Load
+from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque, Load
 from diag_dynamics.srv import SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
@@ -349,11 +349,11 @@ def test_restart_of_the_view(peer, start_view, monitor, panda, monkeypatch):
 
 def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tmp_path):
     """The page has the monitor's numbers by stamp; the view subscribes to contact only where the monitor has limits."""
-    assert peer.node.count_subscribers("/arm/diag_dynamics/contact") == 0
+    assert peer.node.count_subscribers("/arm/diag_dynamics/contact_limits") == 0
     limits = tmp_path / "limits.yaml"
     limits.write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}")
-    contacts = peer.topic(Contact, "/limited/diag_dynamics/contact")
-    with start_monitor(peer, PANDA, "/limited", **{"contact.limits_file": str(limits)}) as monitor:
+    contacts = peer.topic(ContactLimits, "/limited/diag_dynamics/contact_limits")
+    with start_monitor(peer, PANDA, "/limited", **{"contact_limits.file": str(limits)}) as monitor:
         monitor.next_report()
         assert peer.node.count_subscribers(f"{monitor.name}/contact") == 2
         with stream_of(view, "/limited") as stream:
@@ -362,7 +362,7 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
             frame = frame_of(stream, monitor.now)
         message = contacts.messages[-1]
     assert nanoseconds(message.header.stamp) == monitor.now
-    about = stream.layout["contact"]
+    about = stream.layout["contact_limits"]
     names = [(point["name"], point["link"]) for point in about["points"]]
     assert names == list(zip(message.point_names, message.link_names, strict=True))
     fields = {
@@ -373,12 +373,12 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
     }
     for name, field in fields.items():
         np.testing.assert_array_equal(
-            frame[f"contact_{name}"], np.array(getattr(message, field), dtype=np.float32)
+            frame[f"contact_limits_{name}"], np.array(getattr(message, field), dtype=np.float32)
         )
-    worst = int(frame["contact_worst"])
+    worst = int(frame["contact_limits_worst"])
     assert worst == message.worst
     place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
-    np.testing.assert_array_equal(frame["contact_position"], place)
+    np.testing.assert_array_equal(frame["contact_limits_position"], place)
     assert about["half"] == pytest.approx(0.5 * (17.451901 - 0.629769))  # of the links that move
 
 

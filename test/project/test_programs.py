@@ -99,7 +99,7 @@ def files(tmp_path_factory):
 
 
 GIVEN = {
-    "contact": {
+    "contact-limits": {
         "q": [0.0, -1.2, 1.2, 0.0, 0.5, 0.0],
         "qd": np.full(6, 0.3),
         "Q": np.tile([0.0, -1.2, 1.2, 0.0, 0.5, 0.0], (5, 1)),

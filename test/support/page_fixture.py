@@ -40,12 +40,12 @@ ARM = description(
 Q, QD, EFFORT = np.array([0.3, 0.5 * math.pi]), np.array([2.0, -1.0]), np.array([5.0, 1.0])
 EXTERNAL, T = np.array([0.5, -0.25]), 1.7e9 + 0.25
 CONTACT = {
-    "contact_worst": np.array([0.0]),
-    "contact_position": np.array([[0.0, 1.0, 2.0]]),
-    "contact_speed": np.array([[0.5, 0.0]]),
-    "contact_mass": np.array([[3.0, 0.0]]),
-    "contact_energy": np.array([[0.375, 0.0]]),
-    "contact_allowed": np.array([[0.4, math.inf]]),
+    "contact_limits_worst": np.array([0.0]),
+    "contact_limits_position": np.array([[0.0, 1.0, 2.0]]),
+    "contact_limits_speed": np.array([[0.5, 0.0]]),
+    "contact_limits_mass": np.array([[3.0, 0.0]]),
+    "contact_limits_energy": np.array([[0.375, 0.0]]),
+    "contact_limits_allowed": np.array([[0.4, math.inf]]),
 }
 POINTS = (("tool", "lower"), ("arm", "upper"))
 """Two points; the second one is at rest and has no limit."""

@@ -4,7 +4,7 @@
 """States of a Panda that is pushed, and a monitor that observes them."""
 
 import numpy as np
-from diag_dynamics.msg import Contact, ExternalTorque
+from diag_dynamics.msg import ContactLimits, ExternalTorque
 
 from nodes import MS, PANDA, joint_state, robot
 
@@ -35,7 +35,7 @@ class Motion:
 def subscribed(monitor):
     """Subscribe to the topics of this file."""
     monitor.torque = monitor.peer.topic(ExternalTorque, f"{monitor.name}/external_torque")
-    monitor.contact = monitor.peer.topic(Contact, f"{monitor.name}/contact")
+    monitor.contact_limits = monitor.peer.topic(ContactLimits, f"{monitor.name}/contact_limits")
     monitor.peer.pass_time(0.1)  # the monitor looks for subscriptions a hundred times a second
     return monitor
 

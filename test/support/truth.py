@@ -129,7 +129,7 @@ class Truth:
         s, unit = self.state, self.unit
         self.check_matrix(message.mass_matrix, s.M, np.outer(unit, unit))
         scale = max(np.linalg.norm(s.c / unit), 1e-3 * np.linalg.norm(s.nu) * np.linalg.norm(s.qd))
-        self.check_vector(message.bias / unit, s.c / unit, scale)
+        self.check_vector(message.coriolis_torque / unit, s.c / unit, scale)
         scale = max(np.linalg.norm(s.g / unit), 1e-3 * self.gravity_scale)
         self.check_vector(message.gravity / unit, s.g / unit, scale)
 

@@ -6,7 +6,7 @@
 import { CollisionList } from "./collisions.js";
 import { store, stored } from "./colours.js";
 import { el, resized, say, toggle } from "./dom.js";
-import { ContactCard } from "./contact.js";
+import { ContactCard } from "./contact-limits.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { severity, statusText } from "./health.js";
 import { Plot } from "./plot.js";
@@ -38,7 +38,7 @@ export class Cards {
     for (const plot of this.plots) plot.remove();
     this.pointer = null;
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared, (this.legends[spec.id] ??= { hidden: new Set() })));
-    this.contact = layout.size("contact_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
+    this.contact = layout.size("contact_limits_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
     const contact = this.contact ? [this.contact.node] : [];
     const [first, ...others] = this.chapters;
     const plots = this.plots.map((plot) => plot.node);

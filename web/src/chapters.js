@@ -8,7 +8,7 @@ import { number, percent, quantity, span, UNKNOWN } from "./format.js";
 
 // act: go(t) shows a moment, in seconds after the first state.
 export function chapters(content, act) {
-  const limits = content.summary.contact ? [contactLimits(content, act)] : [];
+  const limits = content.summary.contact_limits ? [contactLimits(content, act)] : [];
   return [overall(content, act), ...limits, quality(content), parameters(content)];
 }
 
@@ -62,8 +62,8 @@ export function collisionNotes({ summary: { observer }, without_full_rate: witho
 
 // Contact limits: how long they were exceeded, and the worst moments.
 function contactLimits({ summary, begin, layout }, act) {
-  const { half } = layout.contact;
-  const { contact } = summary;
+  const { half } = layout.contact_limits;
+  const { contact_limits: contact } = summary;
   const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
   const moments = contact.worst.map((one) =>
     line(

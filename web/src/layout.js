@@ -78,8 +78,8 @@ export class Layout {
 
 // Name (quantity.joint or quantity.link) and place of each number of a frame.
 export function shortFields(layout) {
-  const { dofs, links, contact } = layout.json;
-  const entries = { dofs, links, coordinates: layout.json.coordinates, points: contact?.points.map(({ name }) => name) };
+  const { dofs, links, contact_limits: limits } = layout.json;
+  const entries = { dofs, links, coordinates: layout.json.coordinates, points: limits?.points.map(({ name }) => name) };
   return [...layout.fields].flatMap(([name, { offset, size, of }]) =>
     Array.from({ length: size }, (_, k) => ({ name: of || size > 1 ? `${name}.${entries[of]?.[k] ?? k}` : name, at: offset + k })),
   );

@@ -49,7 +49,7 @@ test("a frame has the numbers of the state", () => {
 test("what is unknown is NaN, flagged, and nowhere a number", () => {
   const { estimated, effortMissing, observerInvalid, late, receiveTime } = FLAGS;
   assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + late + receiveTime);
-  for (const name of ["effort", "p_effort", "external_torque", "norm", "contact_worst", "contact_speed"]) {
+  for (const name of ["effort", "p_effort", "external_torque", "norm", "contact_limits_worst", "contact_limits_speed"]) {
     assert.ok(field(unknown, name).every(Number.isNaN), name);
   }
   assert.ok(Number.isNaN(layout.at("nu", 2)) && Number.isNaN(layout.at("nothing")));
@@ -214,19 +214,19 @@ test("a report's states: the overview, and all of those around a contact, in ord
     near(field(row, "K"), 10 * t, 1e-3, `K at ${t}`);
     near(field(row, "coriolis_work"), 1 + t, 1e-3, `work at ${t}`); // by its logarithm
     near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`); // kept of every 20th state
-    for (const name of ["q", "nu", "D", "contact_speed", "contact_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
+    for (const name of ["q", "nu", "D", "contact_limits_speed", "contact_limits_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
   });
 });
 
 test("the time window as CSV: names are quoted, unknown numbers are empty", async () => {
   const named = new Layout(structuredClone(fixture.layout));
-  named.json.contact.points[0].name = '=x,"y"';
+  named.json.contact_limits.points[0].name = '=x,"y"';
   const rows = new Rows(named.width, 9);
   fixture.frames.forEach((text, k) => rows.push(time(text), [known, unknown][k]));
   const [header, ...lines] = (await csv(named, rows, [0, Infinity]).text()).trimEnd().split("\n");
-  assert.ok(header.startsWith("t [s],q.arm_shoulder") && header.includes(',"contact_speed.=x,""y"""'), header);
+  assert.ok(header.startsWith("t [s],q.arm_shoulder") && header.includes(',"contact_limits_speed.=x,""y"""'), header);
   const names = header.replace(/"[^"]*(""[^"]*)*"/g, "quoted").split(",");
   const column = (name) => lines.map((line) => line.split(",")[names.indexOf(name)]);
-  assert.deepEqual([column("effort.arm_elbow"), column("contact_energy.arm"), column("contact_allowed.arm")], [["1", ""], ["0", ""], ["", ""]]);
+  assert.deepEqual([column("effort.arm_elbow"), column("contact_limits_energy.arm"), column("contact_limits_allowed.arm")], [["1", ""], ["0", ""], ["", ""]]);
   assert.equal((await csv(named, rows, [0, 1]).text()).trimEnd().split("\n").length, 1);
 });

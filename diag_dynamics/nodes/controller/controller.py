@@ -65,7 +65,7 @@ from diag_dynamics.nodes.support.statuses import (
 )
 from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.parameters.contact import bounded_points
+from diag_dynamics.parameters.contact_limits import bounded_points
 from diag_dynamics.parameters.controller import (
     COMPENSATES,
     PARAMETERS,

@@ -13,7 +13,7 @@ from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status, without_numbers
-from diag_dynamics.wire.fields import CollisionThresholds, ContactThresholds
+from diag_dynamics.wire.fields import Alarming
 
 
 class LiveAlarm:
@@ -189,17 +189,15 @@ class TorqueWatch:
 
     @property
     def alarming(self):
-        """Thresholds of and collisions at joints; None without parameters `alarm.*`."""
-        return (
-            CollisionThresholds(self._alarm.limits, self._alarm.joints)
-            if self.observation.alarms
-            else None
-        )
+        """Alarming of the last state."""
+        contact = self._contact
+        limits = contact.limits if contact else np.full(len(self._alarm.limits), math.inf)
+        return Alarming(self._alarm.limits, limits, self._alarm.joints, self.is_contact)
 
     @property
-    def contact(self):
-        """Thresholds of contact and whether there is one; None without parameters `alarm.contact_*`."""
-        return ContactThresholds(self._contact.limits, self._contact.on) if self._contact else None
+    def is_contact(self):
+        """Whether there is a contact at the last state."""
+        return bool(self._contact) and self._contact.on
 
     @property
     def begins(self):

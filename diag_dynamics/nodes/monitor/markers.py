@@ -154,11 +154,7 @@ class MarkerMaker:
     def _draw_contact(self, watch, placed, q):
         """Mark the touched link; return lines about external torque, none where it is not observed."""
         seen = watch.seen if watch and watch.seen.valid else None
-        touched = (
-            watch.touched
-            if seen and (seen.collision or (watch.contact and watch.contact.on))
-            else None
-        )
+        touched = watch.touched if seen and (seen.collision or watch.is_contact) else None
         link = touched.link if touched else ""
         marked = seen and seen.collision and (link or watch.covariance is None)
         self._collision.action = Marker.ADD if marked else Marker.DELETE

@@ -161,8 +161,8 @@ class MonitorNode(TableNode, Node):
         if robot.without_rotors:
             rotors = f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}"
             log.info(shortened(f"{rotors}. If so, set armature (docs/identification.md)."))
-        if robot.torque and (alarming := robot.torque.alarming):
-            count = np.isfinite(alarming.limits[:-2]).sum()
+        if robot.torque and robot.torque.is_judged:
+            count = np.isfinite(robot.torque.alarming.collision_limits[:-2]).sum()
             log.info(f"Collision thresholds of {count} joints.")
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
         topic = self.resolve_topic_name("joint_states")
@@ -262,8 +262,8 @@ class MonitorNode(TableNode, Node):
         stamp = state.newest
         if robot.torque:  # a collision is reported before anything else
             self._observe(robot, state)
-        if robot.contact.has_limits or "contact" in outputs.heard:
-            self._watch_contact(robot, state)
+        if robot.contact_limits.has_limits or "contact_limits" in outputs.heard:
+            self._watch_contact_limits(robot, state)
         outputs.publish(stamp, lambda topics: robot.messages(topics, s))
         if robot.energy.accept_state(
             stamp, s, robot.friction_power(s)
@@ -294,9 +294,7 @@ class MonitorNode(TableNode, Node):
         self._outputs.publish_beside(
             "external_torque",
             state.newest,
-            lambda: robot.encoder.external_torque(
-                watch.seen, watch.observation, state, watch.alarming, watch.contact, watch.touched
-            ),
+            lambda: robot.encoder.external_torque(watch.seen, state, watch.alarming, watch.touched),
         )
         if robot.settings.frames:
             withheld = self._outputs.publish_wrenches(
@@ -333,12 +331,14 @@ class MonitorNode(TableNode, Node):
         log = self.get_logger()
         log.warning(f"The load is not accepted: {fault.reason}") if fault else log.info(message)
 
-    def _watch_contact(self, robot, state):
+    def _watch_contact_limits(self, robot, state):
         """Publish predicted contact, and at once that a limit is exceeded."""
-        watch = robot.contact
+        watch = robot.contact_limits
         alarm = watch.has_limits and watch.accept_state(state)
         self._outputs.publish_beside(
-            "contact", state.newest, lambda: robot.encoder.contact(watch.compute(state), state)
+            "contact_limits",
+            state.newest,
+            lambda: robot.encoder.contact_limits(watch.compute(state), state),
         )
         if alarm:
             self._diagnostics.publish([watch.report()])

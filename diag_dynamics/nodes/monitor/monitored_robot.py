@@ -18,12 +18,12 @@ from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
-from diag_dynamics.nodes.monitor.watches import ContactWatch, EnergyWatch, LoopWatch
+from diag_dynamics.nodes.monitor.watches import ContactLimitsWatch, EnergyWatch, LoopWatch
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
-from diag_dynamics.parameters.contact import contact_points
+from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.sweeps import evaluation, workspace
@@ -65,7 +65,7 @@ class MonitoredRobot:
     energy : EnergyWatch
     torque : TorqueWatch or None
         What observes external torque, if it is wanted.
-    contact : ContactWatch
+    contact_limits : ContactLimitsWatch
     without_rotors : tuple of str
         Joints whose D is so far below what their effort limits suggest that their rotors' inertia
         must be missing.
@@ -87,7 +87,7 @@ class MonitoredRobot:
         )
         self._links = LinkPositions(model)
         self.energy = EnergyWatch(model, settings.thresholds)
-        self.contact = ContactWatch()
+        self.contact_limits = ContactLimitsWatch()
         self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = (
             None
         )
@@ -148,9 +148,9 @@ class MonitoredRobot:
         others = (
             self.dynamics is None
             or model is not self.model
-            or settings.contact != self.settings.contact
+            or settings.contact_limits != self.settings.contact_limits
         )
-        touched = contact_points(model, self._source, settings.contact) if others else None
+        touched = contact_points(model, self._source, settings.contact_limits) if others else None
         self.energy.configure(model, settings.thresholds)
         self.assembler.configure(settings.inputs)
         before, self.settings = self.settings, settings
@@ -169,7 +169,7 @@ class MonitoredRobot:
             self.dynamics.compile("wrench")
         if settings.observation and settings.observation.covariance:
             self.dynamics.compile("touched_link", "wrench")  # wrench: of markers
-        self.contact.use(self.dynamics, settings, touched)
+        self.contact_limits.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
             self.revision = revision
@@ -240,9 +240,9 @@ class MonitoredRobot:
             self.torque.start_interval()
         if self.loops:
             statuses.append(self.loops.report(self.state, self.assembler.follower_rates))
-        if self.contact.has_limits:
-            statuses.append(self.contact.report())
-            self.contact.start_interval()
+        if self.contact_limits.has_limits:
+            statuses.append(self.contact_limits.report())
+            self.contact_limits.start_interval()
         return statuses
 
     def unapplied(self):
@@ -260,7 +260,7 @@ class MonitoredRobot:
         self.energy.forget()
         if self.torque:
             self.torque.forget()
-        self.contact.forget()
+        self.contact_limits.forget()
         self._links.forget()
         self.state = None
 

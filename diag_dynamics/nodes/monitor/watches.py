@@ -21,11 +21,11 @@ from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
 LEVELS = (OK, WARN, ERROR)
 
 
-class ContactWatch:
-    """Contact at states, and the levels of points with limits.
+class ContactLimitsWatch:
+    """Predicted contact at states, and the levels of points with limits.
 
-    A point is at WARN from `contact.warn_at` of its allowed speed and at ERROR above all of it,
-    until it is below `contact.release` of that.
+    A point is at WARN from `contact_limits.warn_at` of its allowed speed and at ERROR above all of
+    it, until it is below `contact_limits.release` of that.
     """
 
     def __init__(self):
@@ -35,8 +35,8 @@ class ContactWatch:
     def use(self, dynamics, settings, points):
         """Use a model and settings; `points` are parameters.contact_points, None if unchanged."""
         self._dynamics = dynamics
-        self._warn_at = settings.values["contact.warn_at"]
-        self._release = settings.values["contact.release"]
+        self._warn_at = settings.values["contact_limits.warn_at"]
+        self._release = settings.values["contact_limits.release"]
         if points is not None:
             self.points, self._without_shape = points
             self.has_limits = bool(self.points.limited.any())
@@ -52,9 +52,11 @@ class ContactWatch:
         self._count, self._level, self._alarm = 0, 0, ""
 
     def compute(self, state):
-        """Return the contact at a RobotState."""
+        """Return the predicted contact at a RobotState."""
         if self._last is not state:
-            self._contact = self._dynamics.contact(state.position, state.velocity, self.points)
+            self._contact = self._dynamics.contact_limits(
+                state.position, state.velocity, self.points
+            )
             self._last = state
         return self._contact
 
@@ -78,7 +80,7 @@ class ContactWatch:
     def report(self):
         """Return the status of this interval; STALE without states."""
         if not self._count:
-            return Status("contact", STALE, "no states since the last report")
+            return Status("contact limits", STALE, "no states since the last report")
         values = {"limits exceeded": self._exceeded}
         if self._contact is not None and (k := self._contact.worst) >= 0:
             c = self._contact
@@ -95,7 +97,7 @@ class ContactWatch:
             values["links without shape"] = counted(links)
             message += f"; links without shape, checked at their frames: {len(links)}"
         self._reported = self._level
-        return Status("contact", LEVELS[self._reported], message, values)
+        return Status("contact limits", LEVELS[self._reported], message, values)
 
 
 # --- Energy

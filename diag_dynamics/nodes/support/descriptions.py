@@ -36,7 +36,7 @@ COMPILED = (
         "coriolis_torque",
         "gravity_torque",
     ),
-    *("contact", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
+    *("contact_limits", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
     *("momentum", "epsilon_from_tau"),
 )
 """Methods of DiagonalDynamics that nodes call."""

@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.msg import (
-    Contact,
+    ContactLimits,
     CoriolisTerm,
     DiagonalizedState,
     ExternalTorque,
@@ -157,16 +157,16 @@ class MessageMaker:
         values = matrix_fields(topic, dynamics, state, with_inverse)
         return self.make(topic, MATRICES[topic], state, self._texts[topic], values, (with_inverse,))
 
-    def external_torque(self, seen, observation, state, alarming=None, contact=None, touched=None):
-        """What an observer has seen: a Disturbance, by these thresholds, at a RobotState; empty where it is not valid.
+    def external_torque(self, seen, state, alarming, touched=None):
+        """Return the message of a Disturbance at a RobotState; empty where it is not valid.
 
-        `alarming` are CollisionThresholds, `contact` ContactThresholds, `touched` is a TouchedLink.
+        `alarming` is its Alarming, `touched` the TouchedLink, None if it is unknown.
         """
-        link, confidence = (touched.link, touched.confidence) if touched else ("", 0.0)
-        thresholds = observation, alarming, contact
-        values = torque_fields(seen, seen.valid, state, *thresholds, confidence)
-        shape = seen.valid, alarming is None, contact is None, link
-        texts = self._dofs | {"touched_link": link}
+        is_touched = bool(touched and touched.link)
+        links = list(touched.links) if is_touched else []
+        probability = touched.probability if is_touched else None
+        values = torque_fields(seen, seen.valid, state, alarming, probability)
+        texts, shape = self._dofs | {"touched_links": links}, (seen.valid, tuple(links))
         return self.make("external_torque", ExternalTorque, state, texts, values, shape)
 
     def external_wrench(self, frame, found, state):
@@ -209,8 +209,8 @@ class MessageMaker:
             **flags_of(state),
         )
 
-    def contact(self, contact, state):
-        """Contact at the points of a robot, and the RobotState it came from."""
+    def contact_limits(self, contact, state):
+        """Return the message of a PredictedContact at a RobotState."""
         texts = {"point_names": list(contact.names), "link_names": list(contact.links)}
         values = flags_of(state) | {
             "valid": True,
@@ -225,7 +225,7 @@ class MessageMaker:
             "margin": contact.margin,
             "worst": int(contact.worst),
         }
-        return self.make("contact", Contact, state, texts, values, (contact.points,))
+        return self.make("contact_limits", ContactLimits, state, texts, values, (contact.points,))
 
 
 def _vector(numbers):

@@ -82,8 +82,8 @@ TOPICS = (
         beside=True,
     ),
     Topic(
-        "contact",
-        "Contact",
+        "contact_limits",
+        "ContactLimits",
         "predicted contact at the worst point of each link: speed, mass, energy, force, margin",
         beside=True,
     ),

@@ -16,13 +16,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
-from diag_dynamics.parameters.monitor import Observation
 from diag_dynamics.results import expand
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from diag_dynamics.wire.fields import (
-    CollisionThresholds,
-    ContactThresholds,
+    Alarming,
     evaluated_fields,
     matrix_fields,
     texts_of,
@@ -102,25 +100,33 @@ class TopicRows:
         self._dynamics, self._texts = DiagonalDynamics(model), texts_of(topic, model, REVISION)
         self._with_friction = settings.values["publish_friction"]
         self._with_inverse = settings.values["publish_inverse_factor"]
-        self._observation = observation or Observation(0.0, np.inf, np.inf, False, 0.0)
-        alarms, contact = self._observation.alarms, self._observation.contact
-        self._alarms = alarms and alarms.limits(names)
-        self._contact = contact and contact.limits(names)
-        self._covariance = self._observation.covariance_of(names)
+        self._limits = np.full((2, len(names) + 2), np.inf)
+        self._covariance = None
+        if observation:
+            self._covariance = observation.covariance_of(names)
+            self._limits[0, -1] = observation.threshold
+            for row, thresholds in enumerate((observation.alarms, observation.contact)):
+                if thresholds:
+                    self._limits[row] = thresholds.limits(names)
 
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, PREFIX + bytes)."""
         is_torque = self._topic == "external_torque"
         known = piece.observed.valid if is_torque else piece.states.effort_known
-        links, confidence = self._touched_links(piece)
-        groups = {*zip(known.tolist(), links.tolist(), strict=True)}
-        for is_known, link in sorted(groups, reverse=True):
-            which = np.flatnonzero((known == is_known) & (links == link))
+        touched = self._touched_links(piece)
+        is_touched = np.zeros(len(piece.states), dtype=bool)
+        if touched:
+            is_touched = touched.link != ""
+        for is_known, has_links in ((True, True), (True, False), (False, False)):
+            which = np.flatnonzero((known == is_known) & (is_touched == has_links))
+            if not len(which):
+                continue
             state, seen = _state_of(piece.states[which]), piece.observed.rows(which)
             if is_torque:
-                thresholds = self._thresholds(piece, which)
-                values = torque_fields(seen, is_known, state, *thresholds, confidence[which])
-                values["touched_link"] = link
+                probability = touched.probability[which] if has_links else None
+                alarming = self._alarming(piece, which)
+                values = torque_fields(seen, is_known, state, alarming, probability)
+                values["touched_links"] = list(touched.links) if has_links else []
             elif self._topic in ("mass_matrix_factors", "joint_space_dynamics"):
                 values = matrix_fields(self._topic, self._dynamics, state, self._with_inverse)
             else:
@@ -129,28 +135,23 @@ class TopicRows:
                 friction = self._friction(piece, which)
                 s = _Rows(piece.s, which)
                 values = evaluated_fields(names, s, state, is_known, friction=friction)
-            yield which, self._encode(values, state, (is_known, link))
+            yield which, self._encode(values, state, (is_known, has_links))
 
     def _touched_links(self, piece):
-        """Return touched links, "" for none, and their probabilities."""
-        links, confidence = np.full(len(piece.states), ""), np.zeros(len(piece.states))
+        """Return the TouchedLink of each state; None without a covariance or results."""
         rows = piece.observed.valid & np.isfinite(piece.observed.norm)
-        if self._topic == "external_torque" and self._covariance is not None and rows.any():
-            results = piece.states.position[rows], piece.observed.external_torque[rows]
-            touched = expand(self._dynamics.touched_link(*results, self._covariance), rows)
-            links, confidence = touched.link, np.nan_to_num(touched.confidence)
-        return links, confidence
+        if self._topic != "external_torque" or self._covariance is None or not rows.any():
+            return None
+        results = piece.states.position[rows], piece.observed.external_torque[rows]
+        return expand(self._dynamics.touched_link(*results, self._covariance), rows)
 
-    def _thresholds(self, piece, which):
-        """Return the Observation, and thresholds of collision and contact by state."""
-        alarms = contact = None
-        if self._alarms is not None:
-            rows = np.tile(self._alarms, (len(which), 1))
-            alarms = CollisionThresholds(rows, piece.judged.joints[which])
-        if self._contact is not None:
-            rows = np.tile(self._contact, (len(which), 1))
-            contact = ContactThresholds(rows, piece.contact.alarm[which])
-        return self._observation, alarms, contact
+    def _alarming(self, piece, which):
+        """Return the Alarming of some states."""
+        count, nv = len(which), self._dynamics.model.nv
+        collision, contact = (np.tile(limits, (count, 1)) for limits in self._limits)
+        joints = piece.judged.joints[which] if piece.judged else np.zeros((count, nv), dtype=bool)
+        is_contact = piece.contact.alarm[which] if piece.contact else False
+        return Alarming(collision, contact, joints, is_contact)
 
     def _friction(self, piece, which):
         """Return the term of friction; None unless the parameter publish_friction is true."""
@@ -189,7 +190,7 @@ class TopicRows:
             *parts, field = path.split(".")
             value = value[0] if isinstance(value, np.ndarray) else value
             if value is not None:
-                value = np.ravel(value) if np.ndim(value) else value
+                value = np.ravel(value) if isinstance(value, np.ndarray) else value
                 setattr(reduce(getattr, parts, message), field, value)
         return Template(message)
 

@@ -115,8 +115,8 @@ class ReportOutput:
             **{name: column for name, column in columns.items() if name in States._fields}
         )
         if self._points:
-            evaluated = evaluated.with_contact(
-                self._dynamics.contact(evaluated.q, evaluated.qd, self._points)
+            evaluated = evaluated.with_contact_limits(
+                self._dynamics.contact_limits(evaluated.q, evaluated.qd, self._points)
             )
         numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
         for name, power in zip(POWERS, mean_powers(states).T, strict=True):

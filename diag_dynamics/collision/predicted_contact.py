@@ -18,7 +18,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import number, positive
-from diag_dynamics.contact.points import ContactPoints
+from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.sweeps import contacts
 
 
@@ -30,7 +30,7 @@ def _column(index: int | slice, doc: str) -> Any:
 _XYZ = tuple(slice(first, first + 3) for first in (contacts.POSITION, contacts.DIRECTION))
 
 
-class Contact:
+class PredictedContact:
     """Predicted contact at the worst point of each entry of :class:`ContactPoints`; read-only.
 
     Arrays have a number or three coordinates for each of `names`; those of many states have a row
@@ -117,7 +117,7 @@ class Contact:
 
     def __repr__(self) -> str:
         states = "" if self._results.ndim == 2 else f"{len(self._results)} states, "
-        return f"<Contact of '{self.points.model.name}': {states}{len(self)} entries>"
+        return f"<PredictedContact of '{self.points.model.name}': {states}{len(self)} entries>"
 
 
 # --- Contact of two masses: transient against a spring, and an instantaneous impact

@@ -3,30 +3,30 @@
 
 """Parameters of contact, shared by monitor and controller, and the contact points that they select."""
 
-from diag_dynamics.contact.geometry import link_geometry
-from diag_dynamics.contact.points import ContactLimits, ContactPoints
+from diag_dynamics.collision.contact_points import ContactLimits, ContactPoints
+from diag_dynamics.collision.link_geometry import link_geometry
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.spec import Spec
 
 PARAMETERS = {
-    "contact.limits_file": Spec(
+    "contact_limits.file": Spec(
         "",
         "YAML file of contact points and limits of body regions (config/contact_limits.example.yaml); empty: no limits.",
     ),
 }
 """Specs by name."""
 
-ENERGY_LIMIT = "contact.energy_limit"
+ENERGY_LIMIT = "contact_limits.energy"
 """The controller's limit of transferable energy, and the name of its region."""
 
 
 def limits_of(values):
     """Return the ContactLimits of parameters by name, None without a file; raise InputError if the file is wrong."""
     try:
-        file = values["contact.limits_file"]
+        file = values["contact_limits.file"]
         return ContactLimits.load(file) if file else None
     except InputError as error:
-        raise InputError(f"parameter 'contact.limits_file': {error}") from None
+        raise InputError(f"parameter 'contact_limits.file': {error}") from None
 
 
 def contact_points(model, description, limits):
@@ -63,6 +63,6 @@ def bounded_points(model, description, values):
     points, _ = contact_points(model, description, limits)
     if not points.limited.any():
         raise InputError(
-            "parameter 'contact.limits_file' has no limit for a link of this robot. Assign its links to a region with limits."
+            "parameter 'contact_limits.file' has no limit for a link of this robot. Assign its links to a region with limits."
         )
     return points

@@ -14,7 +14,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
-from diag_dynamics.contact.points import GEOMETRIES, ContactPoint, Geometry
+from diag_dynamics.collision.contact_points import GEOMETRIES, ContactPoint, Geometry
 from diag_dynamics.description.catalog import read_source
 from diag_dynamics.description.elements import placement_of
 from diag_dynamics.description.geometry import Shape, shapes_of

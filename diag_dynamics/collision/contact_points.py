@@ -175,7 +175,7 @@ class ContactLimits:
 
 
 class ContactPoints:
-    """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact`.
+    """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact_limits`.
 
     Points are ContactPoint or tuples of its fields; those on links that nothing moves are left out.
     Without limits there is no force. The worst of an entry's points has the largest transferable

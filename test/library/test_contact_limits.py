@@ -16,7 +16,7 @@ import robots
 from accuracy import EPS, norm
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
-from diag_dynamics.contact.results import (
+from diag_dynamics.collision.predicted_contact import (
     contact_force,
     reduced_mass,
     simplified_mass,
@@ -89,7 +89,7 @@ def test_worst_point_of_every_link(one, worst_by):
     given = [dd.ContactPoint(name, name, rng.uniform(-0.2, 0.2, (5, 3))) for name in links]
     points = dd.ContactPoints(model, given, limits, worst_by)
     q, qd = model.random(rng), rng.normal(size=model.nv)
-    c = dyn.contact(q, qd, points)
+    c = dyn.contact_limits(q, qd, points)
     close(c.nu, dyn.nu_from_qd(q, qd), 1e-12)
     root = dyn.placement(q, model.root_link)
     for k, name in enumerate(links):
@@ -150,7 +150,7 @@ def test_directions_that_are_given():
         ("back", "wrist_3_link", r, -u),
         ("stuck", "shoulder_link", (0, 0, 0.1), (0, 0, 1)),
     ]
-    c = dyn.contact(q, qd, given)
+    c = dyn.contact_limits(q, qd, given)
     v, m = (
         dyn.link_velocity(q, qd, "wrist_3_link", r)[:3] @ u / norm(u),
         dyn.reflected_mass(q, "wrist_3_link", u, r),
@@ -163,7 +163,7 @@ def test_directions_that_are_given():
     assert c.worst == np.argmax(c.energy)
     limits = dd.ContactLimits({"any": {"energy": 1.0}})
     assert (
-        dyn.contact(q, qd, dd.ContactPoints(model, given, limits)).usage[3] == 0.0
+        dyn.contact_limits(q, qd, dd.ContactPoints(model, given, limits)).usage[3] == 0.0
     )  # 0/0: no speed, none allowed
 
 
@@ -173,7 +173,7 @@ def test_a_robot_at_rest_has_no_worst_point():
     points = dd.ContactPoints(
         model, [("tip", "panda_hand")], dd.ContactLimits({"any": {"energy": 1.0}})
     )
-    c = dd.DiagonalDynamics(model).contact(model.neutral, np.zeros(model.nv), points)
+    c = dd.DiagonalDynamics(model).contact_limits(model.neutral, np.zeros(model.nv), points)
     assert c.worst == -1 and c.speed[0] == c.reflected_mass[0] == c.energy[0] == 0.0
     assert not c.direction.any() and c.region(0) == ""
     assert not any(
@@ -187,9 +187,9 @@ def test_batch_has_the_bits_of_single_states():
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(3)
     points = dd.ContactPoints(model, dd.link_geometry(model, robot(TALOS).urdf, "frames").points)
     Q, QD = np.array([model.random(rng) for _ in range(300)]), rng.normal(size=(300, model.nv))
-    many = dyn.contact(Q, QD, points, threads=2)
+    many = dyn.contact_limits(Q, QD, points, threads=2)
     for t in (0, 7, 299):
-        one = dyn.contact(Q[t], QD[t], points)
+        one = dyn.contact_limits(Q[t], QD[t], points)
         for name in (
             "nu",
             "position",
@@ -205,7 +205,7 @@ def test_batch_has_the_bits_of_single_states():
         assert many.worst[t] == one.worst
     QD[5, 2] = math.nan
     with pytest.raises(dd.InputError, match="state 5: qd of joint"):
-        dyn.contact(Q, QD, points)
+        dyn.contact_limits(Q, QD, points)
 
 
 def test_points_outlive_pickling():
@@ -217,7 +217,7 @@ def test_points_outlive_pickling():
     q, qd = model.random(1), np.ones(model.nv)
     dyn = dd.DiagonalDynamics(model)
     np.testing.assert_array_equal(
-        dyn.contact(q, qd, points).position, dyn.contact(q, qd, again).position
+        dyn.contact_limits(q, qd, points).position, dyn.contact_limits(q, qd, again).position
     )
 
 
@@ -240,7 +240,7 @@ def test_points_of_another_robot_are_refused():
     points = dd.ContactPoints(dd.load_urdf(robot(UR5).urdf), [("a", "wrist_3_link")])
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot(PANDA).urdf))
     with pytest.raises(dd.InputError, match="of robot 'ur5'"):
-        dyn.contact(np.zeros(8), np.zeros(8), points)
+        dyn.contact_limits(np.zeros(8), np.zeros(8), points)
 
 
 # --- Impacts -----------------------------------------------------------------------------------------------

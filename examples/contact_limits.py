@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a touch of a two-link arm would cost: the worked example of docs/contact.md, which can be followed by hand."""
+"""What a touch of a two-link arm would cost: the worked example of docs/contact-limits.md, which can be followed by hand."""
 
 import math
 
 import diag_dynamics as dd
-from diag_dynamics.contact.results import contact_force, simplified_mass, speed_of_force
+from diag_dynamics.collision.predicted_contact import contact_force, simplified_mass, speed_of_force
 
 POINT_MASS = """<inertial><origin xyz='1 0 0'/><mass value='{}'/>
 <inertia ixx='0' ixy='0' ixz='0' iyy='0' iyz='0' izz='0'/></inertial>"""
@@ -28,7 +28,7 @@ tip = dd.ContactPoints(model, [("tip", "forearm", (1, 0, 0))], LIMITS)
 half = simplified_mass(model.total_mass)
 q = (0.0, math.pi / 2)  # shoulder along x, elbow at a right angle: the tip is at (1, 1)
 for name, qd in (("along y", (0.5, -0.5)), ("along x", (0.0, -0.5))):
-    c = dyn.contact(q, qd, tip)
+    c = dyn.contact_limits(q, qd, tip)
     print(f"{name}, direction {c.direction[0].round(6) + 0.0}, at {c.position[0].round(6) + 0.0}")
     print(
         f"  speed {c.speed[0]:.3f} m/s, reflected mass {c.reflected_mass[0]:.3f} kg, simplified {half:.3f} kg"

@@ -18,7 +18,7 @@ const COLUMNS = [
 export class ContactCard {
   constructor(layout, select) {
     this.layout = layout;
-    const { points, half, frames_only: without } = layout.json.contact;
+    const { points, half, frames_only: without } = layout.json.contact_limits;
     this.notes = `M/2 + payload: ${number(half)} kg${without ? ` · links without shape: ${without}` : ""}`;
     this.summary = el("p", { class: "none" });
     const heads = COLUMNS.map(([name, unit, help]) => el("th", { title: help }, `${name} `, el("small", { text: unit })));
@@ -26,7 +26,7 @@ export class ContactCard {
     const table = el("table", { class: "contact" }, el("thead", {}, el("tr", {}, el("th", { text: "point" }), ...heads)), this.body);
     this.node = el(
       "section",
-      { class: "card words", id: "contact", title: "Rigid-body prediction, no safety function (docs/contact.md)" },
+      { class: "card words", id: "contact-limits", title: "Rigid-body prediction, no safety function (docs/contact-limits.md)" },
       el("header", {}, el("h2", { text: "Predicted contact (advisory)" })),
       this.summary,
       el("div", { class: "text" }, table),
@@ -42,18 +42,18 @@ export class ContactCard {
 
   draw(data, base) {
     const { layout, rows } = this;
-    const { points, half } = layout.json.contact;
+    const { points, half } = layout.json.contact_limits;
     const all = (name) => data.subarray(base + layout.at(name), base + layout.at(name) + layout.size(name));
-    const [worst] = all("contact_worst");
-    const [speed, mass, energy, allowed] = ["speed", "mass", "energy", "allowed"].map((name) => all(`contact_${name}`));
+    const [worst] = all("contact_limits_worst");
+    const [speed, mass, energy, allowed] = ["speed", "mass", "energy", "allowed"].map((name) => all(`contact_limits_${name}`));
     const margin = allowed.map((limit, k) => limit - Math.max(speed[k], 0));
     const known = Number.isFinite(worst);
     toggle(this.node, "old", !known);
     toggle(this.node, "free", allowed.every((limit) => !(limit < Infinity)));
-    this.worst = worst >= 0 ? { position: [...all("contact_position")], above: margin[worst] < 0 } : null;
+    this.worst = worst >= 0 ? { position: [...all("contact_limits_position")], above: margin[worst] < 0 } : null;
     const least = points[worst] && (Number.isFinite(margin[worst])
       ? `smallest margin: ${points[worst].name}, ${number(margin[worst])} m/s`
-      : `largest energy: ${points[worst].name}, ${number(energy[worst])} J; no limits set (contact.limits_file)`);
+      : `largest energy: ${points[worst].name}, ${number(energy[worst])} J; no limits set (contact_limits.file)`);
     say(this.summary, known ? `${least ?? "at rest"} · ${this.notes}` : "no result at this time");
     rows.forEach(({ cells, node }, k) => {
       toggle(node, "above", margin[k] < 0);
