@@ -48,7 +48,10 @@ def add_arguments(parser):
     common.add_recording(
         parser, "recordings without contact, in the formats of diag-dynamics analyse"
     )
-    text = "any of friction, rotors, inertias, gears, gains, payload:LINK, separated by commas (default: %(default)s)"
+    text = (
+        "any of friction, rotors, inertias, gears, gains, payload:LINK, payload:LINK=MASS, "
+        "separated by commas (default: %(default)s)"
+    )
     parser.add_argument("--what", default=",".join(STEPS), metavar="WHAT", help=text)
     text = "recordings of the same robot without the payload"
     parser.add_argument("--reference", metavar="RECORDING", nargs="+", default=[], help=text)
@@ -171,6 +174,9 @@ def format_summary(found):
         if "motor_damping" in quality["deviations"].get(name, {}):
             values = f"damping {motor.damping:.3g} N m s/rad, friction {motor.friction:.3g} N m"
             lines.append(f"  motor of {name} at its rate: {values}")
+    if quality["partial"]:
+        joints = ", ".join(quality["partial"])
+        lines.append(f"  partial: of {joints} alone; the model's efforts stand for those of others")
     for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
             lines.append(

@@ -17,8 +17,10 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.data_checks import (
+    UNSCALED,
     EffortRange,
     EffortRelation,
+    end_links,
     find_effort_delay,
     find_fault,
 )
@@ -136,9 +138,9 @@ class Dataset:
         self.findings.append(Finding(DOUBTFUL, 1, text))
         return 0.0
 
-    def relate_efforts(self, model, payload=False):
+    def relate_efforts(self, model, ends=()):
         """Return the Relation of efforts to model torques, NaN for joints of unknown efforts."""
-        compared = EffortRelation(model, payload)
+        compared = EffortRelation(model, ends)
         for part in self.portions():
             compared.add_run(*part.columns)
         relation = compared.fit()
@@ -148,7 +150,7 @@ class Dataset:
 
     def check_efforts(self, model):
         """Return the Relation of efforts, and add findings; InputError for a clear fault."""
-        relation = self.relate_efforts(model, payload=True)
+        relation = self.relate_efforts(model, end_links(model))
         fault = find_fault(relation)
         if fault and not fault.light:
             raise InputError(f"{self.name}: {fault.text}.")
@@ -203,7 +205,7 @@ class Dataset:
             {},
             False,
             0,
-            EffortRange(model.dof_names),
+            EffortRange(model),
         )
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
@@ -249,7 +251,7 @@ class Dataset:
             f"{explain_missing_efforts(counts, lacking)}. Identification requires them."
         )
         for word, joints in efforts.groups(missing).items():
-            self._set_unknown(model, joints, f"{word} throughout")
+            self._set_unknown(model, joints, word if word == UNSCALED else f"{word} throughout")
         self._add(
             step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}"
         )
@@ -308,7 +310,7 @@ class Dataset:
     def scale_efforts(self, model, gains):
         """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
         joints = [model.dof_names[k] for k in np.flatnonzero(np.isnan(gains) & self.known)]
-        self._set_unknown(model, joints, "in a unit whose gain gravity does not show")
+        self._set_unknown(model, joints, UNSCALED)
         scaled = [
             one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments
         ]
@@ -321,7 +323,8 @@ class Dataset:
         if not joints:
             return
         self.known &= ~np.isin(model.dof_names, joints)
-        text = f"efforts of {', '.join(joints)} are {text} (effort_available): nothing is fitted to them"
+        by = "effort_scale" if text == UNSCALED else "effort_available"
+        text = f"efforts of {', '.join(joints)} are {text} ({by}): nothing is fitted to them"
         self.findings.append(Finding("effort unknown", 1, text))
         if not self.known.any():
             texts = "; ".join(one.text for one in self.findings if one.cause == "effort unknown")

@@ -15,24 +15,29 @@ from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
-from diag_dynamics.identification.fit import Carrier, ConvergenceError, Layout
-from diag_dynamics.identification.quality import effort_scale, quality_of
+from diag_dynamics.identification.fit import Carrier, ConvergenceError
+from diag_dynamics.identification.gains import (
+    correct_gains,
+    effort_scale,
+    find_gains,
+    with_known_payload,
+)
+from diag_dynamics.identification.quality import quality_of
 from diag_dynamics.identification.regressors import (
     DAMPING,
     FRICTION,
     LOAD,
     OFFSET,
-    OWN,
     ROOT,
     ROTOR,
     Regressors,
     require_single_joints,
 )
 from diag_dynamics.identification.result import Identification, parameters_of
-from diag_dynamics.identification.selection import STEPS, Selection, read_what
+from diag_dynamics.identification.selection import PAYLOAD, STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
-from diag_dynamics.recordings.data_checks import ERRORS
+from diag_dynamics.recordings.data_checks import end_links
 from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.recording import Recording
 
@@ -44,18 +49,13 @@ MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = (
     12,
     1.0,
 )  # of cross-validation, and their length if more: six time constants [s]
-UNASKED_GAIN, MAX_TIPS = (
-    0.3,
-    3,
-)  # gain from which an unasked payload is named; ends of the robot that are tried
+UNASKED_GAIN = 0.3  # gain from which an unasked payload is named
 
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
 """Velocity [rad/s], time above it each way [s], and range [rad] of a joint that moves enough."""
 
 PRISMATIC, TRAVEL = 0.1, 0.02
 """Factor of these for a prismatic joint [m], and travel that shows an offset [rad, m]."""
-
-MAX_GAIN_ERROR = 0.5  # of a gain, relative, ERRORS times its standard deviation
 
 
 def identify(
@@ -86,8 +86,9 @@ def identify(
         ``"rotors"`` (reflected inertia of motors, for efforts measured by current), ``"gears"``
         (friction by the torque of gravity and by the root of the rate), ``"gains"`` (torque by unit
         of effort of joints that carry weight, for currents and raw units of drives),
-        ``"payload:<link>"`` (mass that a link carries beside the model, or lacks), ``"inertias"``
-        (of all links; alone, it includes the other steps).
+        ``"payload:<link>"`` (mass that a link carries beside the model, or lacks; with gains,
+        ``"payload:<link>=<mass>"`` is a known mass [kg], whose weight shows gains of more joints),
+        ``"inertias"`` (of all links; alone, it includes the other steps).
     reference : Recording, callable, or sequence of these, optional
         Of the same robot without the payload: its links are then fitted too, so that their errors
         do not become part of the payload.
@@ -126,17 +127,16 @@ def identify(
             "Load the model without flexible_joints."
         )
     require_single_joints(model)
-    ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_TIPS:]
-    links = [model.link_names[link] for link in model.bodies["link"][ends]]
-    payloads = [Carrier(link, *model.placement_in_body(link)) for link in (asked or links)]
-    data = FitData(model, payloads, recordings, reference, "gains" in names)
+    links = asked or end_links(model)
+    payloads = [Carrier(link, *model.placement_in_body(link)) for link in links]
+    data = FitData(model, payloads, recordings, reference, "gains" in names, asked)
     payload = payloads[0] if asked else None
     try:
         selection = Selection(model, steps, payload, data)
     except ConvergenceError as error:
         if not asked:
             raise
-        text = f"{error} Leave payload:{asked[0]} out of what"
+        text = f"{error} Leave {PAYLOAD}{payload.link} out of what"
         if not steps or reference is not None:
             raise ConvergenceError(f"{text}.") from error
         selection = Selection(model, steps, None, data)
@@ -146,7 +146,7 @@ def identify(
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
     parameters = parameters_of(selection.layout, last.x, free, _origin(model, data, quality))
-    if data.gains:
+    if data.gains is not None:
         parameters = parameters.with_effort_scale(effort_scale(model, data.gains[0]))
     if not asked and "inertias" not in selection.taken:
         quality["warnings"] += _warn_of_payload(selection, payloads)
@@ -168,7 +168,7 @@ class FitData:
     that have efforts there (bool).
     """
 
-    def __init__(self, model, payloads, recordings, reference, with_gains):
+    def __init__(self, model, payloads, recordings, reference, with_gains, masses):
         self.regressors = Regressors(model, [payload.body for payload in payloads])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
@@ -181,9 +181,9 @@ class FitData:
             Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)
         ]
         self.datasets = [*self.loaded, *self._references]
-        self.gains = find_gains(model, self.datasets) if with_gains else None
-        for one in self.datasets if with_gains else ():
-            one.scale_efforts(model, self.gains[0])
+        self.gains = None
+        if with_gains:
+            self._find_gains(model, masses)
         self.relations = [one.check_efforts(model) for one in self.datasets]
         able, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
         self.measured = np.any([one.known for one in self.datasets], axis=0)
@@ -192,27 +192,25 @@ class FitData:
         self.able |= dict.fromkeys((ROTOR, LOAD, ROOT), able[2])
         self.duration = sum(one.duration for one in self.datasets)
         self.use_load_of(model)
-        if with_gains:
-            self._correct_gains(model)
+        if with_gains and self._carrying is not None:
+            factors = correct_gains(self._carrying, self)
+            for dataset in self.datasets:
+                dataset.scale_efforts(model, factors)
+            self.use_load_of(model)
 
-    def _correct_gains(self, model):
-        """Correct gains by the filtered rows, whose friction is exact, and set their deviations by the jackknife."""
-        layout = Layout(model, self.regressors)
-        left_out = np.array(
-            [
-                [_slope(layout, k, (self.fitted - one)[k]) for one in self.blocks]
-                for k in range(model.nv)
-            ]
-        )
-        slope = np.array([_slope(layout, k, self.fitted[k]) for k in range(model.nv)])
-        count, gains = len(self.blocks), self.gains[0] / slope
-        self.left_out_gains = (slope[:, None] / left_out).T
-        changes = left_out - left_out.mean(axis=1, keepdims=True)
-        deviations = np.sqrt((count - 1) / count * (changes**2).sum(axis=1)) / slope
-        for one in self.datasets:
-            one.scale_efforts(model, 1.0 / slope)
-        self.gains = gains, np.abs(gains) * deviations
-        self.use_load_of(model)
+    def _find_gains(self, model, masses):
+        """Multiply efforts by gains; an unknown payload leaves these to references."""
+        self._carrying, mass = model, next(iter(masses.values()), None)
+        if mass is not None:
+            payload = self.loaded, self._references, *masses, mass
+            self._carrying = with_known_payload(model, *payload)
+        elif masses and self._references:
+            self._carrying = None
+        pairs = [(self._carrying, dataset) for dataset in self.loaded if self._carrying]
+        pairs += [(model, dataset) for dataset in self._references]
+        self.gains = find_gains(pairs)
+        for dataset in self.datasets:
+            dataset.scale_efforts(model, self.gains[0])
 
     def left_out(self):
         """Return the normal equations without each block in turn, of efforts with the gains of the other blocks."""
@@ -266,24 +264,6 @@ class FitData:
         return blocks, parts
 
 
-def find_gains(model, datasets):
-    """Return torque by unit of effort and its standard deviation by joint, NaN where gravity does not show it.
-
-    Inertia shows no gain, because it may be a rotor's.
-    """
-    relations = [one.relate_efforts(model) for one in datasets]
-    factors, errors = (
-        np.array([getattr(one, name) for one in relations]) for name in ("factor", "error")
-    )
-    usable = np.isfinite(factors) & np.array([one.heavy for one in relations])
-    weights = np.where(usable, 1.0 / np.maximum(errors, 1e-300) ** 2, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        factor = (weights * np.nan_to_num(factors)).sum(axis=0) / weights.sum(axis=0)
-        error = 1.0 / np.sqrt(weights.sum(axis=0))
-        gains = np.where(ERRORS * error < MAX_GAIN_ERROR * np.abs(factor), 1.0 / factor, np.nan)
-        return gains, np.abs(gains) * error / np.abs(factor)
-
-
 def check_motion(model, datasets, slides):
     """Return which joints move, which in each direction, and which of these far, bool (3, nv), and findings on the others.
 
@@ -307,22 +287,6 @@ def check_motion(model, datasets, slides):
         findings.append(Finding("not excited", 1, text))
     able = moved > TRAVEL, each_way, each_way & (moved >= RANGE * unit)
     return np.array(able), findings
-
-
-def _slope(layout, k, sums):
-    """Return the slope of a joint's effort over the model's torque beside friction of all kinds; 1 if unknown."""
-    columns = layout.regressors.columns[k]
-    torque = np.where(np.isin(columns, np.flatnonzero(layout.inertial)), layout.known[columns], 0.0)
-    rows = np.vstack([torque, np.eye(len(columns))[-len(OWN) :]])
-    inner = rows @ sums[:-1, :-1] @ rows.T
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    slopes = (
-        scale
-        * np.linalg.lstsq(
-            inner * scale[:, None] * scale, scale * (rows @ sums[:-1, -1]), rcond=1e-9
-        )[0]
-    )
-    return slopes[0] if slopes[0] > 0.0 else 1.0
 
 
 def _in_order(datasets):

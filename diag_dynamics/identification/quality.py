@@ -11,6 +11,7 @@ import numpy as np
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.dataset import DOUBTFUL, portions
+from diag_dynamics.identification.gains import effort_scale, gains_by_joint
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import (
@@ -69,12 +70,13 @@ def validate(models, parts):
             (part, known) for segment, known in block for part in portions([segment])
         ):
             t, q, qd, tau = part.columns
-            tau = tau - dynamics.friction_torque(
-                qd, q
-            )  # of rates as they are: that of filtered ones turns later
+            # Friction of rates as they are, because that of filtered ones turns later.
+            tau = tau - dynamics.friction_torque(qd, q)
+            if not known.all():  # the efforts of others are those of the model
+                rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+                tau = np.where(known, tau, rest)
             s = dynamics.evaluate(q, qd, tau)
-            if known.all():
-                balance.add_windows(sums.integrate_states(part.states, s))
+            balance.add_windows(sums.integrate_states(part.states, s))
             _, torque, _, valid, _ = observer.observe_batch(replace(part.states, effort=tau), s)
             observed.append(np.where(known, torque[valid], np.nan))
             energies.append(s.kinetic_energy.copy())
@@ -121,7 +123,7 @@ def quality_of(model, selection, data, last):
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
     judged = any(one.judged().any() for one in data.relations)
     start = selection.squares_of([layout.known] * count)
-    fits = selection.left_out() if data.gains else selection.fits
+    fits = selection.left_out() if data.gains is not None else selection.fits
     quality = {
         "held_out": f"each of {count} parts of all recordings, by parameters fitted to the others",
         "held_out_duration": float(sum(one.duration for one in data.loaded)),
@@ -131,7 +133,8 @@ def quality_of(model, selection, data, last):
         "kept": selection.kept,
         "ladder": selection.ladder,
         "effort_factor": _factors(names, data.relations),
-        "effort_gain": _gains(names, data.gains) if data.gains else None,
+        "effort_gain": None if data.gains is None else gains_by_joint(names, data.gains),
+        "partial": [] if data.measured.all() else np.array(names)[data.measured].tolist(),
         "efforts_judged": judged
         and not nothing
         and DOUBTFUL not in [one.cause for one in findings],
@@ -149,7 +152,7 @@ def quality_of(model, selection, data, last):
             *map(str, data.findings * selection.asks_for_joints),
         ],
     }
-    if data.gains:
+    if data.gains is not None:
         scales = effort_scale(model, data.gains[0]).items()
         known = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
@@ -192,22 +195,6 @@ def _pair(names, before, after):
         return [before, after]
     pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
     return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
-
-
-def effort_scale(model, gains):
-    """Return effort by reported unit, by joint; NaN where gravity shows no gain and the model has none."""
-    before = model.effort_scale
-    pairs = zip(model.dof_names, gains.tolist(), strict=True)
-    return {
-        name: before.get(name, 1.0) * gain if gain == gain else before.get(name, gain)
-        for name, gain in pairs
-    }
-
-
-def _gains(names, gains):
-    """Return gain and standard deviation of each joint's effort; None where gravity does not show it."""
-    pairs = zip(names, *np.asarray(gains).tolist(), strict=True)
-    return {name: [gain, error] if np.isfinite(gain) else None for name, gain, error in pairs}
 
 
 def _factors(names, relations):

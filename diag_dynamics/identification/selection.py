@@ -41,6 +41,7 @@ STEPS = (
     "inertias",
     "gears",
 )  # beside payloads, in the order in which they are tried
+PAYLOAD = "payload:"  # before the link that carries it
 MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyway
 MIN_LOAD = 0.1  # torque of gravity in the filtered load column over the effort, of a joint with load friction
 GAIN, ROTOR_GAIN = (
@@ -50,20 +51,42 @@ GAIN, ROTOR_GAIN = (
 
 
 def read_what(what, model):
-    """Return names of what to identify, its steps in order, all for inertias alone, and the links of its payloads."""
+    """Return names of what to identify, its steps in order, and masses of payloads by link.
+
+    Inertias alone are all steps. An unknown mass is None.
+    """
     names = (what,) if isinstance(what, str) else tuple(what)
     steps = [step for step in STEPS if step in names or set(names) - {"gains"} == {"inertias"}]
-    links = [name[8:] for name in names if str(name).startswith("payload:")]
-    if not names or not set(names) <= {*STEPS, "gains", *(f"payload:{link}" for link in links)}:
+    carried = [name for name in names if str(name).startswith(PAYLOAD)]
+    if not names or not set(names) <= {*STEPS, "gains", *carried}:
         raise InputError(
             f"what is {what!r}; expected one or more of {', '.join(STEPS)}, gains, payload:<link>."
         )
-    for link in links:
+    masses = {}
+    for name in carried:
+        link, is_known, mass = name.removeprefix(PAYLOAD).partition("=")
+        masses[link] = _read_mass(what, mass) if is_known else None
+        if is_known and "gains" not in names:
+            raise InputError(
+                f"what is {what!r}; expected gains beside a known payload. Add gains, or remove "
+                f"={mass}."
+            )
         if model.placement_in_body(link)[0] == 0:
             raise InputError(
                 f"what is {what!r}, but no joint moves link '{link}'. Name the link that carries the payload."
             )
-    return names, steps, links
+    return names, steps, masses
+
+
+def _read_mass(what, text):
+    """Return the mass of a known payload [kg]."""
+    try:
+        mass = float(text)
+    except ValueError:
+        mass = np.nan
+    if not 0.0 < mass < np.inf:
+        raise InputError(f"what is {what!r}; expected payload:<link>=<mass> with a mass > 0 [kg].")
+    return mass
 
 
 class Selection:
@@ -162,7 +185,7 @@ class Selection:
 
     def named(self, steps):
         """Return names of steps, gains and the payload first."""
-        first = ["gains"] * bool(self._data.gains) + [
+        first = ["gains"] * (self._data.gains is not None) + [
             f"payload:{one.link}" for one in [self._payload] if one
         ]
         return first + list(steps)

@@ -129,7 +129,7 @@ def balance(of: Recording) -> Any:
     windows, whole, efforts = (
         _integrate(of),
         power.Balance(of.model.dof_names),
-        EffortRange(of.model.dof_names),
+        EffortRange(of.model),
     )
     efforts.add_values(of.q[:, -of.model.nv :], of.tau)
     whole.add_windows(windows)

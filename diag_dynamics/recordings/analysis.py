@@ -4,6 +4,7 @@
 """Analysis of a recording: evaluate, observe and judge its states batch by batch, and write them to outputs."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -159,7 +160,7 @@ class Analysis:
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
-        self.efforts, self.motion = EffortRange(names), MotionSample(model)
+        self.efforts, self.motion = EffortRange(model), MotionSample(model)
         self.histogram = np.zeros(BINS, dtype=int)
         self.unobserved = np.zeros(
             model.nv, dtype=bool
@@ -219,7 +220,9 @@ class Analysis:
             self.contacts.add_states(
                 states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm)
             )
-        self.balance.add_windows(self._windows.integrate_states(states, s))
+        self.balance.add_windows(
+            self._windows.integrate_states(*self._with_model_efforts(states, s))
+        )
         self.balance.moved = self.efforts.moved
         self.quality.add_states(states)
         self.motion.add_states(states)
@@ -231,6 +234,22 @@ class Analysis:
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, judged, lower)
+
+    def _with_model_efforts(self, states, s):
+        """Return states and their evaluation with the model's efforts where the unit is unknown."""
+        unscaled = self.efforts.unscaled
+        if not unscaled.any() or unscaled.all() or len(states) < 2:
+            return states, s
+        q, rates, steps = states.position, states.velocity, np.gradient(states.stamp / SECOND)
+        options = {"threads": self._threads, "friction": self.friction}
+        with np.errstate(all="ignore"):
+            changes = np.gradient(rates, axis=0) / steps[:, None]
+        changes = np.where(np.isfinite(changes), changes, 0.0)
+        torque = self._dynamics.inverse_dynamics(q, rates, changes, **options)
+        effort = np.where(unscaled, torque, states.effort)
+        is_known = np.isfinite(effort).all(axis=1)
+        s = self._dynamics.evaluate(q, rates, np.nan_to_num(effort), **options)
+        return replace(states, effort=effort, effort_known=is_known), s
 
     def _touched_links(self, states, observed, collision):
         """Return the TouchedLink of states during a collision, empty in the others; None without a covariance."""

@@ -160,8 +160,11 @@ class Balance:
         )
         return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
-    def summary(self, fault, collisions):
-        """Return numbers of windows and joints, and the judgement with the likely fault of the efforts."""
+    def summary(self, fault, collisions, partial):
+        """Return numbers of windows and joints, and the judgement with the likely fault of efforts.
+
+        `partial` are the only joints that are judged; the efforts of others are the model's.
+        """
         is_explained = self.is_explained_beside(collisions)
         text = "collisions explain the rest: no effort contains their power"
         return {
@@ -170,6 +173,7 @@ class Balance:
             "says": text if is_explained else self.judgement(fault),
             "explained_beside_collisions": is_explained,
             "moved": self.moved,
+            "partial": list(partial),
             "joints": self.joints,
         }
 

@@ -84,7 +84,8 @@ def calibrate(
         friction = dynamics.model.has_friction
     positive("false_alarms", false_alarms, "[1/s]")
     template = AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing)
-    residuals, efforts = Residuals(len(names), max_gap, standing), EffortRange(names)
+    residuals = Residuals(len(names), max_gap, standing)
+    efforts = EffortRange(dynamics.model)
     many, faults = [recordings] if isinstance(recordings, Recording) else recordings, {}
     for one in many:
         motion = MotionSample(dynamics.model)

@@ -35,6 +35,7 @@ ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
 """Effort up to which it is 0 [N m, N], range of a constant one over its largest value, travel that
 needs torque [rad, m], and fewest states after which a constant effort is unknown."""
 
+UNSCALED = "in an unknown unit"
 PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
@@ -95,11 +96,16 @@ CEILING = ", or gravity points the other way, as for a robot on a ceiling (param
 
 
 class EffortRange:
-    """Find efforts that no sensor has measured: 0, constant or missing throughout; `states` is their number."""
+    """Find efforts that are unknown: 0, constant or missing throughout, or in an unknown unit.
 
-    def __init__(self, names):
-        self._names, self.states = names, 0
-        self._low, self._high = np.full((2, 2, len(names)), [[[np.inf]], [[-np.inf]]])
+    The effort_scale of a model is NaN for a joint in an unknown unit. `states` is their number.
+    """
+
+    def __init__(self, model):
+        self._names, self.states = model.dof_names, 0
+        scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
+        self.unscaled = np.isnan(np.array(scales, dtype=float))
+        self._low, self._high = np.full((2, 2, model.nv), [[[np.inf]], [[-np.inf]]])
 
     def add_values(self, positions, efforts):
         """Add positions and efforts, (T, n) each; NaN for efforts that are missing."""
@@ -126,30 +132,36 @@ class EffortRange:
         return states.without_efforts(constant) if is_clear else states
 
     def groups(self, missing="missing"):
-        """Return joints whose efforts cannot have been measured, by the word for these; `missing` is that of unknown ones."""
+        """Return joints whose efforts are unknown by the word for these.
+
+        `missing` is that of missing ones.
+        """
         values = self.values()
-        several = len(set(values.values()) - {"0", "missing"}) > 1
-        words = {"0": "0", "missing": missing}
+        words = {"0": "0", "missing": missing, UNSCALED: UNSCALED}
+        several = len(set(values.values()) - words.keys()) > 1
         words = {
             name: words.get(text, "constant" if several else text) for name, text in values.items()
         }
         return {word: [name for name in words if words[name] == word] for word in words.values()}
 
     def unmeasured(self, missing="missing"):
-        """Return which efforts cannot have been measured, in words; or an empty text."""
+        """Return which efforts are unknown, in words; or an empty text."""
         groups = self.groups(missing)
         if len(groups.get(missing, ())) == len(self._names):
             return ""
+        reasons = {UNSCALED: "(effort_scale)"}
         return "; ".join(
-            f"efforts of {', '.join(names)} are {word} throughout (effort_available)"
+            f"efforts of {', '.join(names)} are {word} "
+            f"{reasons.get(word, 'throughout (effort_available)')}"
             for word, names in groups.items()
         )
 
     def values(self):
-        """Return the values of efforts that cannot have been measured as texts, by joint."""
+        """Return the values of unknown efforts as texts, by joint."""
         low, largest = self._low[0], np.maximum(np.abs(self._low[0]), np.abs(self._high[0]))
         texts = np.where(self._constant(), [f"{value:.6g}" for value in low], "")
-        texts = np.where(np.isfinite(low), np.where(largest < ZERO, "0", texts), "missing").tolist()
+        missing = np.where(self.unscaled, UNSCALED, "missing")
+        texts = np.where(np.isfinite(low), np.where(largest < ZERO, "0", texts), missing).tolist()
         return {
             name: text
             for name, text in zip(self._names, texts, strict=True)
@@ -272,17 +284,21 @@ class Relation(NamedTuple):
         return small | (self.factor + spread < 0.0) | (self.factor - spread > high)
 
 
+def end_links(model):
+    """Return names of the last links of the robot's chains, at most MAX_ENDS."""
+    ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_ENDS:]
+    return [model.link_names[link] for link in model.bodies["link"][ends]]
+
+
 class EffortRelation:
     """Compare efforts with the torques of a model with a fixed base and joints of one degree of freedom.
 
-    With `payload`, point masses at the ends of the robot are compared, too.
+    Point masses at links, such as the ends of the robot, are compared, too.
     """
 
-    def __init__(self, model, payload=False):
+    def __init__(self, model, links=()):
         self._model, self._dynamics = model, DiagonalDynamics(model)
         self._pulls = [DiagonalDynamics(model.with_gravity(axis)) for axis in np.eye(3)]
-        ends = np.setdiff1d(np.arange(1, len(model.bodies)), model.bodies["parent"])[-MAX_ENDS:]
-        links = [model.link_names[link] for link in model.bodies["link"][ends] if payload]
         self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
         self._loaded = [
             DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
@@ -597,7 +613,7 @@ class MotionSample:
     def fault(self):
         """Return the :class:`Fault` of efforts; None if nothing is wrong, or nothing can be said."""
         compared, states = (
-            EffortRelation(self._model, payload=True),
+            EffortRelation(self._model, end_links(self._model)),
             States.concatenate(self._parts),
         )
         steps = np.diff(states.stamp)

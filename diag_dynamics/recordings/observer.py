@@ -203,7 +203,7 @@ class Observer:
             np.zeros(1),
             *np.zeros((2, 1), dtype=bool),
         ]  # of the last sample
-        self._efforts, self._influence = EffortRange(names), None
+        self._efforts, self._influence = EffortRange(dynamics.model), None
 
     def observe_states(self, states):
         """Evaluate and observe states; yield stamps [ns] and :class:`ObservedStates` of batches.

@@ -15,6 +15,7 @@ from diag_dynamics.recordings.findings import (
     explain_missing_efforts,
     word_for_missing,
 )
+from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.recordings.quality import describe_ratio
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
@@ -40,6 +41,8 @@ def summarize(analysis):
     good |= balance.is_explained_beside(analysis.collisions.found)
     fault = None if good or unmeasured or not analysis.efforts.moved else analysis.motion.fault()
     says = fault.text if fault else ""
+    unscaled = analysis.efforts.unscaled
+    partial = np.array(analysis.model.dof_names)[~unscaled] if unscaled.any() else ()
     return {
         "robot": analysis.model.name,
         "degrees_of_freedom": list(analysis.model.dof_names),
@@ -61,7 +64,7 @@ def summarize(analysis):
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "balance": balance.summary(unmeasured or says, analysis.collisions.found),
+        "balance": balance.summary(unmeasured or says, analysis.collisions.found, partial),
         "efforts": {"unmeasured": unmeasured, "says": says},
         "observer": {
             "gain": analysis.gain,
@@ -297,7 +300,11 @@ def _about_balance(summary):
         return
     also = "" if total is None else f" ({total:.3f} with potential energy)"
     power = summary["residual_power"]
-    yield f"Power balance in windows of {WINDOW:g} s: variance explained {explained:.3f}{also}, residual {power:.3g} W rms"
+    explains = f"variance explained {explained:.3f}{also}, residual {power:.3g} W rms"
+    yield f"Power balance in windows of {WINDOW:g} s: {explains}"
+    if balance["partial"]:
+        joints = listed(balance["partial"])
+        yield f"  partial: of {joints} alone; the model's efforts stand for those of other joints"
     yield f"  {balance['says']}"
     is_doubtful = explained < MIN_EXPLAINED and not balance["explained_beside_collisions"]
     if summary["collisions"] and is_doubtful:

@@ -3,6 +3,8 @@
 
 """Steps of identification on simulated motions of a UR5, whose efforts are Pinocchio's: which are taken, and by what."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -170,11 +172,9 @@ def test_efforts_of_some_joints_only(worn, kind):
     assert "friction" in quality["taken"] and model.dof_names[3] not in found.parameters.joints
     np.testing.assert_allclose(found.model.friction[others], FRICTION[others], rtol=0.15)
     assert any("efforts of wrist_1_joint are" in text for text in quality["findings"])
-    assert quality["torque_rms"]["wrist_1_joint"] == [None, None] and quality["explained"] == [
-        None,
-        None,
-    ]
-    assert None not in quality["torque_rms"]["elbow_joint"]
+    assert quality["torque_rms"]["wrist_1_joint"] == [None, None]
+    assert quality["partial"] == [model.dof_names[k] for k in others]
+    assert None not in quality["torque_rms"]["elbow_joint"] and quality["explained"][1] > 0.9
     masses = [
         dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)
     ]
@@ -435,6 +435,45 @@ def test_gains_of_raw_efforts(seed):
         assert found.model.friction[k] == pytest.approx(1.0, rel=0.35)
 
 
+@pytest.mark.parametrize("seed", some_of(range(4), 1))
+def test_a_known_payload_shows_gains_of_light_joints(arm, seed):
+    """Without it gravity loads neither wrist_2 nor wrist_3 of a UR5."""
+    model, _ = arm
+    gains = np.array([0.1, 0.11, 0.12, 0.09, 0.02, 0.03])
+    resist = {"resist": friction, "noise": 0.1}
+    loaded, unloaded = Oracle(UR5, model.dof_names), Oracle(UR5, model.dof_names)
+    loaded.append_body("wrist_3_link", 2.805, (0.04, 0.11, 0.02), np.diag([4e-3, 4e-3, 5e-3]))
+    carrying, reference = (
+        recording(model, oracle, seed + k, **resist) for k, oracle in enumerate((loaded, unloaded))
+    )
+    carrying, reference = (changed(one, tau=one.tau / gains) for one in (carrying, reference))
+    found = dd.identify(
+        carrying, model, ("gains", "payload:wrist_3_link=2.805"), reference=reference
+    )
+    quality = found.quality
+    found_gains = [quality["effort_gain"][name][0] for name in model.dof_names[1:]]
+    np.testing.assert_allclose(found_gains[:-1], gains[1:-1], rtol=0.02)
+    assert found_gains[-1] == pytest.approx(gains[-1], rel=0.1)  # beside an unknown inertia
+    assert quality["payload"]["mass"] == pytest.approx(2.805, rel=0.03)
+    assert quality["partial"] == list(model.dof_names[1:]) and None not in quality["explained"]
+    alone = dd.identify(reference, model, "gains").quality
+    assert alone["effort_gain"]["wrist_3_joint"] is None and "wrist_3_joint" not in alone["partial"]
+    assert any("wrist_3_joint are in an unknown unit" in text for text in alone["findings"])
+
+
+@pytest.mark.parametrize(
+    ("what", "expected"),
+    [
+        ("payload:wrist_3_link=2", "expected gains beside a known payload"),
+        (("gains", "payload:wrist_3_link=a"), "a mass > 0"),
+        (("gains", "payload:wrist_3_link=-1"), "a mass > 0"),
+    ],
+)
+def test_masses_of_payloads_that_cannot_be_used(worn, what, expected):
+    with pytest.raises(dd.InputError, match=expected):
+        dd.identify(worn, worn.model, what)
+
+
 def test_gains_of_the_file_are_applied_once(tmp_path):
     """Readers multiply by them, options have precedence, efforts of other joints are unknown, and gains of gains are 1."""
     names, gains = ("pan", "lift", "elbow"), np.array([0.5, 0.02, 0.05])
@@ -452,6 +491,13 @@ def test_gains_of_the_file_are_applied_once(tmp_path):
         read = dd.read_recording(table, model)
         np.testing.assert_allclose(read.tau[:, 1:], tau[:, 1:] * scale[1:] / gains[1:], rtol=1e-9)
         assert np.isnan(read.tau[:, 0]).all()
+    summary = tmp_path / "summary.json"
+    options = "--parameters", str(first), "--json", str(summary)
+    assert main(["analyse", *arguments[:3], *options, "--quiet"]) == 0
+    read = json.loads(summary.read_text())
+    assert read["balance"]["partial"] == ["lift", "elbow"] and read["explained"] > 0.95
+    assert read["observer"]["unobserved"] == ["pan"]
+    assert read["warnings"][0] == "efforts of pan are in an unknown unit (effort_scale)"
     other = dd.read_recording(table, model, parameters={"effort_scale": ["*=0.1"]})
     np.testing.assert_allclose(other.tau, 0.1 * tau / gains, rtol=1e-12)
     assert main(["identify", *arguments, "--set", "effort_scale=*=2"]) == 2
