@@ -82,7 +82,7 @@ def check(case, pinocchio, mujoco):
         batch.nu_dot,
         np.array(
             [
-                dyn.nu_from_qd(q, a) + dyn.m_rate_transposed(q, v, v)
+                dyn.nu_from_qd(q, a) + dyn.m_rate_transposed_times(q, v, v)
                 for q, v, a in zip(Q, QD, accelerations, strict=True)
             ]
         ),

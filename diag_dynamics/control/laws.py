@@ -163,7 +163,7 @@ class JointLaw(Law):
 
     def __init__(self, dynamics: DiagonalDynamics, *methods: str) -> None:
         super().__init__(
-            dynamics, "inverse_dynamics", "coriolis_product", "epsilon_from_tau", *methods
+            dynamics, "inverse_dynamics", "coriolis_matrix_times", "epsilon_from_tau", *methods
         )
         model = dynamics.model
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
@@ -195,7 +195,7 @@ class JointLaw(Law):
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
         """Return M q̈_r + C_s q̇_r + g and g [N m, N], by a Newton–Euler pass with two velocities."""
         tau = self.dynamics.inverse_dynamics(q, self._zero, qdd_r)
-        tau += self.dynamics.coriolis_product(q, qd, qd_r)
+        tau += self.dynamics.coriolis_matrix_times(q, qd, qd_r)
         return tau, self.dynamics.gravity_torque(q)
 
     def _closed(

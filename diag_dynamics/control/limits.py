@@ -76,7 +76,7 @@ class EnergyLimiter:
             "joint_limit", joint_limit, names, "a number > 0 [J]", lambda x: x > 0.0
         )
         self.rate = positive("rate", rate, "[1/s]")
-        dynamics.compile("tau_from_epsilon", "coriolis_bracket")
+        dynamics.compile("tau_from_epsilon", "coriolis_bracket_times")
         project.compile()
 
     def filter(
@@ -92,7 +92,7 @@ class EnergyLimiter:
         `period` is h > 0, until the next command [s].
         """
         nu, h = command.nu, positive("period", period, "[s]")
-        flow = command.epsilon - self.dynamics.coriolis_bracket(q, qd, nu)
+        flow = command.epsilon - self.dynamics.coriolis_bracket_times(q, qd, nu)
         if external is not None:
             flow += vector("external", external, self.dynamics.model.dof_names)
         change = np.empty_like(flow)

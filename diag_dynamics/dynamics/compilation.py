@@ -34,9 +34,9 @@ METHODS = {
     factorization.tau_from_epsilon: "tau_from_epsilon",
     factorization.factor_of_wrenches: "wrench_factor epsilon_from_wrench reflected_mass impact "
     "operational_inverse_inertia",
-    derivatives.m_rate_transposed: "m_rate_transposed",
-    derivatives.coriolis_bracket: "coriolis_bracket",
-    derivatives.coriolis_product: "coriolis_product",
+    derivatives.m_rate_transposed_times: "m_rate_transposed_times",
+    derivatives.coriolis_bracket_times: "coriolis_bracket_times",
+    derivatives.coriolis_matrix_times: "coriolis_matrix_times",
     derivatives.mass_matrix_rate: "mass_matrix_rate",
     derivatives.mass_matrix_rate_times: "mass_matrix_rate_times",
     derivatives.articulated_inertias: "log_det log_det_rate",

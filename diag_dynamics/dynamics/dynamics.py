@@ -367,30 +367,30 @@ class DiagonalDynamics:
 
     # --- Along a motion
 
-    def m_rate_transposed(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
+    def m_rate_transposed_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return ṁᵀx [J^½/s], shape (nv,), in O(N), of constant rates x [rad/s, m/s].
 
         It is the rate of mᵀ itself along q̇, from d(mᵀx)/dt: ṁᵀq̇ = ν̇ − mᵀq̈.
         """
         at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.m_rate_transposed, at)
+        return self._caller.derivative(derivatives.m_rate_transposed_times, at)
 
-    def coriolis_bracket(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
+    def coriolis_bracket_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
 
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of
-        :meth:`coriolis_product`.
+        :meth:`coriolis_matrix_times`.
         """
         at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.coriolis_bracket, at, scratch=2)
+        return self._caller.derivative(derivatives.coriolis_bracket_times, at, scratch=2)
 
-    def coriolis_product(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
+    def coriolis_matrix_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N).
 
         C_s q̇ = c, and Ṁ − 2C_s is skew: the product that passivity-based tracking needs.
         """
         at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.coriolis_product, at)
+        return self._caller.derivative(derivatives.coriolis_matrix_times, at)
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3).

@@ -125,7 +125,7 @@ def _two_velocity_force(body, V, W):
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def coriolis_product(robot, q, qd, x, result):
+def coriolis_matrix_times(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
     bodies, _, work, _ = ws.opened(robot)
     status = _initialize(bodies, q, qd, work)
@@ -150,7 +150,7 @@ def coriolis_product(robot, q, qd, x, result):
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def m_rate_transposed(robot, q, qd, x, result):
+def m_rate_transposed_times(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
     bodies, _, work, table = ws.opened(robot)
     if not joints.are_finite(x):
@@ -177,7 +177,7 @@ def m_rate_transposed(robot, q, qd, x, result):
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, *[nk.FILLED_VECTOR] * 3)
-def coriolis_bracket(robot, q, qd, x, eta, u, result):
+def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
     """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
 
     Outward u = ℓᵀx and W; inward the recursion of C with W in place of one of its velocities.

@@ -114,11 +114,17 @@ def test_rates_of_the_two_link_arm(seed):
     D_rate = np.array([-2 * s * qd[1] * (1 - unit[0, 1]), 0.0])
     m_rate = np.array([[0.5 * D_rate[0] / np.sqrt(D[0]), -s * qd[1] / np.sqrt(D[1])], [0.0, 0.0]])
     assert np.allclose(dyn.evaluate(q, qd).articulated_inertia_rate, D_rate, rtol=1e-10, atol=1e-13)
-    assert np.allclose(dyn.m_rate_transposed(q, qd, [1.0, 0.0]), m_rate[0], rtol=1e-10, atol=1e-13)
-    assert np.allclose(dyn.m_rate_transposed(q, qd, [0.0, 1.0]), 0.0, atol=1e-13)
+    assert np.allclose(
+        dyn.m_rate_transposed_times(q, qd, [1.0, 0.0]), m_rate[0], rtol=1e-10, atol=1e-13
+    )
+    assert np.allclose(dyn.m_rate_transposed_times(q, qd, [0.0, 1.0]), 0.0, atol=1e-13)
     b = -s * (qd[0] + qd[1]) / np.sqrt(D[0] * D[1])  # C = b [ν₂, −ν₁]
-    assert np.allclose(dyn.coriolis_bracket(q, qd, [0.0, 1.0]), [b, 0.0], rtol=1e-10, atol=1e-12)
-    assert np.allclose(dyn.coriolis_bracket(q, qd, [1.0, 0.0]), [0.0, -b], rtol=1e-10, atol=1e-12)
+    assert np.allclose(
+        dyn.coriolis_bracket_times(q, qd, [0.0, 1.0]), [b, 0.0], rtol=1e-10, atol=1e-12
+    )
+    assert np.allclose(
+        dyn.coriolis_bracket_times(q, qd, [1.0, 0.0]), [0.0, -b], rtol=1e-10, atol=1e-12
+    )
     assert dyn.log_det(q) == pytest.approx(np.log(np.linalg.det(arm.mass_matrix(q))), abs=1e-13)
     assert dyn.log_det_rate(q, qd) == pytest.approx(D_rate[0] / D[0], rel=1e-10)
 
@@ -129,11 +135,11 @@ def test_rates_of_a_gantry():
     q, qd, x = np.random.default_rng(5).uniform(-3, 3, (3, 3))
     rounding = 100 * EPS * norm(qd) * norm(x)
     for rate in (
-        dyn.m_rate_transposed(q, qd, x),
-        dyn.coriolis_bracket(q, qd, x),
+        dyn.m_rate_transposed_times(q, qd, x),
+        dyn.coriolis_bracket_times(q, qd, x),
         dyn.mass_matrix_rate_times(q, qd, x),
         dyn.mass_matrix_rate(q, qd),
-        dyn.coriolis_product(q, qd, x),
+        dyn.coriolis_matrix_times(q, qd, x),
         dyn.log_det_rate(q, qd),
         dyn.evaluate(q, qd).articulated_inertia_rate,
     ):

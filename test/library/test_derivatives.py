@@ -134,7 +134,7 @@ def columns(function, n: int) -> np.ndarray:
 
 def m_rate(c: Case) -> np.ndarray:
     """Return the library's ṁ: ṁᵀe_i is its row i."""
-    return columns(lambda e: c.dyn.m_rate_transposed(c.t.q, c.t.qd, e), c.dyn.model.nv).T
+    return columns(lambda e: c.dyn.m_rate_transposed_times(c.t.q, c.t.qd, e), c.dyn.model.nv).T
 
 
 def floor(c: Case) -> float:
@@ -147,10 +147,10 @@ def rate_scale(c: Case, x) -> float:
     return max(norm(c.t.mdot.T @ x), floor(c) * norm(c.t.m.T @ x))
 
 
-def m_rate_transposed(c):
+def m_rate_transposed_times(c):
     """ṁᵀx, ṁ from Pinocchio's Ṁ and factor (eq. A.30)."""
     for x in (c.x, c.y, c.t.qd):
-        actual = c.dyn.m_rate_transposed(c.t.q, c.t.qd, x)
+        actual = c.dyn.m_rate_transposed_times(c.t.q, c.t.qd, x)
         assert_close(actual, c.t.mdot.T @ x, c.tolerance, rate_scale(c, x))
 
 
@@ -173,15 +173,15 @@ def m_rate_factors_the_mass_matrix_rate(c):
 
 def bracket_columns(c) -> np.ndarray:
     """Return the library's B."""
-    return columns(lambda e: c.dyn.coriolis_bracket(c.t.q, c.t.qd, e), c.dyn.model.nv)
+    return columns(lambda e: c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, e), c.dyn.model.nv)
 
 
-def coriolis_bracket(c):
+def coriolis_bracket_times(c):
     """B x, B = ℓ (C_s − m ṁᵀ) ℓᵀ with Pinocchio's C_s."""
     B = bracket(c.t)
     for x in (c.x * c.unit, c.y * c.unit, c.t.nu):
         scale = c.size * norm(x)
-        assert_close(c.dyn.coriolis_bracket(c.t.q, c.t.qd, x), B @ x, c.tolerance, scale)
+        assert_close(c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, x), B @ x, c.tolerance, scale)
 
 
 def bracket_is_skew(c):
@@ -189,13 +189,13 @@ def bracket_is_skew(c):
     B = bracket_columns(c)
     assert_close(B + B.T, np.zeros_like(B), max(1e-12, EPS * c.t.scaled_condition), c.size)
     for x in (c.x * c.unit, c.t.nu):
-        work = x @ c.dyn.coriolis_bracket(c.t.q, c.t.qd, x)
+        work = x @ c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, x)
         assert_close(work, 0.0, max(1e-12, EPS * c.t.scaled_condition), c.size * x @ x)
 
 
 def bracket_makes_the_coriolis_term(c):
     """Bν = C, C of the evaluation and of Pinocchio."""
-    actual = c.dyn.coriolis_bracket(c.t.q, c.t.qd, c.s.nu)
+    actual = c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, c.s.nu)
     assert_close(actual, c.s.coriolis, c.tolerance, c.t.coriolis_scale)
     assert_close(actual, c.t.coriolis, c.tolerance, c.t.coriolis_scale)
 
@@ -204,10 +204,10 @@ def reference_motion_follows(c):
     """m(ν̇_r + Bν_r) = M q̈_r + C_s q̇_r with ν_r = mᵀq̇_r: the identity of tracking control."""
     dyn, q, qd, qd_r, qdd_r = c.dyn, c.t.q, c.t.qd, norm(c.t.qd) * c.x, c.y
     nu_r = dyn.nu_from_qd(q, qd_r)
-    rate = dyn.nu_from_qd(q, qdd_r) + dyn.m_rate_transposed(q, qd, qd_r)
+    rate = dyn.nu_from_qd(q, qdd_r) + dyn.m_rate_transposed_times(q, qd, qd_r)
     terms = [c.t.M @ qdd_r, c.t.C_s @ qd_r]
     scale = sum(norm(term / c.unit) for term in terms) + norm(rate)
-    actual = dyn.tau_from_epsilon(q, rate + dyn.coriolis_bracket(q, qd, nu_r))
+    actual = dyn.tau_from_epsilon(q, rate + dyn.coriolis_bracket_times(q, qd, nu_r))
     assert_close(actual / c.unit, sum(terms) / c.unit, c.tolerance, scale)
 
 
@@ -272,11 +272,11 @@ def mass_matrix_ignores_what_is_inboard(c):
         )
 
 
-def coriolis_product(c):
+def coriolis_matrix_times(c):
     """C_s x with Pinocchio's C_s, and the classical bias where x = q̇."""
     scale = c.weight
     for x in (c.x, c.y, c.t.qd):
-        actual = c.dyn.coriolis_product(c.t.q, c.t.qd, x) / c.unit
+        actual = c.dyn.coriolis_matrix_times(c.t.q, c.t.qd, x) / c.unit
         assert_close(actual, c.t.C_s @ x / c.unit, 1e-12, scale * norm(x * c.unit))
     for bias in (c.t.c, c.dyn.coriolis_torque(c.t.q, c.t.qd)):
         assert_close(actual, bias / c.unit, 1e-12, scale * norm(c.t.qd * c.unit))
@@ -291,10 +291,10 @@ def momentum(c):
     assert_close(rate / c.unit, (c.t.C_s.T @ c.t.qd - c.t.g) / c.unit, 1e-12, scale)
 
 
-def coriolis_product_is_skew(c):
+def coriolis_matrix_is_skew(c):
     """Ṁ − 2C_s is skew: C_s + C_sᵀ = Ṁ, both of the library, C_s column by column."""
     weigh = np.outer(c.unit, c.unit)
-    C_s = columns(lambda e: c.dyn.coriolis_product(c.t.q, c.t.qd, e), c.dyn.model.nv)
+    C_s = columns(lambda e: c.dyn.coriolis_matrix_times(c.t.q, c.t.qd, e), c.dyn.model.nv)
     assert_close(
         (C_s + C_s.T) / weigh, c.dyn.mass_matrix_rate(c.t.q, c.t.qd) / weigh, 1e-12, 2 * c.weight
     )
@@ -303,7 +303,11 @@ def coriolis_product_is_skew(c):
 def rates_vanish_at_rest(c):
     """Nothing changes while nothing moves: exact zeros."""
     q, rest = c.t.q, np.zeros(c.dyn.model.nv)
-    for rate in (c.dyn.m_rate_transposed, c.dyn.coriolis_bracket, c.dyn.coriolis_product):
+    for rate in (
+        c.dyn.m_rate_transposed_times,
+        c.dyn.coriolis_bracket_times,
+        c.dyn.coriolis_matrix_times,
+    ):
         assert (rate(q, rest, c.x) == 0).all()
     assert (c.dyn.mass_matrix_rate_times(q, rest, c.x) == 0).all()
     assert (c.dyn.mass_matrix_rate(q, rest) == 0).all()
@@ -453,10 +457,10 @@ def a_push_accelerates_the_reflected_mass(c):
 
 
 LAWS = (
-    m_rate_transposed,
+    m_rate_transposed_times,
     m_rate_by_difference,
     m_rate_factors_the_mass_matrix_rate,
-    coriolis_bracket,
+    coriolis_bracket_times,
     bracket_is_skew,
     bracket_makes_the_coriolis_term,
     reference_motion_follows,
@@ -465,9 +469,9 @@ LAWS = (
     mass_matrix_rate_applied,
     mass_matrix_rate_sums_partial_derivatives,
     mass_matrix_ignores_what_is_inboard,
-    coriolis_product,
+    coriolis_matrix_times,
     momentum,
-    coriolis_product_is_skew,
+    coriolis_matrix_is_skew,
     rates_vanish_at_rest,
     inertia_rate,
     inertia_rate_by_difference,
@@ -543,10 +547,10 @@ def test_any_order_of_calls(panda):
     q, qd, x = panda.t.q, panda.t.qd, panda.x
     expected = everything(dd.DiagonalDynamics(panda.dyn.model), robots.Sample(q, qd, qd, x))
     vectors = (
-        "m_rate_transposed",
-        "coriolis_bracket",
+        "m_rate_transposed_times",
+        "coriolis_bracket_times",
         "mass_matrix_rate_times",
-        "coriolis_product",
+        "coriolis_matrix_times",
     )
     arguments = dict.fromkeys((*vectors, "inverse_dynamics"), (q, qd, x))
     arguments |= {
@@ -562,7 +566,12 @@ def test_any_order_of_calls(panda):
 
 
 HAND = "panda_hand"
-VECTORS = ("m_rate_transposed", "coriolis_bracket", "mass_matrix_rate_times", "coriolis_product")
+VECTORS = (
+    "m_rate_transposed_times",
+    "coriolis_bracket_times",
+    "mass_matrix_rate_times",
+    "coriolis_matrix_times",
+)
 CALLS = {
     **dict.fromkeys(VECTORS, ("q", "qd", "x")),
     **dict.fromkeys(("mass_matrix_rate", "log_det_rate"), ("q", "qd")),

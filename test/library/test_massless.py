@@ -246,7 +246,7 @@ GIMBAL = robot(
 def calls_that_need_the_factor(dyn, q, x):
     """Return the calls that divide by D."""
     sweeps = dyn.nu_from_qd, dyn.qd_from_nu, dyn.epsilon_from_tau, dyn.tau_from_epsilon
-    rates = dyn.m_rate_transposed, dyn.coriolis_bracket
+    rates = dyn.m_rate_transposed_times, dyn.coriolis_bracket_times
     links, tip = (dyn.wrench_factor, dyn.operational_inverse_inertia), dyn.model.link_names[-1]
     return (
         lambda: dyn.evaluate(q, x, x),
@@ -291,7 +291,7 @@ def test_singular_at_one_configuration(turn):
     weigh, size = np.outer(unit, unit), norm(C_s) * norm(x)
     assert_close(dyn.mass_matrix(q) / weigh, M / weigh, 1e-12)
     assert_close(dyn.inverse_dynamics(q, x, x), oracle.inverse_dynamics(q, x, x), 1e-12)
-    assert_close(dyn.coriolis_product(q, x, x), C_s @ x, 1e-12, size)
+    assert_close(dyn.coriolis_matrix_times(q, x, x), C_s @ x, 1e-12, size)
     assert_close(dyn.mass_matrix_rate(q, x), C_s + C_s.T, 1e-12, norm(C_s))
     assert_close(dyn.mass_matrix_rate_times(q, x, x), (C_s + C_s.T) @ x, 1e-12, size)
 

@@ -320,7 +320,8 @@ def test_rate_of_m(c):
     inner = w.turn @ (w.phi - w.one) @ w.P + (w.one - 0.5 * tau) @ w.rate
     expected = w.mine(w.H @ w.phi @ inner @ w.H.T @ np.linalg.inv(w.root)) / unit[:, None]
     actual = (
-        np.array([c.dyn.m_rate_transposed(c.t.q, c.t.qd, e) for e in np.eye(w.n)]) / unit[:, None]
+        np.array([c.dyn.m_rate_transposed_times(c.t.q, c.t.qd, e) for e in np.eye(w.n)])
+        / unit[:, None]
     )
     assert_close(actual, expected, c.tolerance, max(norm(expected), 1e-2 * norm(c.t.qd)))
 
@@ -375,7 +376,7 @@ def test_lagrange_equations(c):
 
 def test_lemma_3_1(c):
     """Lemma 3.1, (3.2): C = ℓ(m'ν − ½ θ'*M_θθ') with θ' = ℓ*ν, from the library's m' and ∂M/∂θ."""
-    rate = np.array([c.dyn.m_rate_transposed(c.t.q, c.t.qd, e) for e in np.eye(c.w.n)])  # m'
+    rate = np.array([c.dyn.m_rate_transposed_times(c.t.q, c.t.qd, e) for e in np.eye(c.w.n)])  # m'
     half = 0.5 * np.einsum("j,ijk,k->i", c.t.qd, partials(c), c.t.qd)
     parts = c.dyn.epsilon_from_tau(c.t.q, rate @ c.s.nu), c.dyn.epsilon_from_tau(c.t.q, half)
     scale = c.t.coriolis_scale + sum(map(norm, parts))
@@ -556,7 +557,7 @@ def test_appendix_b(c):
 def curl(dyn, q) -> np.ndarray:
     """Return ∂(mᵀ)_kj/∂q_i − ∂(mᵀ)_ki/∂q_j, [k, i, j]: 0 if the rows of mᵀ are gradients."""
     e = np.eye(len(q))
-    rate = np.array([[dyn.m_rate_transposed(q, a, b) for b in e] for a in e])  # [i, j, k]
+    rate = np.array([[dyn.m_rate_transposed_times(q, a, b) for b in e] for a in e])  # [i, j, k]
     return (rate - rate.transpose(1, 0, 2)).transpose(2, 0, 1)
 
 

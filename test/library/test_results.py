@@ -92,7 +92,7 @@ def test_rates_are_those_of_forward_dynamics(dyn):
     q, qd, tau = state(dyn)
     wrench = {dyn.model.link_names[-1]: np.arange(1.0, 7.0)}
     qdd = dyn.forward_dynamics(q, qd, tau, wrench, friction=True)
-    expected = dyn.nu_from_qd(q, qdd) + dyn.m_rate_transposed(q, qd, qd)
+    expected = dyn.nu_from_qd(q, qdd) + dyn.m_rate_transposed_times(q, qd, qd)
     found = dyn.evaluate(q, qd, tau, wrench, friction=True).nu_dot
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 

@@ -120,11 +120,11 @@ def everything(dyn, sample) -> dict:
         **{name: getattr(dyn, name)(q, qd) for name in ("nu_from_qd", "qd_from_nu")},
         **{
             name: getattr(dyn, name)(q, qd, qdd)
-            for name in ("m_rate_transposed", "coriolis_bracket")
+            for name in ("m_rate_transposed_times", "coriolis_bracket_times")
         },
         **{
             name: getattr(dyn, name)(q, qd, qdd)
-            for name in ("mass_matrix_rate_times", "coriolis_product")
+            for name in ("mass_matrix_rate_times", "coriolis_matrix_times")
         },
         "momentum": np.concatenate(dyn.momentum(q, qd)),
         "forward_dynamics": dyn.forward_dynamics(q, qd, tau),
