@@ -87,7 +87,8 @@ class SweepCaller:
 
     def vector(self, sweep: VectorSweep, at: States, problem: str = "") -> Array:
         """Return the vector of a sweep; `problem` is its error, by default that of an argument."""
-        result, vectors = self._empty(at, sweep.vectors * self.nv or 3), at.vectors.values()
+        length = sweep.vectors * self.nv if sweep.vectors else 3
+        result, vectors = self._empty(at, length), at.vectors.values()
         if at.threads:
             A, B = (*vectors, self._zeros, self._zeros)[:2]
             inputs = sweep.number, at.q, A, B, sum(sweep.gravity)
