@@ -178,7 +178,7 @@ def test_thresholds(thresholds, shares, level, named):
 
 def test_alarm_where_it_is_worse_than_reported():
     """A worse state is reported at once, others at the next report; without states nothing improves."""
-    watch = watching(warn=1.0, error=2.0)
+    watch = watching(warn={"total": 1.0}, error={"total": 2.0})
     low, high, highest = at_energy(0.5, 0), at_energy(1.5, 0), at_energy(2.5, 0)
     stamps = iter(range(CLOCK, CLOCK + S, MS))
     for states, alarms, level in (
