@@ -32,7 +32,7 @@ GROUPS = {
     "monitor": {
         "robot_description": "Robot model",
         "odom_twist_frame": "Input messages",
-        "plausibility.position": "Plausibility limits",
+        "plausibility.beyond_limits": "Plausibility limits",
         "stuck_timeout": "Stuck sensors and mimic joints",
         "energy.warn": "Energy thresholds",
         "external_torque.gain": "External torque",

@@ -153,13 +153,10 @@ class StateAssembler:
             refuse_foreign=options.refuse_foreign,
             estimate=options.estimate_velocity,
             filter_time=options.velocity_filter_time,
-            max_velocity=options.max_velocity,
             slack=options.jump,
             tolerance=options.mimic_tolerance,
-            max_effort=options.max_effort or np.inf,
             stuck_timeout=timeout,
             stuck_step=max(1, -(-timeout // SAMPLES)),
-            base_timeout=nanoseconds(options.odom_timeout),
         )
         if not options.estimate_velocity:
             own["velocity"][own["estimated"] > 0] = np.nan

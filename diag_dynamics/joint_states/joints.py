@@ -20,6 +20,12 @@ _NONE = MappingProxyType({})
 JOINT_TIMEOUT = 0.5
 """Default age limit of a joint [s]."""
 
+MAX_POSITION, MAX_VELOCITY, MAX_EFFORT = 1e8, 1e4, 1e6
+"""Bounds of plausible values of any joint [rad, m; rad/s, m/s; N m, N]."""
+
+BEYOND_EFFORT = 4.0
+"""Largest plausible effort as a multiple of the URDF limit."""
+
 MAX_GAP = 0.1
 """Interval of states [s] beyond which the rate of a spring torque is unknown."""
 
@@ -52,15 +58,10 @@ class Options(NamedTuple):
     effort_available: Mapping = _NONE
     effort_scale: Mapping = _NONE
     effort_includes_gravity: Mapping = _NONE
-    max_position: float = 0.0
-    max_velocity: float = 0.0
-    max_effort: float = 0.0
     beyond_limits: float = 0.0
     beyond_velocity: float = 0.0
-    beyond_effort: float = 0.0
     jump: float = 0.0
     stuck_timeout: float = 0.0
-    odom_timeout: float = 0.0
 
 
 class RobotState(NamedTuple):
@@ -106,10 +107,8 @@ def joint_limits(joints, options):
     """
     count = len(joints.names)
     turns = np.array([name in joints.continuous for name in joints.names], dtype=bool)
-    most, slack = (
-        np.where(turns, np.inf, options.max_position or np.inf),
-        options.beyond_limits or np.inf,
-    )
+    bound = np.where(turns, np.inf, MAX_POSITION)
+    slack = options.beyond_limits or np.inf
     lower = (
         np.full(count, -np.inf) if joints.lower is None else np.asarray(joints.lower, dtype=float)
     )
@@ -118,11 +117,11 @@ def joint_limits(joints, options):
     )
     velocity, effort = (_known(limit, count) for limit in (joints.velocity, joints.effort))
     return {
-        "lower": np.maximum(lower - slack, -most),
-        "upper": np.minimum(upper + slack, most),
+        "lower": np.maximum(lower - slack, -bound),
+        "upper": np.minimum(upper + slack, bound),
         "turns": turns,
-        "fastest": _multiple(options.beyond_velocity, velocity, options.max_velocity),
-        "strongest": _multiple(options.beyond_effort, effort, options.max_effort),
+        "fastest": np.minimum((options.beyond_velocity or np.inf) * velocity, MAX_VELOCITY),
+        "strongest": np.minimum(BEYOND_EFFORT * effort, MAX_EFFORT),
         "reach": np.where(np.isfinite(velocity), velocity, 0.0),
         "lasting": np.where(np.isfinite(velocity), MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT),
     }
@@ -132,11 +131,6 @@ def _known(limit, count):
     """Return limits, infinite where there is none."""
     limit = np.full(count, np.inf) if limit is None else np.asarray(limit, dtype=float)
     return np.where(limit > 0.0, limit, np.inf)
-
-
-def _multiple(factor, limit, most):
-    """Return bounds by multiples of a limit, and by one number for all; 0 is no bound."""
-    return np.minimum(factor * limit if factor else np.inf, most or np.inf)
 
 
 def age_limits(names, options):

@@ -21,9 +21,9 @@ def _record(*groups):
 
 SHARED = _record(
     ("i8", "max_age refuse_foreign estimate"),  # options; 0: not judged
-    ("f8", "filter_time max_velocity slack tolerance max_effort"),
+    ("f8", "filter_time slack tolerance"),
     ("i8", "stuck_timeout stuck_step"),
-    ("i8", "needs_base base_stamp base_unstamped base_timeout"),  # of a floating base
+    ("i8", "needs_base base_stamp base_unstamped"),  # of a floating base
     ("i8", "restarted"),  # whether time restarted since the last state
     ("i8", "in_step"),  # whether stamps agree with the clock; −1 before that is known
     ("i8", "apart"),  # clock less the last accepted stamp that was compared with it

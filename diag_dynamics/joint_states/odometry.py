@@ -9,7 +9,7 @@ from diag_dynamics import rotations
 from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import Joints, Options
+from diag_dynamics.joint_states.joints import MAX_POSITION, MAX_VELOCITY, Joints, Options
 
 
 class OdometryBase:
@@ -30,7 +30,6 @@ class OdometryBase:
         """Use these :class:`Options` from now on."""
         own = Options(timeouts={}, max_age=options.max_age, refuse_foreign=options.refuse_foreign)
         self.stamps.configure(own)
-        self._bounds = options.max_position or np.inf, options.max_velocity or np.inf
 
     @property
     def jumps(self):
@@ -60,13 +59,14 @@ class OdometryBase:
             )
         except InputError as error:
             raise RejectedError("malformed", f"odom: {error}") from error
-        for what, values, most in zip(
-            ("position", "twist"), (position[:3], velocity), self._bounds, strict=True
+        for quantity, values, bound in (
+            ("position", position[:3], MAX_POSITION),
+            ("twist", velocity, MAX_VELOCITY),
         ):
-            if np.abs(values).max() > most:
+            if np.abs(values).max() > bound:
                 raise RejectedError(
                     "implausible value",
-                    f"odom: {what} is {values.tolist()}, expected within ±{most:g} (plausibility.*)",
+                    f"odom: {quantity} is {values.tolist()}, expected within ±{bound:g}",
                 )
         stamp = message.header.stamp
         found = self.stamps.accept_values(

@@ -13,6 +13,7 @@ import numpy as np
 from numba import types
 
 from diag_dynamics.joint_states import codes
+from diag_dynamics.joint_states.joints import MAX_EFFORT, MAX_VELOCITY
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
     ERROR,
@@ -40,6 +41,9 @@ from diag_dynamics.rotations import wrap_angle
 
 PATIENCE = 10 * SECOND
 """Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""
+
+ODOM_TIMEOUT = SECOND // 2
+"""Largest difference [ns] between the stamps of a joint state and of odometry."""
 
 LATE_COUNT, LATE_TIME = 5, SECOND // 2
 """Late stamps in a row, and time [ns] from the first to the last of them, after which time has restarted instead."""
@@ -298,8 +302,8 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, one):
         ):
             continue
         quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
-        if np.isnan(velocity[j]) and shared.max_velocity > 0.0 and quotient > shared.max_velocity:
-            one.joint, one.first, one.second = j, position[j], shared.max_velocity
+        if np.isnan(velocity[j]) and quotient > MAX_VELOCITY:
+            one.joint, one.first, one.second = j, position[j], MAX_VELOCITY
             return codes.FAST_STEP
     for j in here:
         joint = memory.joints[j]
@@ -353,7 +357,7 @@ def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
     for j in here:
         joint = memory.joints[j]
         torque = effort[j] * joint.factor
-        if abs(torque) > joint.strongest or np.isinf(torque):
+        if abs(torque) > joint.strongest:
             torque, implausible = np.nan, True
         joint.position, joint.velocity, joint.effort = position[j], velocity[j], torque
         joint.stamp, joint.unstamped, joint.known = stamp, unstamped, 1
@@ -368,7 +372,7 @@ def _store_followers(memory, beside, row, stamp, one):
     for f in beside:
         follower = memory.followers[f]
         torque = effort[f] * follower.factor
-        if abs(torque) > shared.max_effort or np.isinf(torque):
+        if abs(torque) > MAX_EFFORT:
             torque, implausible = np.nan, True
         follower.position, follower.velocity = position[f], velocity[f]
         follower.effort, follower.stamp = torque, stamp
@@ -492,8 +496,8 @@ def _complete_by_base(shared, one):
     if shared.base_stamp < 0:
         return codes.BEFORE_ODOMETRY
     apart = abs(one.newest - shared.base_stamp)
-    if shared.base_timeout and apart > shared.base_timeout:
-        one.first, one.second = apart * 1e-9, shared.base_timeout * 1e-9
+    if apart > ODOM_TIMEOUT:
+        one.first, one.second = apart * 1e-9, ODOM_TIMEOUT * 1e-9
         return codes.STALE_ODOMETRY
     one.newest, one.oldest = max(one.newest, shared.base_stamp), min(one.oldest, shared.base_stamp)
     one.received |= shared.base_unstamped

@@ -18,7 +18,7 @@ from diag_dynamics.model.loops import close, resolve_curves
 from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.tree import Tree
 
-MAX_COUPLED = 200  # largest number of bodies in a coupled group, by default
+MAX_COUPLED = 1000  # largest number of bodies in a coupled group, by default
 LARGEST_GRAVITY = 1000.0  # maximum of a component [m/s²]: a value in mm/s² is beyond it
 
 

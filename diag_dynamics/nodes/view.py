@@ -61,7 +61,7 @@ OBSERVED = [
 ]
 """Parameters of a monitor's observer."""
 
-REQUESTED = ("use_sim_time", "robot_description", "friction_velocity", *SHARED, *OBSERVED)
+REQUESTED = ("use_sim_time", "robot_description", *SHARED, *OBSERVED)
 """Parameters of a monitor that make its model and its observer, and whether its stamps are of simulated time."""
 
 MAX_DIFFERENCE = 0.1

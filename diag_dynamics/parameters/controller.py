@@ -25,9 +25,6 @@ BY_JOINT = (
 )
 """Parameters whose entries are joint=number."""
 
-NOT_OF_ARMS = "floating_base", "max_joints", "max_coupled"
-"""Parameters of a robot that the controller does not have."""
-
 COMPENSATES = "robot_compensates_gravity"
 """The one parameter that has no default."""
 
@@ -38,7 +35,7 @@ WHY_REQUIRED = (
 
 _WHILE_UNCONFIGURED = {
     "robot_description": Spec("", f"{ROBOT}. Empty: the topic robot_description."),
-    **{name: spec for name, spec in SHARED.items() if name not in NOT_OF_ARMS},
+    **{name: spec for name, spec in SHARED.items() if name != "floating_base"},
     "command_joints": Spec(
         [""],
         "Joints in the order of a command's entries; by default all. Lock joints without effort interface.",

@@ -20,7 +20,6 @@ from diag_dynamics.collision.detector import (
 )
 from diag_dynamics.collision.residuals import singular_joint
 from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
-from diag_dynamics.description.records import FRICTION_VELOCITY
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
@@ -63,12 +62,6 @@ _FIXED = {
         "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.",
         choices=("child", "header"),
     ),
-    "friction_velocity": Spec(
-        FRICTION_VELOCITY,
-        "Velocity scale v0 of Coulomb friction f tanh(velocity / v0) [rad/s, m/s].",
-        0.0,
-        1.0,
-    ),
 }
 
 _GRAVITY = {
@@ -79,21 +72,9 @@ _GRAVITY = {
     "gravity_imu": Spec(
         "", "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none."
     ),
-    "gravity_timeout": Spec(
-        1.0, "Age of the direction of gravity above which states are rejected [s].", 0.01, 1000.0
-    ),
-    "gravity_filter_time": Spec(
-        0.5,
-        "Time constant of the low-pass of an IMU's specific force, used without orientation [s].",
-        0.0,
-        100.0,
-    ),
 }
 
 _INPUTS = {
-    "odom_timeout": Spec(
-        0.5, "Maximum difference between odometry and joint state stamps [s]; 0 disables.", 0.0
-    ),
     "joint_timeout": Spec(
         [f"*={JOINT_TIMEOUT:g}"],
         "Maximum ages of joints' values relative to the newest joint, each as joint=time [s]; * for "
@@ -103,11 +84,6 @@ _INPUTS = {
         1.0,
         "Maximum difference between stamp and node clock [s]; later and earlier messages are rejected. 0 disables.",
         0.0,
-    ),
-    "foreign_time": Spec(
-        "warn",
-        "If stamps differ from the node clock by more than max_age from the start: accept with a warning, or reject.",
-        choices=("warn", "reject"),
     ),
     "missing_velocity": Spec(
         "reject",
@@ -129,21 +105,6 @@ _INPUTS = {
         [""],
         "Whether reported efforts include gravity compensation, as joint=true or joint=false; * for all others.",
     ),
-    "plausibility.position": Spec(
-        1e8,
-        "Maximum |position| [rad, m]; larger ones reject the message, except of continuous joints. 0 disables.",
-        0.0,
-        1e12,
-    ),
-    "plausibility.velocity": Spec(
-        1e4,
-        "Maximum |velocity| [rad/s, m/s]; larger ones reject the message. 0 disables.",
-        0.0,
-        1e12,
-    ),
-    "plausibility.effort": Spec(
-        1e6, "Maximum |effort| [N m, N]; larger ones count as unknown. 0 disables.", 0.0, 1e12
-    ),
     "plausibility.beyond_limits": Spec(
         6.3,
         "Maximum distance outside the URDF limits [rad, m]; larger ones reject the message. 0 disables.",
@@ -152,12 +113,6 @@ _INPUTS = {
     "plausibility.beyond_velocity": Spec(
         3.0,
         "Maximum velocity as a multiple of the URDF limit; larger ones reject the message. 0 disables.",
-        0.0,
-        1e6,
-    ),
-    "plausibility.beyond_effort": Spec(
-        4.0,
-        "Maximum effort as a multiple of the URDF limit; larger ones count as unknown. 0 disables.",
         0.0,
         1e6,
     ),
@@ -544,22 +499,21 @@ def _input_options(values):
             f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number. Set effort_available to false for "
             "joints without effort."
         )
-    same = "mimic_tolerance", "max_age", "velocity_filter_time", "stuck_timeout", "odom_timeout"
-    implausible = "beyond_limits", "beyond_velocity", "beyond_effort", "jump"
     return Options(
         timeouts=_with_defaults("joint_timeout", values, {ALL: JOINT_TIMEOUT}),
-        refuse_foreign=values["foreign_time"] == "reject",
         estimate_velocity=values["missing_velocity"] == "estimate",
         effort_available=assignments("effort_available", values["effort_available"], bool),
         effort_scale=effort_scale,
         effort_includes_gravity=assignments(
             "effort_includes_gravity", values["effort_includes_gravity"], bool
         ),
-        max_position=values["plausibility.position"],
-        max_velocity=values["plausibility.velocity"],
-        max_effort=values["plausibility.effort"],
-        **{name: values[name] for name in same},
-        **{name: values[f"plausibility.{name}"] for name in implausible},
+        mimic_tolerance=values["mimic_tolerance"],
+        max_age=values["max_age"],
+        velocity_filter_time=values["velocity_filter_time"],
+        stuck_timeout=values["stuck_timeout"],
+        beyond_limits=values["plausibility.beyond_limits"],
+        beyond_velocity=values["plausibility.beyond_velocity"],
+        jump=values["plausibility.jump"],
     )
 
 

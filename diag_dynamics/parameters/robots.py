@@ -4,7 +4,6 @@
 """Models of the robots of nodes and recordings, by their parameters."""
 
 from diag_dynamics.description.catalog import read_source
-from diag_dynamics.description.records import FRICTION_VELOCITY
 from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
@@ -23,8 +22,7 @@ def model_of(description, values, recorded=None):
         whether the base floats; its gravity counts where the parameter has its default, its
         armature where no parameter has another.
     values : dict
-        Values of :data:`~parameters.shared.PARAMETERS`; and `friction_velocity`, if the node has
-        it.
+        Values of :data:`~parameters.shared.PARAMETERS`.
     recorded : callable, optional
         Returns names of the joints in a recording, given the model with all joints. Without it,
         `locked_joints` cannot have ``*``, the joints that a recording lacks.
@@ -45,7 +43,6 @@ def model_of(description, values, recorded=None):
             "parameter 'floating_base' is true; expected false, because the MJCF has no free body, or several. "
             "Give the base a <freejoint/>."
         )
-    velocity = values.get("friction_velocity", FRICTION_VELOCITY)
     locked = assignments(
         "locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]]
     )
@@ -62,14 +59,10 @@ def model_of(description, values, recorded=None):
         locked_joints=locked,
         armature=assignments("armature", values["armature"]),
         payloads=payloads,
-        friction_velocity=None if velocity == FRICTION_VELOCITY else velocity,
         parameters=values["parameters_file"] or None,
         loops=values["loops_file"] or None,
-        **{
-            name: values[name]
-            for name in ("mimic", "massless", "max_joints", "max_coupled")
-            if name in values
-        },
+        mimic=values["mimic"],
+        massless=values["massless"],
     )
     require_single_joints(model)
     if rest is not None:
@@ -83,11 +76,8 @@ def model_of(description, values, recorded=None):
 
 def require_as_made(values):
     """Reject parameters that would change a RobotModel, which is final."""
-    defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {
-        "friction_velocity": FRICTION_VELOCITY
-    }
-    for name, default in defaults.items():
-        if name != "floating_base" and values[name] != default:
+    for name, spec in PARAMETERS.items():
+        if name != "floating_base" and values[name] != spec.default:
             raise InputError(
                 f"parameter '{name}' is {values[name]!r}, expected its default because a RobotModel is final. "
                 "Pass the URDF, or set the option of load_urdf."

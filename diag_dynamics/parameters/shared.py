@@ -5,11 +5,10 @@
 
 import numpy as np
 
-from diag_dynamics.description.urdf import MAX_JOINTS
 from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.model.options import LARGEST_GRAVITY, MAX_COUPLED
+from diag_dynamics.model.options import LARGEST_GRAVITY
 from diag_dynamics.parameters.spec import Spec, fixed
 
 MIMIC = ("embed", "free", "lock")
@@ -38,13 +37,6 @@ _FIXED = {
         "", "YAML file of friction, offsets, inertias and payloads from diag-dynamics identify."
     ),
     "loops_file": Spec("", "YAML file of closed loops and non-linear mimic joints."),
-    "max_joints": Spec(
-        MAX_JOINTS, "Maximum number of joints, including fixed ones; larger URDFs are rejected."
-    ),
-    "max_coupled": Spec(
-        MAX_COUPLED,
-        "Maximum size of a group of coupled (mimic) joints. Computation time grows with its cube.",
-    ),
     "floating_base": Spec(
         False, "Whether the root link moves freely; its state is read from the topic odom."
     ),

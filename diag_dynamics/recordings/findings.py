@@ -31,7 +31,7 @@ TEXTS = {
     WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
     "positions jumped": None,
     "mimic disagreement": None,
-    "implausible effort": "implausible efforts count as unknown (plausibility.effort, plausibility.beyond_effort)",
+    "implausible effort": "implausible efforts count as unknown (effort_scale, URDF limits)",
     "before odometry": "joint states before the first odometry",
     "time jumped back": "stamps jumped back, and all joints were reset",
     "awaiting velocity": "states before a velocity could be estimated",
@@ -65,8 +65,8 @@ def explain_missing_efforts(counts, joints=()):
     if implausible:
         return (
             f"the recording has no plausible efforts{' of ' * bool(joints)}{', '.join(joints)}: those of {implausible} "
-            "states exceed plausibility.effort or plausibility.beyond_effort. Are they in N m? Else set effort_scale, or "
-            "raise both and use diag-dynamics identify --what gains,friction"
+            "states exceed 4 times the URDF limits. Are they in N m? Else set effort_scale, and use "
+            "diag-dynamics identify --what gains,friction"
         )
     return "no state of the recording has efforts of all joints"
 

@@ -190,7 +190,9 @@ def describe_faults(summary):
         {one["cause"] for one in summary["findings"]},
     )
     few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
-    implausible = "no power balance, because efforts exceed the plausibility limits (plausibility.effort); expected N m or N"
+    implausible = (
+        "no power balance, because efforts exceed 4 times the URDF limits; expected N m or N"
+    )
     none, with_efforts = explained is None, _has_efforts(summary)
     wrongs = {
         "unreadable data": "unread" in causes,

@@ -431,9 +431,7 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
     assert (
-        status == 1
-        and "no power balance, because efforts exceed the plausibility limits (plausibility.effort)"
-        in said
+        status == 1 and "no power balance, because efforts exceed 4 times the URDF limits" in said
     )
 
 

@@ -196,8 +196,9 @@ def test_parameters_that_change():
         outcome(2, [0.0], names=("shoulder",), missing_velocity="reject") == "rejected: no velocity"
     )
     assert outcome(3, [0.6] * 3) == outcome(4, [0.6] * 3) == "published"
-    assert outcome(5, [0.6] * 3, plausibility__velocity=0.5) == "rejected: implausible value"
-    assert outcome(6, [0.6] * 3, plausibility__velocity=0.0) == "published"
+    slow = {"plausibility__beyond_velocity": 0.1}  # 0.6 rad/s of the shoulder, 0.3 of the elbow
+    assert outcome(5, [0.6] * 3, **slow) == "rejected: implausible value"
+    assert outcome(6, [0.6] * 3, plausibility__beyond_velocity=0.0) == "published"
     assert outcome(7, [0.6] * 3, [0, 0, 3], plausibility__jump=0.1) == "rejected: jump"
     assert outcome(8, [0.6] * 3, [0, 0, 3], plausibility__jump=0.0) == "published"
     assert (

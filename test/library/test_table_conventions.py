@@ -29,7 +29,7 @@ JOINTS = ("shoulder", "elbow", "wrist")
 FIELDS = ("position", "velocity", "effort")
 ROWS = 5
 LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0, "missing_velocity": "estimate"} | {
-    f"plausibility.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
+    "plausibility.jump": 0.0
 }
 WORDS = {
     "position": ("q", "pos", "Position", "angle"),

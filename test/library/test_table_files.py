@@ -32,9 +32,7 @@ from pages import blocks_of
 
 ARM = ("shoulder", "elbow", "wrist")
 FIELDS = ("position", "velocity", "effort")
-LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0} | {
-    f"plausibility.{name}": 0.0 for name in ("position", "velocity", "effort", "jump")
-}
+LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0} | {"plausibility.jump": 0.0}
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
 WIDTH = "another number of columns than the header has ({} instead of {}): {} rows omitted"
@@ -78,7 +76,7 @@ def written(tmp_path):
 
 # --- Files of others ---
 
-finite = st.floats(-1e300, 1e300)
+finite = st.floats(-1e4, 1e4)
 tables = st.lists(
     st.tuples(*(finite,) * 4, *(st.one_of(finite, st.just(float("nan"))),) * 2),
     min_size=1,

@@ -16,6 +16,7 @@ from diag_dynamics.srv import Diagonalize
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
+from diag_dynamics.description.urdf import MAX_JOINTS
 from diag_dynamics.nodes.support.statuses import OK
 from diag_dynamics.numerics.progress import RULE
 from nodes import LATCHED, PANDA, Monitor, Truth, description, robot
@@ -25,8 +26,8 @@ from robots import joint, link
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
-LARGE = 30_000
-"""Joints of a description that takes half a minute to load; no test waits for its end."""
+LARGE = MAX_JOINTS
+"""Joints of a description that takes seconds to load; no test waits for its end."""
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def large():
 def start_loading(node, path, *more, **environment):
     """Start a node, and return its process when it loads its robot."""
     command = [sys.executable, "-m", "diag_dynamics", node, "--ros-args"]
-    command += ["-p", f"robot_description:={path}", "-p", f"max_joints:={2 * LARGE}"]
+    command += ["-p", f"robot_description:={path}"]
     process = Process([*command, *more], env={**os.environ, **environment})
     process.wait_for_text("Loading the robot")
     return process
@@ -71,7 +72,7 @@ def test_the_robot_in_force_goes_on(peer, large):
     panda = robot(PANDA)
     descriptions = peer.publisher(String, "/busy/robot_description", LATCHED)
     descriptions.publish(description(panda.urdf))
-    with Monitor(peer, "/busy", max_joints=2 * LARGE) as monitor:
+    with Monitor(peer, "/busy") as monitor:
         monitor.connect(panda)
         assert monitor.next_report().values["loading"] == "nothing"
         descriptions.publish(description(large))

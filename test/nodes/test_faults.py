@@ -17,7 +17,7 @@ from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, without_number
 from floating import FloatingMonitor
 from joint_state_cases import COUNTERS, WIRING
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
-from nodes import LATCHED, MS, PANDA, UR5, Monitor, Reports, S, description, joint_state, robot
+from nodes import LATCHED, MS, PANDA, UR5, Monitor, Reports, description, joint_state, robot
 
 FINGER, MIMIC_FINGER, JOINT, HAND = (
     "panda_finger_joint1",
@@ -97,20 +97,6 @@ def check_rejected(monitor, message, cause, words):
     assert all(word in rejection for word in words), rejection
 
 
-@pytest.mark.parametrize(("velocity", "effort"), [(1e200, 0.0), (1e150, 1e200), (1e150, -1e200)])
-def test_result_that_overflows(monitor, panda, velocity, effort):
-    """Kinetic energy or power: counted with its cause, named, not published; the next state is right again."""
-    monitor.serves(panda)
-    message = panda.message(monitor.now + S, panda.samples[0])
-    for field, value in (("velocity", velocity), ("effort", effort)):
-        getattr(message, field)[message.name.index(JOINT)] = value
-    with monitor.having(**{"plausibility.velocity": 0.0, "plausibility.effort": 0.0}):
-        check_rejected(monitor, message, "InputError", ("a result overflows",))
-    monitor.serves(panda, 1)
-    entry = monitor.next_report().entries["joint states"]
-    assert (entry.level, entry.message) == (OK, "publishing")
-
-
 def test_stuck_sensors(monitor, panda):
     """Diagnostics warn of velocities without motion, and the states are published."""
     q, qd, tau, _ = panda.samples[0]
@@ -163,8 +149,8 @@ def test_ignored(monitor, panda, outcome, make):
 
 @pytest.fixture(scope="module")
 def floating(peer):
-    """Start a monitor of Solo, whose odometry may be 0.2 s old."""
-    with FloatingMonitor(peer, "/floating", odom_timeout=0.2) as monitor:
+    """Start a monitor of Solo, whose odometry may be 0.5 s old."""
+    with FloatingMonitor(peer, "/floating") as monitor:
         yield monitor
 
 
@@ -257,7 +243,7 @@ def test_one_source_of_the_robot(by_topic, monitor):
 # --- parameters
 
 PARAMETERS = [
-    ({"plausibility.position": -1.0}, "plausibility.position"),
+    ({"plausibility.jump": -1.0}, "plausibility.jump"),
     ({"alarm.joints": ["elbow=1"]}, "gain is 0"),
     ({"armature": ["panda_joint1=0.5"]}, "read-only"),
     ({"contact_limits.file": "/nowhere/limits.yaml"}, "parameter 'contact_limits.file'"),

@@ -286,7 +286,6 @@ def test_every_parameter_is_described(monitor):
     for name, choices in (
         ("mimic", ("embed", "free", "lock")),
         ("odom_twist_frame", ("child", "header")),
-        ("foreign_time", ("warn", "reject")),
     ):
         assert all(choice in by_name[name].additional_constraints for choice in choices)
 
@@ -481,7 +480,7 @@ def test_names_of_another_robot(monitor, panda):
 @pytest.fixture(scope="module")
 def floating(peer):
     """Start a monitor of Solo."""
-    parameters = {"odom_timeout": 0.2, "joint_timeout": '["FL_HAA=2.0"]'}
+    parameters = {"joint_timeout": '["FL_HAA=2.0"]'}
     with FloatingMonitor(peer, "/floating", **parameters) as monitor:
         yield monitor
 

@@ -82,8 +82,10 @@ def test_values_on_the_command_line(made):
     assert list(node.values["gravity"]) == [0.0, 0.0, -9.0] and node.values["payloads"] == [""]
     with pytest.raises(InputError, match=r"parameter 'gravity' is \[\]; expected 3 numbers"):
         made("-p", "gravity:=[]")
-    with pytest.raises(InputError, match="parameter 'foreign_time' is 'maybe', expected one of"):
-        made("-p", "foreign_time:=maybe")
+    with pytest.raises(
+        InputError, match="parameter 'missing_velocity' is 'maybe', expected one of"
+    ):
+        made("-p", "missing_velocity:=maybe")
     with pytest.raises(InvalidParameterTypeException, match="max_age"):
         made("-p", "max_age:=high")
 
@@ -112,7 +114,7 @@ def test_values_set_while_running(made):
         ("gravity", "down", "Wrong parameter type"),
         ("gravity", "[]", "Wrong parameter type"),
         ("gravity", "[1.0]", "parameter 'gravity' is [1.0], expected 3 numbers."),
-        ("foreign_time", "maybe", "expected one of warn, reject"),
+        ("missing_velocity", "maybe", "expected one of reject, estimate"),
         ("mimic", "free", "read-only"),
     ):
         assert reason in put(name, text).reason

@@ -71,7 +71,7 @@ def nothing(message):
         ("payloads", ["panda_hand=1.5"], True),
         ("effort_scale", ["*=1.0"], True),
         ("external_torque.gain", 41.0, True),
-        ("plausibility.effort", 1e5, True),
+        ("plausibility.jump", 0.2, True),
         ("stuck_timeout", 2.0, False),
         ("energy.warn", ["total=1e6"], False),
     ],

@@ -16,7 +16,7 @@ NAN, INF, PI = math.nan, math.inf, math.pi
 NAMES = ("shoulder", "elbow", "wrist")
 LIMITS = {"shoulder": (-INF, INF), "elbow": (-5.0, 4.0), "wrist": (-6.0, 60.0)}
 VELOCITY_LIMITS = {"shoulder": 6.0, "elbow": 3.0, "wrist": 0.0}
-EFFORT_LIMITS = {"shoulder": 50.0, "elbow": 0.0, "wrist": 100.0}
+EFFORT_LIMITS = {"shoulder": 500.0, "elbow": 0.0, "wrist": 1000.0}
 MIMICS = {"thumb": ("wrist", -2.0, 0.5), "heel": ("elbow", 0.5, 0.0), "pinky": ("wrist", 3.0, -1.0)}
 IN_PLACE = {"thumb": -5.5, "heel": 1.0, "pinky": 8.0}
 """Positions of the mimic joints where the joints are at 1, 2, 3."""
@@ -26,12 +26,8 @@ BASE_PARAMETERS = MappingProxyType(
         "max_age": 0.0,
         "mimic_tolerance": 0.01,
         "stuck_timeout": 0.0,
-        "plausibility.position": 0.0,
-        "plausibility.velocity": 0.0,
-        "plausibility.effort": 0.0,
         "plausibility.beyond_limits": 0.0,
         "plausibility.beyond_velocity": 0.0,
-        "plausibility.beyond_effort": 0.0,
         "plausibility.jump": 0.0,
     }
 )

@@ -62,8 +62,11 @@ def model(name):
 
 
 def settings(parameters):
-    """Return the monitor's settings for parameters of the table."""
-    return Settings.of(DEFAULTS | BASE_PARAMETERS | dict(parameters))
+    """Return the monitor's settings for parameters of the table; `refuse_foreign` is an option."""
+    values = DEFAULTS | BASE_PARAMETERS | dict(parameters)
+    refuse_foreign = values.pop("refuse_foreign", False)
+    chosen = Settings.of(values)
+    return chosen._replace(inputs=chosen.inputs._replace(refuse_foreign=refuse_foreign))
 
 
 class Reader:

@@ -380,9 +380,9 @@ class Reports(list):
         )
 
 
-BELIEVING = {
-    f"plausibility.{bound}": 0.0 for bound in ("beyond_velocity", "beyond_effort", "jump")
-} | {"stuck_timeout": 0.0}
+BELIEVING = {f"plausibility.{bound}": 0.0 for bound in ("beyond_velocity", "jump")} | {
+    "stuck_timeout": 0.0
+}
 """Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
 
 

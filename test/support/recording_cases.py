@@ -59,7 +59,6 @@ CASES = {
             *("incomplete", "foreign", "implausible effort"),
         ),
     ),
-    "foreign stamps refused": Case(PANDA, {"foreign_time": "reject", "max_age": 0.02}),
     "few rules": Case(
         PANDA,
         dict.fromkeys(("max_age", "plausibility.jump", "plausibility.beyond_limits"), 0.0)

@@ -83,8 +83,8 @@ RETRY_PERIOD = 0.3
 WATCHES = 4
 """Checks of the age of the last state within its largest age."""
 
-PLAUSIBLE = {"max_position": 1e8, "max_velocity": 1e4, "beyond_limits": 0.5}
-"""Plausibility limits [rad, rad/s, rad outside of limits]: springs would throw an arm whose encoder is a turn off."""
+BEYOND_LIMITS = 0.5
+"""Plausible distance outside of limits [rad, m]: springs would throw an arm with an encoder a turn off."""
 
 
 class ControllerNode(ManagedNode):
@@ -265,7 +265,9 @@ class ControllerNode(ManagedNode):
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(timeouts={ALL: age}, max_age=age, refuse_foreign=True, **PLAUSIBLE)
+        options = Options(
+            timeouts={ALL: age}, max_age=age, refuse_foreign=True, beyond_limits=BEYOND_LIMITS
+        )
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache

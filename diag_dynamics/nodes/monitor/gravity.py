@@ -18,6 +18,10 @@ from diag_dynamics.rotations import from_quaternion
 PERIOD = 0.019
 """Minimum time between two changes of the gravity of the model [s]: of 50 Hz with jitter, each message counts."""
 
+TIMEOUT, FILTER_TIME = 1.0, 0.5
+"""Age of the direction above which states are rejected, and time constant of the low-pass of an
+IMU's specific force [s]."""
+
 MIN_FORCE, MAX_FORCE = 0.5, 2.0
 """Bounds of a specific force that shows the direction of gravity, as multiples of gravity."""
 
@@ -31,7 +35,6 @@ class GravitySource:
     def __init__(self, node, current):
         values, self._current, self._time = node.values, current, node.time
         self._frame, self.topic = values["gravity_frame"], values["gravity_imu"]
-        self._timeout, self._filter_time = values["gravity_timeout"], values["gravity_filter_time"]
         self._robot, self._fault = None, ""
         if self._frame:
             self._transforms = _transforms(node)
@@ -49,7 +52,7 @@ class GravitySource:
         if self._robot is None or self._robot is not self._current() or self._up is None:
             return f"{source} is unknown: {self._fault or 'no message'}"
         age = self._time.steady() - self._received
-        return f"{source} is old: {self._fault or 'no message'}" if age > self._timeout else ""
+        return f"{source} is old: {self._fault or 'no message'}" if age > TIMEOUT else ""
 
     def accept_imu(self, message):
         """Use the bytes of a sensor_msgs/Imu."""
@@ -89,7 +92,7 @@ class GravitySource:
                 0.0,
             )  # the third row: the world's z in its axes
         else:
-            up, filter_time = np.array([a.x, a.y, a.z]), self._filter_time
+            up, filter_time = np.array([a.x, a.y, a.z]), FILTER_TIME
             size, g = np.linalg.norm(up), np.linalg.norm(robot.settings.values["gravity"])
             if (
                 imu.linear_acceleration_covariance[0] == -1.0
@@ -102,7 +105,7 @@ class GravitySource:
         return placement[:3, :3] @ up, filter_time
 
     def _read_frame(self, robot):
-        _, axes = self._transforms.find(robot.model.root_link, self._frame, self._timeout)
+        _, axes = self._transforms.find(robot.model.root_link, self._frame, TIMEOUT)
         return axes[:, 2], 0.0
 
     def report(self):

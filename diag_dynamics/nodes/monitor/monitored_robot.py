@@ -358,7 +358,7 @@ def joint_names_of(values):
 
 def _values_by(options):
     """Return the options of joint states without those that change no values."""
-    return options._replace(stuck_timeout=0.0, odom_timeout=0.0)
+    return options._replace(stuck_timeout=0.0)
 
 
 def _without_rotors(dynamics):
