@@ -261,20 +261,15 @@ _DRIVER = {
 
 _REACTION = {
     "reaction.service": Spec(
-        "", "Service that the node calls at reaction.event; empty: none. Not safety-rated."
+        "",
+        "Service that the node calls at reaction.event, a std_srvs/Trigger, or a SwitchController "
+        "where it has controllers; empty: none. Not safety-rated.",
     ),
     "reaction.event": Spec(
         "collision", "Event whose beginning causes the call.", choices=("collision", "contact")
     ),
-    "reaction.type": Spec(
-        "trigger",
-        "Type of reaction.service: std_srvs/Trigger or controller_manager_msgs/SwitchController.",
-        choices=("trigger", "switch_controller"),
-    ),
-    "reaction.deactivate": Spec(
-        [""], "Controllers that a call of type switch_controller deactivates."
-    ),
-    "reaction.activate": Spec([""], "Controllers that a call of type switch_controller activates."),
+    "reaction.deactivate": Spec([""], "Controllers that the call deactivates."),
+    "reaction.activate": Spec([""], "Controllers that the call activates."),
 }
 
 PARAMETERS = {
@@ -460,7 +455,7 @@ class Settings(NamedTuple):
             )
 
     def check_reaction(self):
-        """Reject a service that would never be called, or a call that would change no controller."""
+        """Reject a service that would never be called."""
         values = self.values
         on_contact = values["reaction.event"] == "contact"
         if (
@@ -476,12 +471,6 @@ class Settings(NamedTuple):
             raise InputError(
                 f"parameter {missing[-1]} is 0, expected a threshold because reaction.service is set. "
                 "Set external_torque.gain and thresholds (docs/collision.md)."
-            )
-        controllers = [*values["reaction.deactivate"], *values["reaction.activate"]]
-        if values["reaction.type"] == "switch_controller" and not any(controllers):
-            raise InputError(
-                "parameter reaction.deactivate is empty, expected controllers because reaction.type is "
-                "switch_controller."
             )
 
 

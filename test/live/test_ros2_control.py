@@ -272,7 +272,6 @@ def check_reaction(arm):
     arm.switch([POSITIONS], [EFFORTS])
     parameters = {
         "reaction.service": "controller_manager/switch_controller",
-        "reaction.type": "switch_controller",
         "reaction.deactivate": f"[{POSITIONS}]",
         "reaction.activate": f"[{EFFORTS}]",
         "external_torque.gain": 50.0,

@@ -253,7 +253,7 @@ def test_contact_as_the_event(monitor, peer):
 
 # --- parameters
 
-SWITCH = {"reaction.type": "switch_controller", "reaction.deactivate": ["arm_controller"]}
+SWITCH = {"reaction.deactivate": ["arm_controller"]}
 
 
 @pytest.mark.parametrize(
@@ -261,7 +261,6 @@ SWITCH = {"reaction.type": "switch_controller", "reaction.deactivate": ["arm_con
     [
         ({"alarm.external_torque": 0.0}, "external_torque.threshold is 0"),
         ({"reaction.service": "no service"}, "parameter 'reaction.service' is 'no service'"),
-        ({"reaction.type": "switch_controller"}, "reaction.deactivate is empty"),
         ({"reaction.event": "contact"}, "alarm.contact_joints is empty"),
         (SWITCH, "controller_manager_msgs"),
     ],

@@ -35,8 +35,11 @@ class Reaction:
         self._judged_at = -math.inf
         self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
         if self._service:
-            is_switch = node.values["reaction.type"] == "switch_controller"
-            kind = ControllerSwitch.service_type() if is_switch else Trigger
+            names = [
+                list(filter(None, node.values[f"reaction.{part}"]))
+                for part in ("deactivate", "activate")
+            ]
+            kind = ControllerSwitch.service_type() if any(names) else Trigger
             try:
                 self._client = node.create_client(kind, self._service)
             except Exception as error:  # rclpy does not name the parameter
@@ -44,11 +47,7 @@ class Reaction:
                     f"parameter 'reaction.service' is '{self._service}': {error}"
                 ) from error
             self._request = kind.Request()
-            if is_switch:
-                names = [
-                    list(filter(None, node.values[f"reaction.{part}"]))
-                    for part in ("deactivate", "activate")
-                ]
+            if any(names):
                 self._controllers = ControllerSwitch(node, self._service, *names)
                 self._request, self._fallback = self._controllers.requests()
 
