@@ -62,9 +62,7 @@ def measured(robot, seconds, order, commanded=False):
     `commanded`: efforts come at the rate of the joint states, to drives that carry the robot's weight; else it waves.
     """
     parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
-    parameters |= (
-        {"compensates_gravity": True, "publish_clock": True} if commanded else {"motion": "wave"}
-    )
+    parameters |= {"compensates_gravity": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     process = subprocess.Popen(
         [sys.executable, "-m", "diag_dynamics", "simulator", "--ros-args", *arguments]

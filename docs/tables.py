@@ -299,7 +299,7 @@ INTERFACES = {
         ),
         Interface(OUT, "~/ground_truth", "DiagonalizedState", "true state, without sensor errors"),
         Interface(
-            OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "publish_clock or lockstep"
+            OUT, "/clock", "rosgraph_msgs/Clock", "simulated time", "lockstep or real_time_factor"
         ),
         Interface(
             OUT,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Start a simulated robot, its controller and its monitor, all in simulated time."""
+"""Start a simulated robot, its controller and its monitor."""
 
 from pathlib import Path
 
@@ -34,10 +34,9 @@ def generate_launch_description():
     simulator = include(
         "simulator",
         compensates_gravity=LaunchConfiguration("robot_compensates_gravity"),
-        publish_clock="true",
         without_command="brake",  # brakes hold the robot before the first command and after the last one
         command_timeout="0.5",
     )
     # The simulator has no parameter `joints` to compare.
-    controller = include("controller", robot_description="", use_sim_time="true", check_time="0.0")
+    controller = include("controller", robot_description="", check_time="0.0")
     return LaunchDescription([compensates, autostart, simulator, controller, include("monitor")])

@@ -14,7 +14,6 @@ PARAMETERS = {
     "without_command": (str, "Drives without a command: zero effort (zero) or brakes (brake)."),
     "command_timeout": (float, "Simulated time after which a command expires [s]; 0: never."),
     "compensates_gravity": (bool, "Whether the simulated drives compensate gravity."),
-    "publish_clock": (bool, "Whether simulated time is published on /clock."),
 }
 """Parameters of the simulator as arguments: type and description. If empty, params_file or the node determines them."""
 

@@ -174,7 +174,7 @@ class SimulatorNode(TableNode, Node):
             )
         require_consistent(values)
         check_entries(values)
-        self._keeps_time = values["publish_clock"] or values["lockstep"]
+        self._keeps_time = values["lockstep"] or values["real_time_factor"] != 1.0
         self._plant, self._lockstep = None, Lockstep()
         self._paused, self._timeless, self._failure = False, False, ""
         self._revision, self._latest = 1, 0  # of the model; stamp [ns]
@@ -278,14 +278,9 @@ class SimulatorNode(TableNode, Node):
     def _moving(self):
         return not self._paused and not self._failure
 
-    @property
-    def _follows(self):
-        """Whether stamps are those of the clock: simulated time is as fast, and this node does not publish it."""
-        return not self._keeps_time and self.values["real_time_factor"] == 1.0
-
     def _restart_stamps(self):
         """Continue stamps that follow the clock from now; those of steps while paused never go back."""
-        if self._follows or self._timeless:
+        if not self._keeps_time or self._timeless:
             now = self.time.now()
             self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)
 
@@ -310,7 +305,7 @@ class SimulatorNode(TableNode, Node):
             self._go_on()
         before = self._pace.skipped
         steps = self._pace.steps(self._now(), self._plant.time)
-        if self._follows:
+        if not self._keeps_time:
             self._start += round((self._pace.skipped - before) * 1e9)
         if steps:
             self._advance(steps)

@@ -54,7 +54,7 @@ SEARCH_PERIOD, SEARCH_TIMEOUT = 1.0, 3.0
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 """Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
 
-MAX_TABS, MAX_ROBOTS = 64, 32
+MAX_ROBOTS = 32
 
 OBSERVED = [
     name for name in MONITOR if name.startswith(("external_torque.", "external_wrench.", "alarm."))
@@ -522,16 +522,12 @@ class ViewNode(TableNode, Node):
     def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
-        if not 1 <= values["tabs"] <= MAX_TABS:
-            raise InputError(
-                f"parameter 'tabs' is {values['tabs']}, expected a whole number from 1 to {MAX_TABS}."
-            )
         self._robots, self._replaced_at = {}, {}
         self._found_at, self._missing = self.time.steady(), ""  # last time of a monitor [s]
         self._absence = RobotStream("no monitor", lambda dynamics: None)
         self._folders = folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
-        self._server = PageServer(self._streams, *address, values["rate"], values["tabs"], on_push)
+        self._server = PageServer(self._streams, *address, values["rate"], on_push=on_push)
         self._server.start()
         self.get_logger().info(f"Page: {self.address}")
         self._diagnostics = Diagnostics(self, self._report, lambda: None)

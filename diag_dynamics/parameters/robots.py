@@ -57,7 +57,7 @@ def model_of(description, values, recorded=None):
         if list(gravity) == PARAMETERS["gravity"].default
         else gravity,
         locked_joints=locked,
-        armature=assignments("armature", values["armature"]),
+        armature=assignments("armature", values.get("armature", ())),
         payloads=payloads,
         parameters=values["parameters_file"] or None,
         loops=values["loops_file"] or None,

@@ -80,9 +80,10 @@ def check_entries(values):
     """Raise InputError for values of PARAMETERS that are wrong for every robot of a node."""
     payloads_of(values["payloads"])
     for name in ("locked_joints", "armature"):
-        if ALL in values[name]:
+        entries = values.get(name, ())  # the simulator has no armature
+        if ALL in entries:
             raise InputError(f"parameter '{name}' has '{ALL}'; expected names of joints.")
-        assignments(name, values[name])
+        assignments(name, entries)
 
 
 def payload_entry(link, payload):

@@ -14,7 +14,7 @@ SENSORS = "position [rad, m], velocity [rad/s, m/s] and effort [N m, N]"
 
 _FIXED = {
     "robot_description": Spec("", f"{ROBOT}; required."),
-    **{name: spec for name, spec in SHARED.items() if name not in DYNAMIC},
+    **{name: spec for name, spec in SHARED.items() if name not in (*DYNAMIC, "armature")},
     "floating_base": Spec(
         False, "Whether the root link moves freely; its state is published on odom."
     ),
@@ -30,8 +30,6 @@ _FIXED = {
         "Position limits: stops without rebound (hard), springs with dampers (compliant), or none.",
         choices=("hard", "compliant", "none"),
     ),
-    "limit_stiffness": Spec(1e4, "Stiffness of compliant limits [N m/rad, N/m].", 1e-6, 1e12),
-    "limit_damping": Spec(100.0, "Damping of compliant limits [N m s/rad, N s/m].", 0.0),
     "command_joints": Spec(
         [""], "Joints in the order of a command's entries; by default all, in the robot's order."
     ),
@@ -54,18 +52,14 @@ _FIXED = {
     "wrench_timeout": Spec(0.1, "Simulated time after which a wrench expires [s]; 0: never.", 0.0),
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
     "sensor_delay": Spec(0.0, "Delay from a state to its publication, simulated [s].", 0.0, 10.0),
-    "seed": Spec(0, "Seed of the noise, at least 0."),
     "real_time_factor": Spec(
         1.0,
-        "Real-time factor; 0: as fast as possible. Values other than 1 require publish_clock.",
+        "Real-time factor; 0: as fast as possible. With other values than 1 the node publishes /clock.",
         0.0,
         1000.0,
     ),
-    "publish_clock": Spec(
-        False, "Whether simulated time is published on /clock, for nodes with use_sim_time."
-    ),
     "lockstep": Spec(
-        False, "Whether each command advances time to the next joint state. Implies publish_clock."
+        False, "Whether each command advances time, on /clock, to the next joint state."
     ),
 }
 

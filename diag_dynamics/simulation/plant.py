@@ -71,6 +71,9 @@ class Wave:
 BRAKE_FACTOR = 2.0
 """Torque of a brake, as a multiple of its drive's largest effort."""
 
+COMPLIANT = CompliantLimits(1e4, 100.0)
+"""Compliant limits: stiffness [N m/rad, N/m] and damping [N m s/rad, N s/m]."""
+
 UNLIMITED_BRAKE = 1e9
 """Torque of a brake whose drive has no limit [N m, N]."""
 
@@ -113,8 +116,7 @@ class Plant:
         step = period / math.ceil(
             period / values["step"] - 1e-9
         )  # a whole number of steps a period
-        compliant = CompliantLimits(values["limit_stiffness"], values["limit_damping"])
-        limits = {"hard": True, "compliant": compliant, "none": False}[values["limits"]]
+        limits = {"hard": True, "compliant": COMPLIANT, "none": False}[values["limits"]]
         self.simulation = Simulation(model, step=step, limits=limits)
         joints = single_joints(model)
         self._followers = Followers.of(model)
@@ -126,7 +128,7 @@ class Plant:
         self.drives = Drives(
             joints, values["command_joints"], values["command_timeout"], values["without_command"]
         )
-        self.sensors = Sensors(values["sensor_noise"], values["sensor_delay"], values["seed"])
+        self.sensors = Sensors(values["sensor_noise"], values["sensor_delay"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]
@@ -235,8 +237,6 @@ class Plant:
 def require_consistent(values):
     """Raise InputError for values that contradict each other or lie outside of their ranges."""
     factor = values["real_time_factor"]
-    if values["seed"] < 0:
-        raise InputError(f"parameter 'seed' is {values['seed']}, expected no less than 0.")
     if 0.0 < factor < 1e-3:
         raise InputError(f"parameter 'real_time_factor' is {factor}, expected 0 or at least 0.001.")
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):

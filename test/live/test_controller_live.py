@@ -29,7 +29,7 @@ def live(peer):
         "compensates_gravity": True,
         "command_timeout": TIMEOUT,
         "without_command": "brake",
-        "publish_clock": True,
+        "real_time_factor": 0.9,
     }
     own = {
         "robot_compensates_gravity": True,

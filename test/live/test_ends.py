@@ -93,7 +93,7 @@ def test_last_command(peer):
     simulated = {
         "robot_description": robot_path(UR5),
         "without_command": "brake",
-        "publish_clock": True,
+        "real_time_factor": 0.9,
         "rate": 100.0,
     }
     with (

@@ -260,12 +260,11 @@ TIME = {"use_sim_time": True}
 LAUNCHED = {
     "monitor": ({"use_sim_time": "true", "view": "true"}, {"monitor": TIME, "view": TIME}),
     "simulator": (
-        {"robot_description": "/my.urdf", "without_command": "zero", "publish_clock": "true"},
+        {"robot_description": "/my.urdf", "without_command": "zero"},
         {
             "simulator": {
                 "robot_description": "/my.urdf",
                 "without_command": "zero",
-                "publish_clock": True,
             }
         },
     ),
@@ -287,12 +286,14 @@ LAUNCHED = {
             "simulator": {
                 "robot_description": "/my.urdf",
                 "compensates_gravity": True,
-                "publish_clock": True,
             }
             | {"without_command": "brake", "command_timeout": 0.5},
-            "controller": TIME
-            | {"robot_compensates_gravity": True, "autostart": True, "check_time": 0.0},
-            "monitor": TIME,
+            "controller": {
+                "robot_compensates_gravity": True,
+                "autostart": True,
+                "check_time": 0.0,
+            },
+            "monitor": {},
         },
     ),
 }
