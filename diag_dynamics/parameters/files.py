@@ -6,7 +6,6 @@
 import re
 from collections.abc import Mapping
 from dataclasses import fields
-from difflib import get_close_matches
 from fnmatch import fnmatch
 
 from diag_dynamics.description.loops import COUPLINGS
@@ -15,6 +14,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.parameters import controller, simulator, view
 from diag_dynamics.parameters.monitor import PARAMETERS, require_thresholds
+from diag_dynamics.parameters.spec import nearest
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
 MONITOR = "diag_dynamics"
@@ -123,12 +123,9 @@ def _check(name, value, source):
     if name.startswith(OF_RCLPY):
         return {}
     if name not in PARAMETERS:
-        near = get_close_matches(name, PARAMETERS, n=1) or [
-            one for one in PARAMETERS if name.startswith(f"{one}.")
-        ]
-        raise InputError(
-            f"{source}: the monitor has no parameter '{name}'.{f' Is {near[0]!r} meant?' if near else ''}"
-        )
+        meant = nearest(name, PARAMETERS)
+        question = f" Is {meant!r} meant?" if meant else ""
+        raise InputError(f"{source}: the monitor has no parameter '{name}'.{question}")
     default = PARAMETERS[name].default
     is_list = isinstance(default, list)
     kind = type(default[0] if is_list else default)

@@ -4,6 +4,8 @@
 """Spec of a parameter, and the check of a value."""
 
 import math
+import re
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from diag_dynamics.entries import LARGEST
@@ -35,6 +37,18 @@ def while_unconfigured(specs):
         name: spec._replace(read_only=False, while_unconfigured=True)
         for name, spec in specs.items()
     }
+
+
+def nearest(name, names):
+    """Return the name that has most in common with an unknown one, in any order of words, or None."""
+    by_words = {_words(name): name for name in names}
+    matches = get_close_matches(_words(name), by_words, n=1, cutoff=0.65)
+    return by_words[matches[0]] if matches else None
+
+
+def _words(name):
+    """Return the words of a name in the order of the alphabet."""
+    return " ".join(sorted(re.split(r"[._]", name)))
 
 
 def wrong(name, value, specs):

@@ -4,8 +4,11 @@
 """What all nodes share: parameters of a table, robots loaded in a thread, and texts of diagnostics."""
 
 import array
+import re
 import signal
 import threading
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 import rclpy
@@ -17,11 +20,14 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support import runner
 from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
 from diag_dynamics.nodes.support.descriptions import MAX_WARNINGS, RobotLoader, load_robot
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from limits import HANG
 from robots import description, joint, link
+
+ROOT = Path(__file__).resolve().parents[2]
 
 # --- parameters
 
@@ -38,13 +44,13 @@ def made(no_discovery):
     context, nodes = rclpy.Context(), []
     rclpy.init(context=context)
 
-    def make(*arguments, specs=PARAMETERS):
+    def make(*arguments, specs=PARAMETERS, name="own"):
         options = (
             {"context": context, "cli_args": ["--ros-args", *arguments]}
             if arguments
             else {"context": context}
         )
-        nodes.append(Tabled("own", specs, **options))
+        nodes.append(Tabled(name, specs, **options))
         judge(nodes[-1], specs, nodes[-1].values.update)
         return nodes[-1]
 
@@ -134,22 +140,51 @@ def test_parameters_while_unconfigured(made):
 
 
 def test_unknown_names(made, tmp_path, capfd):
-    """The node warns of misspelt parameters, and lists those that no node has."""
+    """The node warns of parameters that no node has, and names the nearest one."""
     file = tmp_path / "shared.yaml"
     file.write_text(
         "/**:\n  ros__parameters:\n    joint_timeout: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
         "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: {/x: {publisher: {depth: 3}}}\n"
-        "own:\n  ros__parameters: {energy_limt: 1.0, max_rate: {statos: 1.0}, nothing: []}\n"
+        "own:\n  ros__parameters: {energy_limt: 1.0, limit_of_energy: 1.0, max_rate: {statos: 1.0}, nothing: []}\n"
     )
     node = made("--params-file", str(file), specs=OF_CONTROLLER)
     logged = [line.split(": ", 1)[1] for line in capfd.readouterr().err.splitlines()]
     assert sorted(logged) == [
         "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?",
+        "Unknown parameter 'limit_of_energy' ignored. Did you mean 'energy_limit'?",
         "Unknown parameter 'max_rate.statos' ignored. Did you mean 'max_rate.status'?",
+        "Unknown parameter 'nothing' ignored.",
+        "Unknown parameter 'update_rate' ignored.",
         "Unknown parameter 'use_sim_tme' ignored. Did you mean 'use_sim_time'?",
-        "Unknown parameters ignored: nothing, update_rate.",
     ]
     assert not node.has_parameter("update_rate")
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+WRITTEN = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "config").rglob("*.yaml"))]
+for page in PAGES:
+    WRITTEN += re.findall(r"```yaml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+WRITTEN = [text for text in WRITTEN if "ros__parameters" in text]
+
+
+def test_written_parameters_are_known(made, tmp_path, capfd):
+    """No YAML of config/ and of the pages has a parameter that a node does not know."""
+    assert len(WRITTEN) > 15
+    for number, text in enumerate(WRITTEN):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(text)
+        for node, name in NODES.items():
+            specs = import_module(f"diag_dynamics.parameters.{node}").PARAMETERS
+            made("--params-file", str(file), specs=specs, name=name)
+        assert "Unknown parameter" not in capfd.readouterr().err, text
+
+
+@pytest.mark.parametrize(
+    ("node", "most"), [("monitor", 68), ("controller", 43), ("simulator", 23), ("view", 5)]
+)
+def test_number_of_parameters(node, most):
+    """Each parameter is read by every user of a node: a new one takes the place of another one."""
+    assert len(import_module(f"diag_dynamics.parameters.{node}").PARAMETERS) <= most
 
 
 # --- robots

@@ -14,9 +14,9 @@ from rclpy.task import Future
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.topics import NODES, nearest
+from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.parameters.spec import wrong
+from diag_dynamics.parameters.spec import nearest, wrong
 from diag_dynamics.text import shortened
 
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
@@ -148,24 +148,14 @@ def judge(node, specs, take):
 
 
 def _warn_unknown(node):
-    """Warn of misspelt overrides, and list unrelated ones, as of other packages."""
-    own = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
-    unknown = [
-        name for name in node.overrides if name not in own and not name.startswith("qos_overrides.")
-    ]
-    tables = (
-        [import_module(f"diag_dynamics.parameters.{table}") for table in NODES] if unknown else []
-    )
-    others = {
-        name for table in tables for name in (*table.PARAMETERS, getattr(table, "COMPENSATES", ""))
-    }
-    unrelated = []
-    for name in sorted(set(unknown) - others):
-        if meant := nearest(name, own):
-            node.get_logger().warning(
-                shortened(f"Unknown parameter '{name}' ignored. Did you mean '{meant}'?")
-            )
-        else:
-            unrelated.append(name)
-    if unrelated:
-        node.get_logger().info(shortened(f"Unknown parameters ignored: {', '.join(unrelated)}."))
+    """Warn of overrides that no node of this package declares, and name the nearest parameter."""
+    declared = [parameter.name for parameter in node.get_parameters_by_prefix("").values()]
+    unknown = {name for name in node.overrides if not name.startswith("qos_overrides.")}
+    unknown -= {*declared}
+    for table in NODES if unknown else ():  # a section /** is of all nodes
+        module = import_module(f"diag_dynamics.parameters.{table}")
+        unknown -= {*module.PARAMETERS, getattr(module, "COMPENSATES", "")}
+    for name in sorted(unknown):
+        meant = nearest(name, declared)
+        question = f" Did you mean '{meant}'?" if meant else ""
+        node.get_logger().warning(shortened(f"Unknown parameter '{name}' ignored.{question}"))

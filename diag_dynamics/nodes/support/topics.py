@@ -3,7 +3,6 @@
 
 """Names of nodes, and the monitor's topics for publishers and docs/interfaces.md; no ROS is needed to import this."""
 
-from difflib import get_close_matches
 from typing import NamedTuple
 
 NODES = {
@@ -13,11 +12,6 @@ NODES = {
     "view": "diag_dynamics_view",
 }
 """Name of each executable's node. Topics, services and access policies contain it."""
-
-
-def nearest(name, names):
-    """Return the one of these names that resembles another one, or None."""
-    return next(iter(get_close_matches(name, names, n=1, cutoff=0.8)), None)
 
 
 class Topic(NamedTuple):
