@@ -159,6 +159,13 @@ def test_arguments_of_nodes(argument, status, capsys):
     assert "usage: monitor" in shown and ("docs/parameters.md" if not status else argument) in shown
 
 
+def test_parameters_by_task():
+    """The ten parameters that people set are parameters of the monitor."""
+    text = (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8")
+    names = re.findall(r"^\|[^|]+\| `([\w.]+)` \|", text, re.MULTILINE)
+    assert len(set(names)) == 10 and set(names) <= {*node_parameters("monitor")}
+
+
 @pytest.mark.ros
 def test_topics_of_the_monitor_agree():
     """The lists of interfaces, of types, of rates and of the order of publishing have the same topics."""
