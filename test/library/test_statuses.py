@@ -62,52 +62,54 @@ def every_second(*phases):
         ([(STALE, "no state", 99)], []),
         (
             [(WARN, "bad", 20), (STALE, "no state", 20), (WARN, "bad", 20), (STALE, "no state", 9)],
-            [(0.0, WARN, "x: bad 7"), (40.0, WARN, "x: bad 7")],
+            [(1.0, WARN, "x: bad 7"), (41.0, WARN, "x: bad 7")],
         ),
         (
             [(WARN, "bad", 20), (STALE, "no state", 20), (OK, "fine", 20)],
-            [(0.0, WARN, "x: bad 7"), (40.0, OK, "x: fine (after 40 s)")],
+            [(1.0, WARN, "x: bad 7"), (40.0, OK, "x: fine (after 40 s)")],
         ),
-        ([(OK, "fine", 3), (WARN, "bad", 50)], [(3.0, WARN, "x: bad 7")]),
+        ([(OK, "fine", 3), (WARN, "bad", 50)], [(4.0, WARN, "x: bad 7")]),
         (
             [(WARN, "bad", 20), (OK, "fine", 30)],
-            [(0.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)")],
+            [(1.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)")],
         ),
         (
             [(WARN, "bad", 3), (OK, "fine", 30)],
-            [(0.0, WARN, "x: bad 7"), (10.0, OK, "x: fine (after 3 s)")],
+            [(1.0, WARN, "x: bad 7"), (11.0, OK, "x: fine (after 3 s)")],
         ),
         (
             [(WARN, "bad", 3), (WARN, "worse", 30)],
-            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: worse 7")],
+            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: worse 7")],
         ),
         (
             [(WARN, "bad", 3), (WARN, "worse", 3), (WARN, "bad", 30)],
-            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: bad 7; before: worse 7")],
+            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: bad 7; before: worse 7")],
         ),
         (
             [(WARN, "bad", 20), (OK, "fine", 1), (WARN, "bad", 30)],
-            [(0.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)"), (21.0, WARN, "x: bad 7")],
+            [(1.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)"), (22.0, WARN, "x: bad 7")],
         ),
         (
             [(WARN, "bad", 3), (ERROR, "fatal", 3), (WARN, "bad", 24)],
-            [(0.0, WARN, "x: bad 7"), (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
+            [(1.0, WARN, "x: bad 7"), (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
         ),
+        ([(WARN, "bad", 1), (OK, "fine", 6)] * 9, []),
         (
             [(WARN, "bad", 1), (OK, "fine", 1)] * 4 + [(OK, "fine", 30)],
-            [(0.0, WARN, "x: bad 7"), (10.0, WARN, "x: bad 7 (3 times in 10 s); ended")],
+            [(5.0, WARN, "x: bad 7 (3 times in 10 s); ended")],
         ),
     ],
 )
 def test_lines_of_a_log(phases, expected):
-    """One at the begin and one at the end, a rise of the level at once, else one in ten seconds."""
+    """One after a second and one at the end, a rise of the level at once, else one in ten seconds."""
     assert lines_of(*every_second(*phases)) == expected
 
 
-def test_end_of_a_short_fault():
-    """A fault of less than a second has a line when it begins, and none when it ends."""
-    events = [(0.0, WARN, "bad"), (0.9, OK, "fine"), (10.0, OK, "fine"), (11.0, OK, "fine")]
-    assert lines_of(*events) == [(0.0, WARN, "x: bad 7")]
+def test_fault_that_began_before_its_first_report():
+    """It has a line as soon as it has lasted for a second."""
+    log = StatusLog()
+    assert log.lines([Status("x", WARN, "bad", age=0.5)], 7.0) == []
+    assert log.lines([Status("x", WARN, "bad", age=0.9)], 7.4) == [(WARN, "x: bad")]
 
 
 def test_fault_that_the_node_has_logged():
@@ -130,6 +132,8 @@ def test_repeated_events():
 def test_statuses_have_lines_of_their_own():
     """A line about one status does not delay that about another one."""
     log = StatusLog()
-    assert log.lines([Status("a", WARN, "bad")], 0.0) == [(WARN, "a: bad")]
+    assert log.lines([Status("a", WARN, "bad")], 0.0) == []
+    assert log.lines([Status("a", WARN, "bad")], 1.0) == [(WARN, "a: bad")]
     both = [Status("a", WARN, "bad"), Status("b", ERROR, "bad")]
-    assert log.lines(both, 1.0) == [(ERROR, "b: bad")]
+    assert log.lines(both, 2.0) == []
+    assert log.lines(both, 3.0) == [(ERROR, "b: bad")]

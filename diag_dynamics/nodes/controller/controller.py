@@ -497,7 +497,7 @@ class ControllerNode(ManagedNode):
             raise InputError(f"the controller is {self.phase}. Activate it first.")
         self._loop.switch(mode)
         self._trajectories.update()
-        self.get_logger().info(f"Mode {mode}, by service.")
+        self.get_logger().warning(f"Mode {mode}, by service.")
         return f"mode {mode}"
 
     # --- Diagnostics

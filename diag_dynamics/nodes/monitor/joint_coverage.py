@@ -51,4 +51,4 @@ def joint_coverage(assembler, ignored, entries, elapsed, statistics):
     if maps:
         lists = ([f"{name}={joint}" for name, joint in entries] for entries in maps)
         text += f". Set joint_names to {' or '.join(map(str, lists))}"
-    return Status("joints", WARN, text, values)
+    return Status("joints", WARN, text, values, age=elapsed)

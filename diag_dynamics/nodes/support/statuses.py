@@ -14,8 +14,11 @@ OK, WARN, ERROR, STALE = (bytes([level]) for level in range(4))
 LOG_PERIOD = 10.0
 """Minimum time between two lines about a status, unless its level rises [s]."""
 
-MIN_DURATION = 1.0
-"""Minimum duration of a fault whose end is logged [s]."""
+MIN_DURATION = 0.9
+"""Minimum duration of a fault that is logged: two reports, a second apart with jitter [s]."""
+
+MIN_SHORT = 3
+"""Number of shorter faults in LOG_PERIOD that are logged."""
 
 NO_FAULT = OK, ""
 
@@ -30,7 +33,7 @@ class Status(NamedTuple):
     """One entry: its name after the node's, level, message, and values by key.
 
     The message stays the same while a fault lasts; `log` is one with its numbers. `is_logged`: the
-    node has logged the begin of this fault.
+    node has logged the begin of this fault. `age` is how long it had lasted at its first report [s].
     """
 
     name: str
@@ -39,6 +42,7 @@ class Status(NamedTuple):
     values: Mapping = {}
     log: str = ""
     is_logged: bool = False
+    age: float = 0.0
 
 
 def without_numbers(text):
@@ -62,27 +66,47 @@ def problem_status(name, problems, message, values, is_logged=False):
 
 
 class _Entry:
-    """Fault of one status, and the texts of faults since the last line; times are steady [s]."""
+    """Fault of one status, and the texts of faults since the last line; times are steady [s].
+
+    `_pending` is the text of a fault that has not lasted for MIN_DURATION.
+    """
 
     def __init__(self):
         self.fault, self.texts = NO_FAULT, {}
+        self._pending, self._short = "", []
         self.begins = self.duration = 0.0
         self.logged_at, self.logged_level, self.is_open = -inf, OK, False
 
     def update(self, status, now):
-        """Note a change of the fault."""
-        is_fault, was_fault = (level in (WARN, ERROR) for level in (status.level, self.fault[0]))
+        """Store a change of the fault, and count faults that last or come often."""
+        is_fault = status.level in (WARN, ERROR)
         fault = (status.level, status.message if is_fault else "")
-        if fault == self.fault:
+        if fault != self.fault:
+            self._change(status, is_fault, now)
+            self.fault = fault
+        if self._pending and now - self.begins >= MIN_DURATION:
+            self._count(self._pending)
+            self._pending = ""
+
+    def _change(self, status, is_fault, now):
+        if is_fault:
+            if self.fault[0] not in (WARN, ERROR):
+                self.begins = now - status.age
+            self._pending = "" if status.is_logged else status.log or status.message
             return
         if status.level == OK:
             self.duration = now - self.begins
-        elif is_fault:
-            self.begins = self.begins if was_fault else now
-            if not status.is_logged:
-                text = status.log or status.message
-                self.texts[text] = self.texts.pop(text, 0) + 1  # the newest is the last one
-        self.fault = fault
+        if self._pending:  # no report after MIN_DURATION had it
+            recent = [(at, text) for at, text in self._short if now - at < LOG_PERIOD]
+            self._short = [*recent, (now, self._pending)]
+            self._pending = ""
+        if len(self._short) >= MIN_SHORT:
+            for _, text in self._short:
+                self._count(text)
+            self._short = []
+
+    def _count(self, text):
+        self.texts[text] = self.texts.pop(text, 0) + 1  # the newest is the last one
 
     def describe(self, elapsed):
         """Return the faults since the last line, `elapsed` [s] ago: the newest first."""
@@ -110,9 +134,9 @@ class RepeatLimit:
 class StatusLog:
     """Choose lines of a log: one when a fault begins, and one when it ends.
 
-    Faults of a status have at most one line in `period` [s], unless the level rises; the next line
-    says how often they began. The end follows no sooner, and is left out after less than
-    MIN_DURATION.
+    A fault has a line after MIN_DURATION. Faults of a status have at most one line in `period` [s],
+    unless the level rises; the next line says how often they began. The end follows no sooner.
+    Shorter faults have no line, unless there are MIN_SHORT in LOG_PERIOD.
     """
 
     def __init__(self, period=LOG_PERIOD):
@@ -134,9 +158,11 @@ class StatusLog:
             entry.logged_level = OK
         elif level <= entry.logged_level:
             return None
-        was_open, entry.is_open = entry.is_open, level != OK
+        was_open = entry.is_open
+        has_line = was_open or status.is_logged or bool(entry.texts)
+        entry.is_open = level != OK and has_line
         if entry.texts:
-            text = entry.describe(elapsed) + ("; ended" if level == OK else "")
+            text = entry.describe(min(elapsed, self._period)) + ("; ended" if level == OK else "")
             entry.texts.clear()
             entry.logged_at, entry.logged_level = now, max(level, WARN)
             return entry.logged_level, f"{status.name}: {text}"
