@@ -203,6 +203,7 @@ def main(args=None):
         nodes.append(ViewNode(pusher.push, parameter_overrides=overrides(view)))
         topics = [f"{NAMESPACE}/diag_dynamics/state"]
         nodes.append(Top(topics, duration=chosen.duration, note=f"Page: {address}   {QUIT}"))
+        set_progress_callback(nodes[-1].accept_progress)
         return nodes.copy()
 
     logs = ["--log-level", "WARN"] if lines else ["--disable-stdout-logs"]

@@ -38,6 +38,11 @@ class Robot:
         self._received = -math.inf
         self.peaks = {}
 
+    @property
+    def is_waiting(self):
+        """Whether no state has arrived."""
+        return self._received == -math.inf
+
     def accept_state(self, message):
         """Store a state and its peaks."""
         self._state, self._received = message, self._time.steady()
@@ -55,8 +60,10 @@ class Robot:
         for name, *values in zip(self._state.dof_names, *columns, strict=False):
             yield plain(name), dict(zip(UNITS, values, strict=True))
 
-    def status(self):
+    def status(self, progress):
         """Return kinetic energy, largest peak and alarm as a line with its style."""
+        if self.is_waiting:
+            return Text(f"{self._title}: waiting for the first state{progress}", "bold")
         if self._time.steady() - self._received > 1.0:
             return Text(f"{self._title}: no state in the last second", "bold red")
         name, peak = max(self.peaks.items(), key=lambda joint: joint[1], default=("-", 0.0))
@@ -73,7 +80,7 @@ class Robot:
         place = plain(joints or link)
         return Text(f"{text}, ALARM collision {place}", "bold red")
 
-    def table(self):
+    def table(self, progress):
         """Return the status and the joints, the largest peak first, with bars up to that peak."""
         table = Table(box=None, pad_edge=False, expand=True)
         table.add_column("joint", no_wrap=True)
@@ -84,7 +91,7 @@ class Robot:
             size = max(0.0, abs(values[self._by]))
             bar = Bar(max(self.peaks.values()), 0.0, size, color="cyan")
             table.add_row(Text(name), *map(number, (*values.values(), self.peaks[name])), bar)
-        return Group(self.status(), table)
+        return Group(self.status(progress), table)
 
 
 class Top(Node):
@@ -95,7 +102,7 @@ class Top(Node):
         self._topics, self._by, self._note = topics, by, note
         self._time = time(self)
         self._end = self._time.steady() + duration
-        self._robots = {}
+        self._robots, self._progress, self._printed = {}, "", set()
         self.finished = Future()
         self._find_robots()
         self._live = Live(screen=True, auto_refresh=False) if has_screen() else None
@@ -107,6 +114,10 @@ class Top(Node):
     def has_states(self):
         """Whether any robot has published a state."""
         return any(robot.peaks for robot in self._robots.values())
+
+    def accept_progress(self, text):
+        """Store what is compiled; any thread may call it."""
+        self._progress = f" ({text})"
 
     def _subscribe(self, topic):
         self._robots[topic] = robot = Robot(topic, self._by, self._time)
@@ -126,15 +137,27 @@ class Top(Node):
         robots = robots or [Robot("any robot", self._by, self._time)]
         if self._live:
             self._live.update(
-                Group(Text(self._note), *(robot.table() for robot in robots)), refresh=True
+                Group(Text(self._note), *(robot.table(self._progress) for robot in robots)),
+                refresh=True,
             )
         else:
-            try:
-                print(*(robot.status() for robot in robots), sep="\n", flush=True)
-            except BrokenPipeError as error:
-                self.finished.set_exception(error)
+            self._print(robots)
         if self._time.steady() > self._end and not self.finished.done():
             self.finished.set_result(None)
+
+    def _print(self, robots):
+        """Print a line about each robot, and once that it has no state yet."""
+        for robot in robots:
+            line = str(robot.status(self._progress))
+            if robot.is_waiting and line in self._printed:
+                continue
+            if robot.is_waiting:
+                self._printed.add(line)
+            try:
+                print(line, flush=True)
+            except BrokenPipeError as error:
+                self.finished.set_exception(error)
+                return
 
     def destroy_node(self):
         """Restore the terminal."""

@@ -67,6 +67,9 @@ REQUESTED = ("use_sim_time", "robot_description", *SHARED, *OBSERVED)
 MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque, contact or load [s]."""
 
+RESPONSE_TIMEOUT = 2.0
+"""Time [s] without parameters or a description after which these are reported as missing."""
+
 REMOVAL_TIMEOUT, LOADING_TIMEOUT, RETRY_PERIOD = 10.0, 10.0, 5.0
 """Time without a publisher after which a robot is removed, time without a model after which it
 gives way to another one, and time until an unanswered request is repeated [s]."""
@@ -299,7 +302,7 @@ class RobotSubscription:
                 f"publisher of {topic} is {', '.join(names)}; expected {self.monitor}. "
                 "The page requires the model of a monitor."
             )
-        if time.monotonic() - self._added_at > LOADING_TIMEOUT:
+        if time.monotonic() - self._added_at > RESPONSE_TIMEOUT:
             return f"{service} has no answer; expected the model's parameters. Restart the monitor."
         return ""
 
@@ -309,7 +312,7 @@ class RobotSubscription:
         names, problems = publishers(self._node, subscription, "std_msgs/msg/String")
         if problems:
             return "; ".join(problems.values())
-        is_old = time.monotonic() - self._added_at > LOADING_TIMEOUT
+        is_old = time.monotonic() - self._added_at > RESPONSE_TIMEOUT
         if is_old and not names:  # a publisher may be discovered later than the monitor
             return f"{self._topic} has no publisher; expected one. Start robot_state_publisher."
         return ""

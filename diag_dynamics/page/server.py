@@ -202,9 +202,9 @@ class PageServer:
         robots = {robot.name: robot for robot in self._robots()}
         name = request.query.get("robot", next(iter(robots)) if len(robots) == 1 else "")
         if name not in robots:
-            raise RejectedRequestError(
-                404, f"robot is '{plain(name)}'; expected {', '.join(robots) or 'none yet'}."
-            )
+            shown = ", ".join(name for name in robots if name.startswith("/"))
+            expected = f"expected one of {shown}" if shown else "no robot is shown. Start a monitor"
+            raise RejectedRequestError(404, f"robot is '{plain(name)}'; {expected}.")
         return robots[name]
 
     async def _get_file(self, request):

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import http.client
 import itertools
+import json
 import queue
 import socket
 import time
@@ -231,6 +232,14 @@ def test_contents_of_a_stream(address, arm):
         np.testing.assert_allclose(*np.transpose(energies), rtol=1e-4)
         heartbeat = stream.next(HEARTBEAT)
         assert (heartbeat["alive"], heartbeat["link"]) == (True, "panda_link5")
+
+
+def test_a_robot_that_is_not_shown(serve, arm):
+    """The answer has the robots that are shown, or what to do without any."""
+    for streams, reason in (([arm.stream], "expected one of /arm"), ([], "Start a monitor")):
+        status, _, body = get(serve(*streams), "/layout?robot=/nothing")
+        text = json.loads(body)["error"]
+        assert status == 404 and text.startswith("robot is '/nothing'; ") and reason in text
 
 
 @pytest.mark.parametrize(

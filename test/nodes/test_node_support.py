@@ -96,6 +96,18 @@ def test_values_on_the_command_line(made):
         made("-p", "max_age:=high")
 
 
+def test_paths_are_absolute(made, tmp_path, monkeypatch):
+    """Other nodes, such as the view, read files of parameters in other folders."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.yaml").write_text("{}")
+    (tmp_path / "arm.xacro").write_text("<robot/>")
+    node = made("-p", "parameters_file:=arm.yaml", "-p", "robot_description:=arm.xacro side:=left")
+    assert node.values["parameters_file"] == str(tmp_path / "arm.yaml")
+    assert node.values["robot_description"] == f"{tmp_path / 'arm.xacro'} side:=left"
+    texts = made("-p", "parameters_file:=none.yaml", "-p", "robot_description:=<robot/>").values
+    assert (texts["parameters_file"], texts["robot_description"]) == ("none.yaml", "<robot/>")
+
+
 def test_values_set_while_running(made):
     """As `ros2 param set` parses what is typed; a value of another type is refused, a read-only one stays."""
     node = made()

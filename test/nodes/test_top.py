@@ -103,7 +103,10 @@ def test_a_robot_on_the_screen(make_robot, make_top, screen, peer):
     """Energies, torques and peaks of the joints, the largest peak first; the alarm and its end."""
     node = make_top(note="Page: here")
     peer.pass_time(1.0)
-    assert "any robot: no state in the last second" in screen.text.getvalue()
+    assert "any robot: waiting for the first state\n" in screen.text.getvalue().replace(" \n", "\n")
+    node.accept_progress("compiling sweeps")
+    peer.pass_time(0.6)
+    assert "waiting for the first state (compiling sweeps)" in screen.text.getvalue()
     robot = make_robot("/one")
     peer.pass_time(0.6)
     robot.publish(external_torque=[1.0, float("nan"), 0.5])
@@ -199,7 +202,7 @@ def test_lines(peer, make_robot, make_top, capsys):
     text = capsys.readouterr().out
     line = "/plain: K 7.00 J, peak energy 4.50 J at elbow"
     assert f"{line}\n" in text and f"{line}, ALARM collision elbow\n" in text
-    assert "/nobody/state: no state in the last second\n" in text
+    assert text.count("/nobody/state: waiting for the first state\n") == 1
     assert text.isascii() and "\x1b" not in text
     assert node.finished.done()
 

@@ -3,6 +3,7 @@
 
 """Parameters of a node by a table: declared with type, description and range, and checked when they are set."""
 
+import os
 from contextlib import suppress
 from importlib import import_module
 
@@ -11,6 +12,7 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
@@ -93,7 +95,10 @@ def convert(name, value, default):
     """Return the value of a parameter with the type of its default where that is clear, else the value as it is.
 
     An empty list has no type, and `ros2 param set` sends a list of integers and floats as a text.
+    Paths of files become absolute, because other nodes read them in other folders.
     """
+    if isinstance(value, str) and value and name.endswith(("_file", "robot_description")):
+        return _absolute(value)
     if isinstance(default, float) and type(value) is int:
         return float(value)
     if not isinstance(default, list):
@@ -109,6 +114,13 @@ def convert(name, value, default):
             raise InputError(f"parameter '{name}' is []; expected {len(default)} numbers.")
         return [""]
     return [float(entry) if of_numbers and type(entry) is int else entry for entry in value]
+
+
+def _absolute(value):
+    """Return a path, also with xacro arguments behind it, with its folder; other texts as they are."""
+    path, _ = split_arguments(value)
+    file = os.path.expanduser(path)
+    return value.replace(path, os.path.abspath(file), 1) if os.path.isfile(file) else value
 
 
 def judge(node, specs, take):
