@@ -67,7 +67,9 @@ class BaseParameters:
         """
         layout, E = self._layout, self.matrix
         robot, start = fit.x[: layout.robot], layout.known[: layout.robot]
-        noise = np.einsum("ij,jk,ik->i", E, fit.covariance[: layout.robot, : layout.robot], E)
+        noise = np.einsum(
+            "ij,jk,ik->i", E, fit.certainty.covariance[: layout.robot, : layout.robot], E
+        )
         changing = jackknife(fits[:, : layout.robot] @ E.T)
         fitted = free[: layout.robot][layout.inertial[: layout.robot]].any()
         deviations = (

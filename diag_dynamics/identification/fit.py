@@ -14,7 +14,7 @@ only, the rows do not bound its friction beside its offset. Plain Newton crawls 
 of the cone. Logarithms with large weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -69,13 +69,30 @@ class Carrier(NamedTuple):
     placement: np.ndarray
 
 
-class Fit(NamedTuple):
-    """Unknowns, their covariance, that by priors and gains, and the fraction that rows determine: diag (A + γH)⁻¹A."""
+class Certainty(NamedTuple):
+    """Covariance of unknowns, that by priors and gains, and fractions that rows determine."""
 
-    x: np.ndarray
     covariance: np.ndarray
     by_gains: np.ndarray
-    determined: np.ndarray
+    determined: np.ndarray  # diag (A + γH)⁻¹A
+
+
+class Fit:
+    """Unknowns `x` at the minimum, and their certainty, which cross-validation does not require."""
+
+    def __init__(self, x, free=None, find_certainty=None):
+        self.x, self._free, self._find_certainty = x, free, find_certainty
+
+    @cached_property
+    def certainty(self):
+        """The :class:`Certainty`."""
+        covariance, by_gains = np.zeros((2, len(self.x), len(self.x)))
+        determined = np.zeros(len(self.x))
+        if self._find_certainty:
+            places = np.ix_(self._free, self._free)
+            found = self._find_certainty()
+            covariance[places], by_gains[places], determined[self._free] = found
+        return Certainty(covariance, by_gains, determined)
 
 
 class Layout:
@@ -142,7 +159,7 @@ class Layout:
         names, links = self.model.link_names, self.model.bodies["link"][self.bodies]
         blocks = [self.block(k) for k in range(len(links)) if self.inertial[self.block(k).start]]
         return {
-            names[links[one.start // PARAMETERS]]: float(fit.determined[one].sum())
+            names[links[one.start // PARAMETERS]]: float(fit.certainty.determined[one].sum())
             for one in blocks
         }
 
@@ -214,10 +231,8 @@ def fit_rows(layout, rows, free, weight, similar=None):
 
 def _fit(layout, rows, free, weight, base, similar=None):
     index, x = np.flatnonzero(free), layout.known.copy()
-    covariance, by_gains = np.zeros((2, layout.size, layout.size))
-    determined = np.zeros(layout.size)
     if not len(index):
-        return Fit(x, covariance, by_gains, determined)
+        return Fit(x)
     start, bodies = _start(layout, free, weight, base)
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
     known, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
@@ -240,16 +255,18 @@ def _fit(layout, rows, free, weight, base, similar=None):
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
-    inverse = _solve_scaled(hessian, np.eye(len(index)))
-    residual = layout.mean_squares(rows, x)
-    noise, _ = layout.weighted(rows, before**2 / np.maximum(residual, MIN_VARIANCE * before))
-    by_rows = inverse @ problem.A
-    by_priors = inverse - by_rows @ inverse
-    gains = GAIN_DEVIATION * inverse @ b[index]
-    covariance[np.ix_(index, index)] = by_priors + inverse @ noise[np.ix_(index, index)] @ inverse
-    by_gains[np.ix_(index, index)] = by_priors + gains @ gains.T
-    determined[index] = np.diag(by_rows)
-    return Fit(x, covariance, by_gains, determined)
+
+    def find_certainty():
+        inverse = _solve_scaled(hessian, np.eye(len(index)))
+        residual = layout.mean_squares(rows, x)
+        noise, _ = layout.weighted(rows, before**2 / np.maximum(residual, MIN_VARIANCE * before))
+        by_rows = inverse @ problem.A
+        by_priors = inverse - by_rows @ inverse
+        gains = GAIN_DEVIATION * inverse @ b[index]
+        covariance = by_priors + inverse @ noise[np.ix_(index, index)] @ inverse
+        return covariance, by_priors + gains @ gains.T, np.diag(by_rows)
+
+    return Fit(x, index, find_certainty)
 
 
 def _start(layout, free, weight, base):

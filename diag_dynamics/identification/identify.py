@@ -134,7 +134,7 @@ def identify(
     try:
         selection = Selection(model, steps, payload, data)
     except ConvergenceError as error:
-        if not asked:
+        if payload is None:
             raise
         text = f"{error} Leave {PAYLOAD}{payload.link} out of what"
         if not steps or reference is not None:

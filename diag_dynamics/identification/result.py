@@ -116,7 +116,7 @@ def deviations_of(layout, free, fit, fits):
     The larger one of noise alone, and of fits without each block in turn (jackknife), which also
     contains what the model lacks.
     """
-    noise = np.maximum(np.diag(fit.covariance), 0.0)
+    noise = np.maximum(np.diag(fit.certainty.covariance), 0.0)
     larger = np.sqrt(np.maximum(noise, jackknife(fits)))
     places = [(key, layout.own(column)) for key, column in COLUMNS.items()]
     found = {
@@ -198,7 +198,7 @@ def payload_certainty(layout, fit, fits):
     Variances are those of the fits without each block in turn (jackknife), and those by priors and
     gains.
     """
-    x, prior = fit.x[layout.robot :], fit.by_gains[layout.robot :, layout.robot :]
+    x, prior = fit.x[layout.robot :], fit.certainty.by_gains[layout.robot :, layout.robot :]
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     by_gains = np.maximum(np.einsum("ji,jk,ki->i", slopes, prior, slopes), 0.0)

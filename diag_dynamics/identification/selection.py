@@ -169,7 +169,7 @@ class Selection:
         free = np.arange(layout.size) >= mass
         for sums in self._data.sum_recordings():
             fit = fit_rows(layout, [(sums, True)], free, self._weight)
-            variance = fit.covariance[mass, mass] + fit.by_gains[mass, mass]
+            variance = fit.certainty.covariance[mass, mass] + fit.certainty.by_gains[mass, mass]
             masses.append((float(fit.x[mass]), float(np.sqrt(variance))))
         return masses
 
