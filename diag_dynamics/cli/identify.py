@@ -8,9 +8,9 @@ import sys
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
-from diag_dynamics.description.catalog import read_source
 from diag_dynamics.description.mjcf import is_mjcf
 from diag_dynamics.description.parameters import urdf_with
+from diag_dynamics.description.text import read_text
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.report import write_report
@@ -121,7 +121,7 @@ def _write_parameters(chosen, found, earlier, robot):
         else robot
     )
     possible, shared = without_impossible_links(found.model, parameters)
-    text = urdf_with(read_source(source).text, possible)
+    text = urdf_with(read_text(source), possible)
     write_text(chosen.write_urdf, f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
     return shared
 

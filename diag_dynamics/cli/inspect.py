@@ -69,18 +69,17 @@ def _print_json(document):
 
 def _estimate(robot, density, output, as_json):
     """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
-    from diag_dynamics.description.catalog import read_source
     from diag_dynamics.description.geometry import estimated
-    from diag_dynamics.description.text import folder_of
+    from diag_dynamics.description.mjcf import is_mjcf
+    from diag_dynamics.description.text import folder_of, read_text
 
     if output.exists():
         raise InputError(f"-o is '{output}', which exists. Choose another name.")
-    described = read_source(robot)
-    if described.is_mjcf:
+    if is_mjcf(robot):
         raise InputError(
             f"--estimate-inertias writes a URDF, but '{robot}' is an MJCF, whose inertias MuJoCo estimates."
         )
-    found = estimated(described.text, density, folder_of(robot).resolve())
+    found = estimated(read_text(robot), density, folder_of(robot).resolve())
     if found.estimates:
         write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n')
     if as_json:

@@ -15,12 +15,10 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.collision.contact_points import GEOMETRIES, ContactPoint, Geometry
-from diag_dynamics.description.catalog import read_source
-from diag_dynamics.description.elements import placement_of
+from diag_dynamics.description.catalog import link_elements
 from diag_dynamics.description.geometry import Shape, shapes_of
 from diag_dynamics.description.meshes import Meshes
 from diag_dynamics.description.text import folder_of
-from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 
@@ -66,15 +64,13 @@ def link_geometry(
     """
     choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))
-    text = read_source(urdf).text
-    robot, meshes = parse_urdf(text), Meshes(folder_of(urdf))
-    elements = {element.get("name", ""): element for element in robot.findall("link")}
+    elements, meshes = link_elements(urdf), Meshes(folder_of(urdf))
     points, source, grown, left_out = [], {}, {}, {}
     for link in model.link_names:
-        if link not in elements or model.placement_in_body(link)[0] == 0:
+        if model.placement_in_body(link)[0] == 0:
             continue
         found, source[link], grown[link] = None, "frames", 0.0
-        for role in ("collision", "visual") if geometry != "frames" else ():
+        for role in ("collision", "visual") if geometry != "frames" and link in elements else ():
             try:
                 every = shapes_of(elements[link], role)
                 shapes = [s for s in every if s.kind != "mesh" or geometry == "meshes"]
@@ -90,7 +86,7 @@ def link_geometry(
             except UrdfError as error:
                 left_out.setdefault(link, str(error))
         if found is None:
-            found = np.array([np.zeros(3), *_frames_of(robot, link)])
+            found = np.array([np.zeros(3), *_frames_of(model, link)])
         points.append(ContactPoint(link, link, found))
     return LinkGeometry(tuple(points), source, grown, left_out)
 
@@ -179,9 +175,8 @@ def _directions(count: int) -> Array:
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
 
-def _frames_of(robot: Any, link: str) -> Iterator[Array]:
+def _frames_of(model: RobotModel, link: str) -> Iterator[Array]:
     """Yield the origins of the joints that a link carries, in its axes."""
-    for joint in robot.findall("joint"):
-        parent, origin = joint.find("parent"), joint.find("origin")
-        if parent is not None and parent.get("link") == link and origin is not None:
-            yield placement_of(origin, f"joint '{joint.get('name')}'")[:3, 3]
+    for joint in model.description.joints.values():
+        if joint.parent == link and joint.origin[:3, 3].any():
+            yield joint.origin[:3, 3]

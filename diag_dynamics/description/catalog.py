@@ -14,8 +14,10 @@ from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
 
-from diag_dynamics.description.mjcf import Described, is_mjcf, read_mjcf
-from diag_dynamics.description.text import expanded, urdf_text
+from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
+from diag_dynamics.description.records import Description
+from diag_dynamics.description.text import read_text
+from diag_dynamics.description.urdf import MAX_JOINTS, describe_urdf, parse_urdf
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
 
@@ -118,12 +120,16 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
     return " ".join([path, *(shlex.quote(f"{name}:={value}") for name, value in values.items())])
 
 
-def read_source(source: Any, xacro_args: Any = None) -> Described:
-    """Describe a robot as a URDF and options of :func:`load_urdf`; the source is as of that, or the path of an MJCF."""
-    if not is_mjcf(source):
-        return Described(urdf_text(expanded(source, xacro_args)))
-    if xacro_args:
-        raise InputError(
-            f"xacro_args has {', '.join(map(str, xacro_args))}, but the source is an MJCF."
-        )
-    return read_mjcf(source)
+def describe(source: Any, max_joints: int = MAX_JOINTS) -> Description:
+    """Return the description of a robot by a source of :func:`load_urdf`, or by the path of an MJCF."""
+    if is_mjcf(source):
+        return read_mjcf(source, max_joints)
+    return describe_urdf(read_text(source), max_joints)
+
+
+def link_elements(source: Any) -> dict[str, Any]:
+    """Return the elements of the links of a URDF, by name; empty for an MJCF, whose geometry is not read."""
+    if is_mjcf(source):
+        return {}
+    links = parse_urdf(read_text(source)).iterfind("link")
+    return {link.get("name"): link for link in links}

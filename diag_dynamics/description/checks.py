@@ -1,175 +1,312 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Probable mistakes of a URDF that loads, and warnings."""
+"""All checks of robots: severity, unit, text and remedy of each; and warnings.
+
+`load_urdf` warns of those that say so, and of inertias of no rigid body; `inspect` shows all. Their
+conditions are in `remarks.py` for elements of a URDF, and in the package `inspection` for the rest.
+"""
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lxml import etree
-
-from diag_dynamics.description.elements import floats, short
 from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.description.records import Description
 from diag_dynamics.exceptions import InertiaWarning, ModelWarning
 
-# Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
-# a prefix are free
-ATTRIBUTES: dict[str, tuple[str, ...]] = {
-    "robot": ("name", "version"),
-    "link": ("name", "type"),
-    "inertial": (),
-    "origin": ("xyz", "rpy", "quat_xyzw"),
-    "mass": ("value",),
-    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz", "iyx", "izx", "izy"),
-    "joint": ("name", "type", "dont_collapse"),
-    "parent": ("link",),
-    "child": ("link",),
-    "axis": ("xyz",),
-    "limit": (
-        *("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
-        *("command_effort", "current", "gear_velocity"),
-    ),
-    "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
-    "mimic": ("joint", "multiplier", "offset", "polynomial"),
-}
-
-CHILDREN: dict[str, tuple[str, ...]] = {  # elements in each element that dynamics and contacts read
-    "link": ("inertial", "visual", "collision"),
-    "inertial": ("origin", "mass", "inertia"),
-    "visual": ("origin",),
-    "collision": ("origin",),
-    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
-    "origin": (),
-}
-
-MISPLACED = (
-    "mass",
-    "pose",
-    "position",
-    "orientation",
-    "xyz",
-    "rpy",
-    "axes",
-)  # elements of formats or places beside
-# Parts of the names of simulators' plugins that couple links or joints, lower case
-COUPLING_PLUGINS = ("attach", "coupl", "detach", "gearbox", "loop_joint", "closed_loop", "mimic")
-COUPLING_REMEDY = "Describe it by <loop_joint>, loops, <mimic> or payloads."
-MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a joint with a source
-MAX_ANGLE = (
-    2.0 * math.pi + 1e-3
-)  # largest angle of an origin or a mimic offset [rad]: a full turn, rounded
-MAX_MISTAKES = 10  # mistakes that a warning lists
+ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
+SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
+UNITS = "Is it in kg m², about the centre of mass, and of this link?"
+RATIO = "radius of gyration over the distance of the farthest point"
+EXCESS = "the largest principal moment exceeds the sum of the others by"
+GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
+CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
+LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 
 
-class Remark(NamedTuple):
-    """A probable mistake of a "robot", "link" or "joint": its name, the mistake, the cure, and an angle concerned [rad]."""
+class Check(NamedTuple):
+    """A check of links or joints: severity, unit of its numbers, text with places for words, and remedy."""
 
-    kind: str
-    name: str
-    what: str
+    severity: str
+    unit: str
+    text: str
     remedy: str
-    angle: float | None = None
+    ascending: bool = False  # the smallest number is the worst
+    warns: bool = False  # load_urdf warns of it, too
+    kind: str = "links"
 
 
-def remarks_of(robot: Any) -> list[Remark]:
-    """Return the probable mistakes of a parsed `<robot>` element, in the file's order."""
-    remarks = list(_unknown_attributes(robot, "robot", robot.get("name") or "robot"))
-    for element in robot.iterchildren("link", "joint"):
-        remarks += _of_element(element, element.tag, element.get("name") or "")
-    for joint in robot.iterfind("gazebo/joint"):
-        if joint.find("child") is not None:
-            what = "<joint> of <gazebo> is ignored: the model is the open tree without it"
-            remarks.append(
-                Remark("joint", joint.get("name") or "", what, "Forward dynamics lacks its forces.")
-            )
-    return remarks + list(_couplings_of_plugins(robot))
+LINKS = {
+    "negative D": (
+        "error",
+        "kg m²",
+        "negative principal moments of inertia; the smallest",
+        "Correct the inertia in the URDF.",
+    ),
+    "rejected": ("error", "", "{}", ""),
+    "omitted": (
+        "note",
+        "",
+        "forward and inverse dynamics omit: {}",
+        "M, C, ν and K do not depend on it.",
+    ),
+    "negative": (
+        "warning",
+        "kg m²",
+        "negative principal moments of inertia; the smallest",
+        "Correct the inertia in the URDF.",
+    ),
+    "triangle": (
+        "warning",
+        "%",
+        f"inertias of no rigid body: {EXCESS}",
+        "Give it about the centre of mass, in kg m², in the inertial's axes.",
+    ),
+    "rounded": (
+        "note",
+        "%",
+        f"inertias of negligible mass or few digits: {EXCESS}",
+        "No effect on results. Give more digits, or remove the <inertial>.",
+    ),
+    "massless": ("error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE),
+    "moving": ("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
+    "lumped": (
+        "note",
+        "",
+        "geometry without <inertial>, attached to links with mass",
+        "Fine if that mass includes theirs.",
+    ),
+    "base": (
+        "note",
+        "",
+        "the base has geometry but no <inertial>",
+        "Matters only if the base moves.",
+    ),
+    "point": (
+        "warning",
+        "kg",
+        "mass with an inertia of zero: a point mass, which rotates without effort",
+        "Give the moments of inertia.",
+    ),
+    "attached": (
+        "note",
+        "kg",
+        "mass with an inertia of zero, attached to links with inertia",
+        "Give the moments of inertia.",
+    ),
+    "no mass": ("warning", "", "inertia without mass, which is impossible", "Give the mass."),
+    "bodiless": (
+        "note",
+        "kg",
+        "mass without geometry: its density is unknown",
+        "Fine if intended.",
+    ),
+    "impossible": ("warning", "kg/m³", "denser than any material", SIZES),
+    "dense": ("note", "kg/m³", "denser than solid copper", SIZES),
+    "light": ("note", "kg/m³", "lighter than foam", SIZES, True),
+    "steel": (
+        "warning",
+        "kg/m³",
+        "density of steel, the default of CAD: probably too heavy",
+        "Weigh the links, or set each part's material in CAD and export again.",
+    ),
+    "uniform": (
+        "note",
+        "kg/m³",
+        "one density of all links: masses are computed, not measured",
+        "Fine for first trials. Weigh the links, or identify them from a recording.",
+    ),
+    "outside": (
+        "warning",
+        "m",
+        "centre of mass outside of the geometry's bounding box, by",
+        "Is the inertial's origin in the link's axes, and are visuals where the link is?",
+    ),
+    "large": ("warning", "1", f"inertia too large for the geometry: {RATIO}", UNITS),
+    "idle": (
+        "note",
+        "1",
+        f"inertia too large for the geometry, no effect on a fixed base: {RATIO}",
+        "Usual for identified parameters. A floating base needs correct inertias.",
+    ),
+    "small": ("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
+    "turned": (
+        "warning",
+        "",
+        "inertia about the wrong axis of a bar or a disc",
+        "Turn the <inertial>'s origin as the geometry's, or exchange ixx, iyy and izz.",
+    ),
+    "identity": (
+        "warning",
+        "m",
+        "placeholder of 1 kg m² about all axes, that of a ball of diameter",
+        ESTIMATE,
+    ),
+    "copied": (
+        "note",
+        "",
+        "the same inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
+        "Fine for one motor in different housings.",
+    ),
+    "uneven": ("note", "kg", "left and right differ in mass", "Fine if built differently."),
+    "missing": (
+        "warning",
+        "",
+        "missing meshes: {}",
+        "Put them where the URDF says, or their package into ROS_PACKAGE_PATH.",
+    ),
+    "unmeasured": ("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
+}
 
+JOINTS = {
+    "rotor": (
+        "note",
+        "kg m², kg",
+        "rotor inertia N²J of <transmission>, part of the model",
+        "Other readers ignore it. The option armature, or that of a file, replaces it.",
+    ),
+    "repeated": (
+        "warning",
+        "",
+        "more than one <{}>; the first one counts",
+        "Remove the other.",
+    ),
+    "axis": ("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
+    "unlimited": (
+        "warning",
+        "",
+        "no position limits, which URDF requires: unlimited here",
+        "Give <limit lower= upper=>, or make the joint continuous.",
+    ),
+    "shut": (
+        "warning",
+        "rad, m",
+        "lower limit = upper limit: the joint cannot move",
+        "Correct the limits, or make the joint fixed.",
+    ),
+    "wide": ("warning", "rad", "limits beyond three turns", "Are they in degrees?"),
+    "long": ("note", "m", "limits beyond 10 m", "Are they in mm?"),
+    "continuous": (
+        "note",
+        "",
+        "position limits at a continuous joint: ignored",
+        "Make it revolute if they hold.",
+    ),
+    "no limit": ("note", "", "no {} limit: treated as unlimited", "Give that of the data sheet."),
+    "zero": (
+        "warning",
+        "",
+        "{} limit of zero: no controller moves the joint",
+        "Give that of the data sheet.",
+    ),
+    "strong": (
+        "note",
+        "N m, N",
+        "effort limit above that of any drive",
+        "Placeholder or wrong unit?",
+    ),
+    "fast": (
+        "note",
+        "rad/s, m/s",
+        "velocity limit above that of any drive",
+        "Placeholder or wrong unit?",
+    ),
+    "short": (
+        "note",
+        "rad, m",
+        "mimic joints with narrower limits than their source joint, by",
+        "Limit the source joint to the range of the mimic joint.",
+    ),
+    "slow": (
+        "note",
+        "1",
+        "mimic joints driven above their velocity limit by their source joint, by the factor",
+        "Limit the source joint to the velocity of the mimic joint.",
+    ),
+    "singular": (
+        "error",
+        "kg m², kg",
+        "joints that move no inertia make the mass matrix singular; with D",
+        "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o "
+        "new.urdf), or lock the joints (massless: lock), as is done for the other checks.",
+    ),
+    "mimic": (
+        "error",
+        "",
+        "{}",
+        "Correct <mimic>, or take the joint as independent (mimic: free), as is done for the "
+        "other checks.",
+    ),
+    "quick": (
+        "note",
+        "ms",
+        "no rotor inertia: the effort limit accelerates the joint to its velocity limit "
+        "before a motor's current has risen, in",
+        "Give the joint its armature n² J_rotor, or the drive's effort limit.",
+        True,
+    ),
+    "heavy": (
+        "warning",
+        "1",
+        GRAVITY,
+        "Are masses in kg, and effort limits those of the joint, not of the motor?",
+    ),
+    "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
+    "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),
+    "no digits": ("warning", "kg m², kg", CONDITION, LIGHT, True),
+    "rapid": (
+        "warning",
+        "rad/s, m/s",
+        "at its velocity limits the robot's mass moves at {:.3g} m/s on average; limits with "
+        "the largest contribution",
+        "Is the limit in rad/s, and not in degrees or a placeholder?",
+    ),
+}
 
-def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
-    """Yield a simulator's plugins that couple joints or links, but for joints with a <mimic>."""
-    mimics = {mimic.getparent().get("name") for mimic in robot.iterfind("joint/mimic")}
-    for plugin in robot.iterfind("gazebo//plugin"):
-        names = [plugin.get("name") or "", plugin.get("filename") or ""]
-        joints = {(element.text or "").strip() for tag in MIMIC for element in plugin.iterfind(tag)}
-        is_coupling = any(part in "\n".join(names).lower() for part in COUPLING_PLUGINS)
-        if is_coupling and not (joints and joints <= mimics):
-            shown = short(next(filter(None, names)))
-            mistake = f"plugin {shown} of <gazebo> couples links or joints and is not modelled"
-            yield Remark("robot", robot.get("name") or "robot", mistake, COUPLING_REMEDY)
-    for parameter in robot.iterfind("ros2_control/joint/param[@name='mimic']"):
-        joint = parameter.getparent().get("name") or ""
-        if joint not in mimics:
-            mistake = "parameter 'mimic' of <ros2_control> is not modelled"
-            yield Remark("joint", joint, mistake, "Give the joint a <mimic>.")
+WARNED = {  # mistakes of elements, of links, joints or the robot
+    "attribute": ("warning", "", "<{}> has the unknown attribute {}, ignored", "Is it misspelt?"),
+    "angle": ("warning", "rad", "<{} {}> is beyond 2π", "Is it in degrees? URDF has radians."),
+    "element": ("warning", "", "<{}> within <{}> is ignored", "Is it misspelt or misplaced?"),
+    "no axis": (
+        "warning",
+        "",
+        "<axis> has no xyz, so the axis is 1 0 0",
+        'Give <axis xyz="…">.',
+    ),
+    "simulated": (
+        "warning",
+        "",
+        "<joint> of <gazebo> is ignored: the model is the open tree without it",
+        "Forward dynamics lacks its forces.",
+    ),
+    "plugin": (
+        "warning",
+        "",
+        "plugin {} of <gazebo> couples links or joints and is not modelled",
+        "Describe it by <loop_joint>, loops, <mimic> or payloads.",
+    ),
+    "mimic parameter": (
+        "warning",
+        "",
+        "parameter 'mimic' of <ros2_control> is not modelled",
+        "Give the joint a <mimic>.",
+    ),
+    "ignored rotor": (
+        "warning",
+        "",
+        "the rotor inertia of {} is ignored: it is not that of one actuator at one moving joint",
+        "Give the armature of each joint.",
+    ),
+}
 
-
-def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
-    """Yield the mistakes of an element of a link or joint, and of those within."""
-    yield from _unknown_attributes(element, kind, name)
-    if (
-        element.tag == "axis"
-        and element.get("xyz") is None
-        and element.getparent().get("type") != "fixed"
-    ):
-        yield Remark(kind, name, "<axis> has no xyz, so the axis is 1 0 0", 'Give <axis xyz="…">.')
-    attribute, angle = _angle(element)
-    if abs(angle) > MAX_ANGLE:
-        what = f"<{element.tag} {attribute}> is beyond 2π"
-        yield Remark(kind, name, what, "Is it in degrees? URDF has radians.", angle)
-    known = CHILDREN.get(element.tag)
-    for part in () if known is None else element.iterchildren(etree.Element):
-        if part.tag in known:
-            yield from _of_element(part, kind, name)
-        elif part.tag in MISPLACED or get_close_matches(part.tag.lower(), known, n=1, cutoff=0.8):
-            what = f"<{short(part.tag)[1:-1]}> within <{element.tag}> is ignored"
-            yield Remark(kind, name, what, "Is it misspelt or misplaced?")
-
-
-def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
-    for attribute in element.keys() if element.tag in ATTRIBUTES else ():
-        if (
-            attribute not in ATTRIBUTES[element.tag]
-            and ":" not in attribute
-            and "}" not in attribute
-        ):
-            what = f"<{element.tag}> has the unknown attribute {short(attribute)}, ignored"
-            yield Remark(kind, name, what, "Is it misspelt?")
-
-
-def _angle(element: Any) -> tuple[str, float]:
-    """Return the largest angle of an <origin> or of the <mimic> of a joint that turns [rad], and its attribute."""
-    turns = element.getparent().get("type") in ("revolute", "continuous")
-    if element.tag == "origin":
-        return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)
-    offset = floats(element.get("offset"), 1) if element.tag == "mimic" and turns else None
-    return "offset", (offset or [0.0])[0]
-
-
-def warning_of(robot: str, remarks: Iterable[Remark]) -> str:
-    """Return the text of one warning about all mistakes; empty without any."""
-    groups: dict[tuple[str, str], list[Remark]] = {}
-    for remark in remarks:
-        groups.setdefault((remark.what, remark.remedy), []).append(remark)
-    texts = []
-    for (what, remedy), (first, *more) in groups.items():
-        named = f"{first.kind} {short(first.name)}" + (f" and {len(more)} more" if more else "")
-        angle = "" if first.angle is None else f" ({first.angle:g} rad)"
-        texts.append(f"{named}{angle}: {what}. {remedy}")
-    if len(texts) > MAX_MISTAKES:
-        texts[MAX_MISTAKES:] = [
-            f"And {len(texts) - MAX_MISTAKES} more mistakes: diag-dynamics inspect lists them."
-        ]
-    return (
-        f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}" if texts else ""
-    )
+CHECKS = {name: Check(*row) for name, row in LINKS.items()}
+CHECKS |= {name: Check(*row)._replace(warns=True) for name, row in WARNED.items()}
+CHECKS |= {name: Check(*row)._replace(kind="joints") for name, row in JOINTS.items()}
 
 
 def warn_of_inertias(description: Description, ignored: Sequence[str]) -> None:

@@ -1,21 +1,31 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Models from MJCF, through MuJoCo's own parser and compiler: what that has made of the file is written as a URDF."""
+"""Descriptions from MJCF, through MuJoCo's own parser and compiler."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from importlib import import_module
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, TypeGuard
 
 import numpy as np
 from lxml import etree
 
 from diag_dynamics import rotations
-from diag_dynamics.description.parameters import numbers_text, set_inertia
+from diag_dynamics.arrays import Array
+from diag_dynamics.description.records import (
+    Curve,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Loop,
+    LoopEnd,
+    Mimic,
+)
+from diag_dynamics.description.urdf import MAX_JOINTS, checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
@@ -25,67 +35,51 @@ FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
 )
 
 
-class Described(NamedTuple):
-    """A robot as the text of a URDF, and what a URDF cannot say.
-
-    `options` of :func:`load_urdf` are floating_base, gravity, armature and locked_joints of an
-    MJCF; none of a URDF.
-    """
-
-    text: str
-    options: Mapping[str, Any] = MappingProxyType({})
-    omitted: tuple[str, ...] = ()
-    balls: tuple[str, ...] = ()  # ball joints, each of three hinges
-
-    @property
-    def is_mjcf(self) -> bool:
-        """Whether it was an MJCF."""
-        return bool(self.options)
-
-
-def is_mjcf(source: object) -> bool:
+def is_mjcf(source: object) -> TypeGuard[str | os.PathLike[str]]:
     """Whether this is the path of a file whose root element is <mujoco>."""
+    if not isinstance(source, (str, os.PathLike)):
+        return False
     try:
-        if not isinstance(source, (str, os.PathLike)) or not os.path.isfile(
-            path := os.path.expanduser(source)
-        ):
+        path = os.path.expanduser(source)
+        if not os.path.isfile(path):
             return False
-        begin = etree.iterparse(
+        elements = etree.iterparse(
             path, ("start",), resolve_entities=False, no_network=True, load_dtd=False
         )
-        return next(begin)[1].tag == "mujoco"
-    except (
-        OSError,
-        ValueError,
-        StopIteration,
-        etree.XMLSyntaxError,
-    ):  # a name with a NUL, no permission
+        return str(next(elements)[1].tag) == "mujoco"
+    except (OSError, ValueError, StopIteration, etree.XMLSyntaxError):  # a NUL, no permission
         return False
 
 
-def read_mjcf(source: str | os.PathLike[str]) -> Described:
-    """Compile an MJCF, and describe it as a URDF; see :func:`load_mjcf`, also for its errors."""
+def read_mjcf(source: str | os.PathLike[str], max_joints: int = MAX_JOINTS) -> Description:
+    """Compile an MJCF, and describe it; see :func:`load_mjcf`, also for its errors."""
     c = _Compiled(source)
+    reject_large("MJCF", len(c.joints), len(c.bodies), max_joints)
     _reject_unsupported(c)
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1
-    gravity = np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy()
-    armature = {c.name("joint", j): float(c.armature[c.m.jnt_dofadr[j]]) for j in c.single}
-    options = {
-        "floating_base": floating,
-        "gravity": gravity,
-        "armature": armature,
-        "locked_joints": c.locked_joints(),
-    }
-    text = etree.tostring(_Writer(c, floating).robot, encoding="unicode")
-    balls = tuple(c.name("joint", j) for j in c.balls)
-    return Described(text, options, tuple(_omitted(c)), balls)
+    reader = _Reader(c, floating)
+    root = reader.root
+    return Description(
+        name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf",
+        root=root,
+        links=reader.links,
+        joints=reader.joints,
+        loops=tuple(reader.loop(e) for e in c.equalities if c.equality_kinds[e] != "joint"),
+        curves=reader.curves,
+        driven=frozenset(c.name("joint", j) for j in c.actuated.values()),
+        floating_base=floating,
+        gravity=np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy(),
+        locked=c.locked_joints(),
+        omitted=tuple(_omitted(c)),
+        balls=tuple(c.name("joint", j) for j in c.balls),
+    )
 
 
 class _Compiled:
     """MuJoCo's model of a file or text, and questions to it; what older versions of MuJoCo lack is zero."""
 
-    def __init__(self, source):
+    def __init__(self, source: str | os.PathLike[str]) -> None:
         self.mujoco, self.m = _compile(source)
         m = self.m
         self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
@@ -115,7 +109,7 @@ class _Compiled:
         )
         self.armature = self._with_actuators("armature")
 
-    def _with_actuators(self, name):
+    def _with_actuators(self, name: str) -> Array:
         """Return damping or armature by degree of freedom, with that of actuators, which MuJoCo adds at run time."""
         m, values = self.m, getattr(self.m, f"dof_{name}").copy()
         for a in self.nonzero(self.actuated, f"actuator_{name}"):
@@ -124,26 +118,26 @@ class _Compiled:
             )
         return values
 
-    def kinds(self, enum, attribute):
+    def kinds(self, enum: str, attribute: str) -> list[str]:
         """Return the kind of each object, named as by an enumeration of MuJoCo: "hinge" of mjtJoint's mjJNT_HINGE."""
         kind = getattr(self.mujoco, enum)
         return [
             kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)
         ]
 
-    def is_disabled(self, thing):
+    def is_disabled(self, thing: str) -> bool:
         flags = (thing.upper(), FLAGS.get(thing, ""))
         bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
         return any(self.m.opt.disableflags & int(bit) for bit in bits)
 
-    def name(self, kind, k):
+    def name(self, kind: str, k: int) -> str:
         """Return the name of an object, made of its number if the file gives none."""
         return (
             self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), k)
             or f"{kind}{k}"
         )
 
-    def nonzero(self, which, *attributes):
+    def nonzero(self, which: Iterable[int], *attributes: str) -> list[int]:
         """Return those of some objects that have one of these attributes other than zero."""
         values = {name: getattr(self.m, name) for name in attributes if hasattr(self.m, name)}
         # The degrees of freedom of a joint have the same numbers.
@@ -152,21 +146,22 @@ class _Compiled:
         ]
         return [k for k in which if any(np.any(x[k]) for x in by_object)]
 
-    def moves(self, b):
-        return self.m.body_dofnum[self.m.body_weldid[b]] > 0
+    def moves(self, b: int) -> bool:
+        """Return whether a body moves against the world."""
+        return bool(self.m.body_dofnum[self.m.body_weldid[b]] > 0)
 
-    def is_marker(self, b):
+    def is_marker(self, b: int) -> bool:
         """Return whether a body is a mocap body, or on one, that carries no joint."""
         root = self.m.body_rootid[b]
         return self.m.body_mocapid[root] >= 0 and not np.any(
             self.m.body_dofnum[self.m.body_rootid == root]
         )
 
-    def reference(self, j):
+    def reference(self, j: int) -> float:
         """Return the position of a hinge or slide at which its body is where the file has it [rad, m]."""
         return float(self.m.qpos0[self.m.jnt_qposadr[j]])
 
-    def locked_joints(self):
+    def locked_joints(self) -> dict[str, float]:
         """Return positions, by name, of joints that equalities without joint2 lock."""
         equalities = [e for e in self.equalities if self.equality_kinds[e] == "joint"]
         locked = [(e, self.m.eq_obj1id[e]) for e in equalities if self.m.eq_obj2id[e] < 0]
@@ -175,17 +170,17 @@ class _Compiled:
             for e, j in locked
         }
 
-    def rotation(self, quaternion):
+    def rotation(self, quaternion: Array) -> Array:
         """Return the rotation matrix of a quaternion (w, x, y, z)."""
         matrix = np.zeros(9)
         self.mujoco.mju_quat2Mat(matrix, quaternion)
         return matrix.reshape(3, 3)
 
-    def gear(self, a):
+    def gear(self, a: int) -> float:
         row = self.m.actuator_outadr[a] if hasattr(self.m, "actuator_outadr") else a
         return float(self.m.actuator_gear[row, 0])
 
-    def ends(self, e):
+    def ends(self, e: int) -> list[tuple[int, Array, Array]]:
         """Return body, position and rotation in it of both frames of a connect or weld."""
         m, of = self.m, (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
         if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
@@ -197,7 +192,7 @@ class _Compiled:
             first, second, turn = second, first, self.rotation(m.eq_data[e, 6:10])
         return [(of[0], first, turn), (of[1], second, np.eye(3))]
 
-    def _holds(self, e):
+    def _holds(self, e: int) -> bool:
         """Return whether an equality is active, and not between bodies that cannot move against each other."""
         m = self.m
         if not m.eq_active0[e] or self.equality_kinds[e] not in ("connect", "weld"):
@@ -206,7 +201,7 @@ class _Compiled:
         return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
 
 
-def _compile(source):
+def _compile(source: object) -> tuple[Any, Any]:
     """Return the module mujoco, and its model of an MJCF given by path or text."""
     try:
         mujoco = import_module("mujoco")
@@ -222,7 +217,7 @@ def _compile(source):
         raise UrdfError(f"MuJoCo rejects the MJCF: {' '.join(str(error).split())}") from error
 
 
-def _reject_unsupported(c):
+def _reject_unsupported(c: _Compiled) -> None:
     """Reject what changes M, C, ν or K and cannot be modelled."""
     elsewhere = [a for a in c.actuators if a not in c.actuated]
     for kind, which, reason in (
@@ -239,7 +234,7 @@ def _reject_unsupported(c):
             raise UnsupportedError(
                 f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported."
             )
-    coupled = set()
+    coupled = set[int]()
     for e in c.equalities:
         kind, joint = c.equality_kinds[e], int(c.m.eq_obj1id[e])
         if kind in ("connect", "weld"):
@@ -255,7 +250,7 @@ def _reject_unsupported(c):
         )
 
 
-def _omitted(c) -> Iterator[str]:
+def _omitted(c: _Compiled) -> Iterator[str]:
     """Yield the texts of `RobotModel.omitted`, one for each kind of object."""
     for what, which in _omitted_objects(c):
         if which:
@@ -266,7 +261,7 @@ def _omitted(c) -> Iterator[str]:
         yield f"fluid (density {opt.density:g}, viscosity {opt.viscosity:g})"
 
 
-def _omitted_objects(c):
+def _omitted_objects(c: _Compiled) -> Iterator[tuple[str, Iterable[int]]]:
     """Yield texts that end with a kind of object, and which of these exert forces that are omitted."""
     m = c.m
     spring, damper = not c.is_disabled("spring"), not c.is_disabled("damper")
@@ -293,9 +288,9 @@ def _omitted_objects(c):
     yield "tendon", c.tendons
 
 
-def _effort_limits(c):
+def _effort_limits(c: _Compiled) -> Array:
     """Return the effort limit of each joint [N m, N], infinite where there is none."""
-    sums = {}
+    sums: dict[int, float] = {}
     for a, j in c.actuated.items():
         group = int(c.m.actuator_group[a])
         if not (
@@ -311,7 +306,7 @@ def _effort_limits(c):
     return np.minimum(limits, own)
 
 
-def _largest_force(c, a):
+def _largest_force(c: _Compiled, a: int) -> float:
     m = c.m
     force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
@@ -326,119 +321,122 @@ def _largest_force(c, a):
     return force
 
 
-def _add(parent, tag, **attributes):
-    """Add an element; numbers keep their bits."""
-    texts = {
-        name: x if isinstance(x, str) else numbers_text(np.atleast_1d(x))
-        for name, x in attributes.items()
-    }
-    return etree.SubElement(parent, tag, texts)
+class _Reader:
+    """Links and joints of a compiled model; each body has a chain of joints, the last one fixed."""
 
-
-class _Writer:
-    """Writer of a compiled model as the <robot> element of a URDF."""
-
-    def __init__(self, c, floating):
+    def __init__(self, c: _Compiled, floating: bool) -> None:
         self._c, self._m, self._floating = c, c.m, floating
         self._effort = _effort_limits(c)
-        self._equality = {
-            int(c.m.eq_obj1id[e]): e
-            for e in c.equalities
-            if c.equality_kinds[e] == "joint" and c.m.eq_obj2id[e] >= 0
-        }
-        self.robot = etree.Element(
-            "robot", name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf"
-        )
+        self._coupled: dict[int, int] = {}  # equality of each joint that depends on another
+        for e in c.equalities:
+            if c.equality_kinds[e] == "joint" and c.m.eq_obj2id[e] >= 0:
+                self._coupled[int(c.m.eq_obj1id[e])] = e
+        self.links: dict[str, Link] = {}
+        self.joints: dict[str, Joint] = {}
+        self.curves: dict[str, Curve] = {}
         if not floating:
-            _add(self.robot, "link", name="world")
+            self._add_link("world")
         for b in c.bodies:
             if not c.is_marker(b):
                 self._add_body(b)
-        for e in c.equalities:
-            if c.equality_kinds[e] != "joint":
-                self._add_loop(e)
 
-    def _add_loop(self, e):
-        """Add a connect or weld; its joints begin where the file has them, and actuated ones are independent."""
-        c, kind = self._c, {"connect": "spherical", "weld": "fixed"}[self._c.equality_kinds[e]]
-        loop = _add(self.robot, "loop_joint", name=c.name("equality", e), type=kind)
-        for tag, (b, place, turn) in zip(("link1", "link2"), c.ends(e), strict=True):
-            _add(loop, tag, link=c.name("body", b), xyz=place, rpy=rotations.to_rpy(turn))
-        for j in c.single:
-            if c.reference(j):
-                _add(loop, "start", joint=c.name("joint", j), position=c.reference(j))
-        for j in c.actuated.values():
-            _add(_add(self.robot, "transmission"), "joint", name=c.name("joint", j))
+    @property
+    def root(self) -> str:
+        """The first link: the world, or the one body that floats."""
+        return next(iter(self.links))
 
-    def _add_body(self, b):
+    def loop(self, e: int) -> Loop:
+        """Return a connect or weld; its joints begin where the file has them."""
+        c, kind = self._c, {"connect": "point", "weld": "weld"}[self._c.equality_kinds[e]]
+        ends = []
+        for b, place, turn in c.ends(e):
+            ends.append(LoopEnd(c.name("body", b), tuple(place.tolist()), rotations.to_rpy(turn)))
+        start = {c.name("joint", j): c.reference(j) for j in c.single if c.reference(j)}
+        return Loop(c.name("equality", e), *ends, kind, (1.0, 0.0, 0.0), (), start)
+
+    def _add_link(self, name: str, inertial: Inertial | None = None) -> None:
+        if name in self.links:
+            raise UrdfError(f"Two bodies have the name '{name}'. Rename one of them.")
+        self.links[name] = Link(name, inertial)
+
+    def _add_joint(
+        self, name: str, kind: str, parent: str, child: str, origin: Array, **fields: Any
+    ) -> None:
+        if name in self.joints:
+            raise UrdfError(f"Two joints have the name '{name}'. Rename one of them.")
+        fields = {"axis": np.array([1.0, 0.0, 0.0]), **fields}
+        self.joints[name] = checked_joint(Joint(name, kind, parent, child, origin, **fields))
+
+    def _add_body(self, b: int) -> None:
         m, c = self._m, self._c
         name, parent = c.name("body", b), c.name("body", int(m.body_parentid[b]))
-        link = _add(self.robot, "link", name=name)
+        inertial = None
         if m.body_mass[b] > 0.0:
             turn = c.rotation(m.body_iquat[b])
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
-            set_inertia(_add(link, "inertial"), m.body_mass[b], m.body_ipos[b], inertia)
+            inertial = Inertial(float(m.body_mass[b]), _placement(m.body_ipos[b]), inertia)
+        self._add_link(name, inertial)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
         if any(j in c.free for j in joints):
             if not self._floating:
-                self._add_joint(
-                    c.name("joint", joints[0]), "floating", "world", name, np.zeros(3), np.eye(3)
-                )
+                self._add_joint(c.name("joint", joints[0]), "floating", "world", name, np.eye(4))
             return
         # Each joint turns or shifts all that follows about its anchor; links between joints of one
         # body have no inertia.
         place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
         for j in joints:
             joint = c.name("joint", j)
-            if j in c.balls:  # three hinges at one point
-                place = place + turn @ (m.jnt_pos[j] - anchor)
-                for letter, axis in zip("xyz", np.eye(3), strict=True):
-                    child = f"{name}/{joint}_{letter}"
-                    _add(self.robot, "link", name=child)
-                    hinge = self._add_joint(
-                        f"{joint}_{letter}", "continuous", parent, child, place, turn
-                    )
-                    _add(hinge, "axis", xyz=axis)
-                    parent, place, turn = child, np.zeros(3), np.eye(3)
-                anchor = m.jnt_pos[j]
-                continue
-            axis, ref = m.jnt_axis[j], c.reference(j)
-            child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
-            _add(self.robot, "link", name=child)
             place = place + turn @ (m.jnt_pos[j] - anchor)
-            if slides:  # at `ref` the body is where the file has it
-                place = place - ref * (turn @ axis)
+            anchor = m.jnt_pos[j]
+            if j in c.balls:  # three hinges at one point
+                for letter, axis in zip("xyz", np.eye(3), strict=True):
+                    child, hinge = f"{name}/{joint}_{letter}", f"{joint}_{letter}"
+                    self._add_link(child)
+                    origin = _placement(place, turn)
+                    self._add_joint(hinge, "continuous", parent, child, origin, axis=axis)
+                    parent, place, turn = child, np.zeros(3), np.eye(3)
+                continue
+            child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
+            self._add_link(child)
+            if slides:  # at the reference the body is where the file has it
+                place = place - c.reference(j) * (turn @ m.jnt_axis[j])
             else:
-                turn = turn @ rotations.about_axis(axis, -ref)
+                turn = turn @ rotations.about_axis(m.jnt_axis[j], -c.reference(j))
             kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
-            self._describe(self._add_joint(joint, kind, parent, child, place, turn), j)
-            parent, place, turn, anchor = child, np.zeros(3), np.eye(3), m.jnt_pos[j]
-        self._add_joint(f"{name}/fixed", "fixed", parent, name, place - turn @ anchor, turn)
+            origin = _placement(place, turn)
+            self._add_joint(joint, kind, parent, child, origin, **self._fields(j))
+            parent, place, turn = child, np.zeros(3), np.eye(3)
+        origin = _placement(place - turn @ anchor, turn)
+        self._add_joint(f"{name}/fixed", "fixed", parent, name, origin)
 
-    def _add_joint(self, name, kind, parent, child, place, turn):
-        joint = _add(self.robot, "joint", name=name, type=kind)
-        _add(joint, "parent", link=parent)
-        _add(joint, "child", link=child)
-        _add(joint, "origin", xyz=place, rpy=rotations.to_rpy(turn))
-        return joint
-
-    def _describe(self, joint, j):
-        """Add axis, friction, limits and coupling of a hinge or slide."""
+    def _fields(self, j: int) -> dict[str, Any]:
+        """Return axis, friction, limits and coupling of a hinge or slide."""
         m, c, dof = self._m, self._c, self._m.jnt_dofadr[j]
-        _add(joint, "axis", xyz=m.jnt_axis[j])
-        _add(joint, "dynamics", damping=c.damping[dof], friction=c.friction[dof])
-        limits = {"effort": self._effort[j], "velocity": np.inf}
-        if joint.get("type") != "continuous":
-            limits["lower"], limits["upper"] = m.jnt_range[j] if c.limited[j] else (-np.inf, np.inf)
-        _add(joint, "limit", **limits)
-        if j in self._equality:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
-            e = self._equality[j]
+        fields: dict[str, Any] = {
+            "axis": m.jnt_axis[j].copy(),
+            "damping": float(c.damping[dof]),
+            "friction": float(c.friction[dof]),
+            "armature": float(c.armature[dof]),
+            "effort": float(self._effort[j]),
+        }
+        if c.limited[j]:
+            fields["lower"], fields["upper"] = map(float, m.jnt_range[j])
+        if j in self._coupled:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
+            e = self._coupled[j]
             source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
             offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
-            mimic = _add(
-                joint, "mimic", joint=c.name("joint", source), multiplier=multiplier, offset=offset
-            )
+            leader = c.name("joint", source)
+            fields["mimic"] = Mimic(leader, multiplier, offset)
             if np.any(m.eq_data[e, 2:5]):
                 distance = np.polynomial.Polynomial([-c.reference(source), 1.0])
                 curve = np.polynomial.Polynomial(m.eq_data[e, :5])(distance) + c.reference(j)
-                mimic.set("polynomial", numbers_text(curve.coef))
+                self.curves[c.name("joint", j)] = Curve(leader, np.array([[0.0, *curve.coef]]))
+        return fields
+
+
+def _placement(position: Array, rotation: Array | None = None) -> Array:
+    placement = np.eye(4)
+    placement[:3, 3] = position
+    if rotation is not None:
+        placement[:3, :3] = rotation
+    return placement

@@ -171,6 +171,11 @@ def _corrected(text: str) -> str:
     return "".join([*parts, _AMPERSAND.sub("&amp;", text[at:])])
 
 
+def read_text(source: Any, xacro_args: Mapping[str, Any] | None = None) -> str:
+    """Return the text of a URDF as :func:`urdf_text`, or of an expanded xacro file."""
+    return urdf_text(expanded(source, xacro_args))
+
+
 # --- Xacro files
 
 

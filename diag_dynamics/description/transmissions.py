@@ -9,10 +9,10 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.elements import floats, local_name, short
 from diag_dynamics.description.inertias import LARGEST
 from diag_dynamics.description.records import SINGLE
+from diag_dynamics.description.remarks import Remark
 from diag_dynamics.exceptions import UrdfError
 
 # Names without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>,
@@ -57,9 +57,8 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
                 raise UrdfError(f"{where}: joint {short(name)} is not a joint of this URDF.")
         is_of_all = len(actuators) > 1 and any(_entries(shared, INERTIA))
         if len(names) != 1 or types[names[0]] not in SINGLE or is_of_all:
-            what = f"the rotor inertia of {where} is ignored: it is not that of one actuator at one moving joint"
-            remedy = "Give the armature of each joint."
-            remarks.append(Remark("robot", robot.get("name") or "robot", what, remedy))
+            name = robot.get("name") or "robot"
+            remarks.append(Remark("ignored rotor", "robot", name, (where,)))
             continue
         known = rotors.setdefault(names[0], {})
         for actuator in actuators or [element]:

@@ -9,7 +9,6 @@ do not matter.
 """
 
 import io
-import math
 
 import numpy as np
 from lxml import etree
@@ -31,6 +30,7 @@ from diag_dynamics.description.records import (
     Link,
     Mimic,
 )
+from diag_dynamics.description.remarks import remarks_of, warn_of_remarks
 from diag_dynamics.description.text import DEFINITIONS, NO_CALL
 from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
@@ -69,15 +69,19 @@ JOINT = {
 READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
+def describe_urdf(text, max_joints=MAX_JOINTS):
+    """Return the description of the text of a URDF, and warn of its probable mistakes."""
+    element = parse_urdf(text)
+    description, remarks = read_urdf(element, max_joints)
+    warn_of_remarks(description.name, [*remarks_of(element), *remarks])
+    return description
+
+
 def read_urdf(element, max_joints=MAX_JOINTS):
     """Return the description of a parsed <robot> element, and remarks on transmissions that are ignored."""
     loops, curves = loops_of(element), curves_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
-    if max(joint_count, link_count - 1) > max_joints:
-        raise UrdfError(
-            f"The URDF has {joint_count} joints and {link_count} links, and no more than "
-            f"{max_joints} joints are accepted: see max_joints."
-        )
+    reject_large("URDF", joint_count, link_count, max_joints)
     _reject_loops(element)
     name = _expanded(element.get("name"), "The robot's name") or "robot"
     reduced = etree.Element("robot", name=name)
@@ -90,6 +94,31 @@ def read_urdf(element, max_joints=MAX_JOINTS):
     driven = driven_joints(element)
     description = Description(name, root, links, joints, loops, curves, driven)
     return description, remarks
+
+
+def reject_large(kind: str, joint_count: int, link_count: int, max_joints: int) -> None:
+    """Reject a robot that would take too long to load."""
+    if max(joint_count, link_count - 1) > max_joints:
+        raise UrdfError(
+            f"The {kind} has {joint_count} joints and {link_count} links, and no more than "
+            f"{max_joints} joints are accepted: see max_joints."
+        )
+
+
+def checked_joint(joint: Joint) -> Joint:
+    """Return a joint; reject numbers that no joint can have."""
+    for name in ("damping", "friction"):
+        if getattr(joint, name) < 0.0:
+            raise UrdfError(f"joint '{joint.name}': {name} {getattr(joint, name)} is negative.")
+    if joint.lower > joint.upper:
+        raise UrdfError(
+            f"joint '{joint.name}': lower limit {joint.lower} is above the upper one, "
+            f"{joint.upper}."
+        )
+    if joint.type not in ("fixed", "floating") and np.linalg.norm(joint.axis) < 1e-9:
+        axis = " ".join(map(repr, joint.axis.tolist()))
+        raise UrdfError(f"joint '{joint.name}': axis '{axis}' has no direction.")
+    return joint
 
 
 def _read(reduced):
@@ -124,16 +153,10 @@ def _joint(joint, origins, armature):
         fields.pop("upper", None)
     if joint.mimic is not None:
         fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
-    return Joint(
-        joint.name,
-        joint.type,
-        joint.parent,
-        joint.child,
-        origins.get(joint.name, np.eye(4)),
-        np.asarray(joint.axis, dtype=float),
-        armature=armature.get(joint.name, 0.0),
-        **fields,
-    )
+    origin = origins.get(joint.name, np.eye(4))
+    fields["armature"] = armature.get(joint.name, 0.0)
+    ends = joint.parent, joint.child
+    return checked_joint(Joint(joint.name, joint.type, *ends, origin, joint.axis, **fields))
 
 
 def _reject_loops(robot):
@@ -279,26 +302,9 @@ def _add_joints(robot, reduced):
             etree.SubElement(
                 copy, "axis", xyz="0 0 1"
             )  # as everybody takes it, whatever the default of other joints
-        _check_numbers(copy, kind, where)
     return placements, _root_link(
         links, {link: copy.find("parent").get("link") for link, copy in parents.items()}
     )
-
-
-def _check_numbers(joint, kind, where):
-    """Reject numbers that no joint can have."""
-    axis, limit, dynamics, _ = (
-        {} if joint.find(tag) is None else joint.find(tag).attrib for tag in JOINT
-    )
-    for attribute, value in dynamics.items():
-        if float(value) < 0.0:
-            raise UrdfError(f"{where}: {attribute} {value} is negative.")
-    lower, upper = limit.get("lower", "-inf"), limit.get("upper", "inf")
-    if kind in ("revolute", "prismatic") and float(lower) > float(upper):
-        raise UrdfError(f"{where}: lower limit {lower} is above the upper one, {upper}.")
-    xyz = axis.get("xyz", "1 0 0")
-    if kind not in ("fixed", "floating") and math.hypot(*map(float, xyz.split())) < 1e-9:
-        raise UrdfError(f"{where}: axis '{xyz}' has no direction.")
 
 
 def _name(element, taken):

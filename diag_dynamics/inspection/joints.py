@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of joints, elements and attributes. Each yields rows of the table below."""
+"""Checks of joints, elements and attributes. Each yields names of rows in CHECKS."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from diag_dynamics.description.checks import CHECKS
 from diag_dynamics.inspection.urdf import Found, Urdf
 
 TURNS = (
@@ -26,51 +27,26 @@ OF_JOINT = ("origin", "axis", "limit", "mimic", "parent", "child", "dynamics")
 ONCE = {"link": ("inertial",), "inertial": OF_INERTIAL, "geometry": ("*",), "joint": OF_JOINT}
 """Children that an element has once."""
 
-# fmt: off
-ROWS = {  # severity, unit, what, remedy
-    "rotor": ("note", "kg m², kg", "rotor inertia N²J of <transmission>, part of the model",
-              "Other readers ignore it. The option armature, or that of a file, replaces it."),
-    "axis": ("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
-    "unlimited": ("warning", "", "no position limits, which URDF requires: unlimited here",
-                  "Give <limit lower= upper=>, or make the joint continuous."),
-    "shut": ("warning", "rad, m", "lower limit = upper limit: the joint cannot move",
-             "Correct the limits, or make the joint fixed."),
-    "wide": ("warning", "rad", "limits beyond three turns", "Are they in degrees?"),
-    "long": ("note", "m", "limits beyond 10 m", "Are they in mm?"),
-    "continuous": ("note", "", "position limits at a continuous joint: ignored",
-                   "Make it revolute if they hold."),
-    "no limit": ("note", "", "no {} limit: treated as unlimited", "Give that of the data sheet."),
-    "zero": ("warning", "", "{} limit of zero: no controller moves the joint",
-             "Give that of the data sheet."),
-    "strong": ("note", "N m, N", "effort limit above that of any drive", "Placeholder or wrong unit?"),
-    "fast": ("note", "rad/s, m/s", "velocity limit above that of any drive", "Placeholder or wrong unit?"),
-    "short": ("note", "rad, m", "mimic joints with narrower limits than their source joint, by",
-              "Limit the source joint to the range of the mimic joint."),
-    "slow": ("note", "1", "mimic joints driven above their velocity limit by their source joint, by the factor",
-             "Limit the source joint to the velocity of the mimic joint."),
-}
-# fmt: on
-
 
 def elements(urdf: Urdf) -> Found:
     """Find repeated elements; readers differ in which one they read."""
     for element in urdf.elements:
-        kind, name = f"{element.tag}s", element.get("name", "")
+        name = element.get("name", "")
+        row = CHECKS["repeated"]._replace(kind=f"{element.tag}s")
         for part in element.iter(*ONCE):
             for tag in ONCE[part.tag]:
                 if len(part.findall(tag)) > 1:
-                    what = f"more than one <{tag.replace('*', 'shape')}>; the first one counts"
-                    row = kind, "warning", "", what, "Remove the other."
-                    yield row, name, 0.0, name  # a finding each
+                    yield row, name, 0.0, tag.replace("*", "shape"), name  # a finding each
 
 
 def attributes(urdf: Urdf) -> Found:
     """Find unknown attributes and versions, axes without xyz and angles in degrees."""
     for remark in urdf.remarks:
-        named = remark.kind in ("link", "joint")
-        unit = "" if remark.angle is None else "rad"
-        row = (f"{remark.kind}s" if named else "links", "warning", unit, "{}", remark.remedy)
-        yield row, remark.name if named else None, remark.angle or 0.0, remark.what
+        row, name = CHECKS[remark.row], remark.name
+        if remark.kind == "robot":
+            yield row, None, 0.0, *remark.words
+        else:
+            yield row._replace(kind=f"{remark.kind}s"), name, remark.angle or 0.0, *remark.words
 
 
 def transmissions(urdf: Urdf) -> Found:
@@ -81,24 +57,24 @@ def transmissions(urdf: Urdf) -> Found:
 def axes(urdf: Urdf) -> Found:
     """Find axes that are not unit vectors; they scale positions and efforts in other readers."""
     for joint in urdf.joints:
-        length = 1.0 if joint.axis is None else float(np.linalg.norm(joint.axis))
-        if abs(length - 1.0) > UNIT and joint.kind not in ("fixed", "floating"):
+        length = float(np.linalg.norm(joint.axis))
+        if abs(length - 1.0) > UNIT and joint.type not in ("fixed", "floating"):
             yield "axis", joint.name, length
 
 
 def position_limits(urdf: Urdf) -> Found:
     """Find position limits that are missing, shut, or in other units."""
     for joint in urdf.joints:
-        low, high = joint.limit["lower"], joint.limit["upper"]
-        finite = [abs(x) for x in (low, high) if x is not None and np.isfinite(x)]
-        row, maximum = BEYOND.get(joint.kind, ("", 0.0))
-        if joint.kind == "continuous" and low is not None and high is not None and high > low:
+        low, high = joint.lower, joint.upper
+        finite = [abs(x) for x in (low, high) if np.isfinite(x)]
+        row, maximum = BEYOND.get(joint.type, ("", 0.0))
+        if joint.type == "continuous" and low < high and len(finite) == 2:
             yield "continuous", joint.name, 0.0
-        elif row and low is None and high is None:
+        elif row and not finite:
             yield "unlimited", joint.name, 0.0
-        elif row and (low or 0.0) == (high or 0.0):
-            yield "shut", joint.name, low or 0.0
-        elif row and max(finite, default=0.0) > maximum:
+        elif row and low == high:
+            yield "shut", joint.name, low
+        elif row and max(finite) > maximum:
             yield row, joint.name, max(finite)
 
 
@@ -114,11 +90,13 @@ def velocity_limits(urdf: Urdf) -> Found:
 
 def _find_limits(urdf: Urdf, name: str, row: str, maximum: float) -> Found:
     for joint in urdf.joints:
-        limit = joint.limit[name]
-        if joint.kind in ("fixed", "floating", "planar") or joint.source is not None:
+        limit = getattr(joint, name)
+        if joint.type in ("fixed", "floating", "planar") or joint.mimic is not None:
             continue
-        if limit is None or limit <= 0.0:
-            yield "no limit" if limit is None else "zero", joint.name, 0.0, name
+        if limit <= 0.0:
+            yield "zero", joint.name, 0.0, name
+        elif limit == np.inf and not urdf.is_mjcf:  # which has none that could be missing
+            yield "no limit", joint.name, 0.0, name
         elif maximum < limit < np.inf:
             yield row, joint.name, limit
 
@@ -127,14 +105,15 @@ def mimic_joints(urdf: Urdf) -> Found:
     """Find mimic joints whose limits end before their source's."""
     joints = {joint.name: joint for joint in urdf.joints}
     for joint in joints.values():
-        source = joints.get(joint.source or "")
-        if joint.source is None or source is None:
+        mimic = joint.mimic
+        if mimic is None or mimic.leader not in joints:
             continue
-        if joint.range and source.range:
-            low, high = sorted(joint.multiplier * x + joint.offset for x in source.range)
-            beyond = max(joint.range[0] - low, high - joint.range[1])
+        source, factor = joints[mimic.leader], abs(mimic.multiplier)
+        ends = joint.lower, joint.upper, source.lower, source.upper
+        if np.isfinite(ends).all() and joint.type in BEYOND and source.type in BEYOND:
+            low, high = sorted(mimic.multiplier * x + mimic.offset for x in ends[2:])
+            beyond = max(joint.lower - low, high - joint.upper)
             if beyond > 0.01 * (high - low):
                 yield "short", joint.name, beyond
-        own, driven = joint.limit["velocity"], source.limit["velocity"]
-        if own and driven and abs(joint.multiplier) * driven > 1.01 * own:
-            yield "slow", joint.name, abs(joint.multiplier) * driven / own
+        if joint.velocity > 0.0 and np.inf > factor * source.velocity > 1.01 * joint.velocity:
+            yield "slow", joint.name, factor * source.velocity / joint.velocity

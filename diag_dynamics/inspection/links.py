@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of masses, inertias and geometry of links. Each yields rows of the table below."""
+"""Checks of masses, inertias and geometry of links. Each yields names of rows in CHECKS."""
 
 from __future__ import annotations
 
@@ -29,61 +29,6 @@ SLENDER = 4.0  # ratio of moments from which a shape is a bar
 UNEVEN = 0.05  # relative difference of the masses of two sides that no cable explains
 
 SIDES = ("left right", "Left Right", "LEFT RIGHT", "^l_ r_", "^L_ R_", "^FL_ FR_", "^RL_ RR_")
-
-ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
-SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
-UNITS = "Is it in kg m², about the centre of mass, and of this link?"
-RATIO = "radius of gyration over the distance of the farthest point"
-EXCESS = "the largest principal moment exceeds the sum of the others by"
-
-# fmt: off
-ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
-    "negative D": ("error", "kg m²", "negative principal moments of inertia; the smallest",
-                   "Correct the inertia in the URDF."),
-    "rejected": ("error", "", "{}", ""),
-    "omitted": ("note", "", "forward and inverse dynamics omit: {}", "M, C, ν and K do not depend on it."),
-    "negative": ("warning", "kg m²", "negative principal moments of inertia; the smallest",
-                 "Correct the inertia in the URDF."),
-    "triangle": ("warning", "%", f"inertias of no rigid body: {EXCESS}",
-                 "Give it about the centre of mass, in kg m², in the inertial's axes."),
-    "rounded": ("note", "%", f"inertias of negligible mass or few digits: {EXCESS}",
-                "No effect on results. Give more digits, or remove the <inertial>."),
-    "massless": ("error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE),
-    "moving": ("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
-    "lumped": ("note", "", "geometry without <inertial>, attached to links with mass",
-               "Fine if that mass includes theirs."),
-    "base": ("note", "", "the base has geometry but no <inertial>",
-             "Matters only if the base moves."),
-    "point": ("warning", "kg", "mass with an inertia of zero: a point mass, which rotates without effort",
-              "Give the moments of inertia."),
-    "attached": ("note", "kg", "mass with an inertia of zero, attached to links with inertia",
-                 "Give the moments of inertia."),
-    "no mass": ("warning", "", "inertia without mass, which is impossible", "Give the mass."),
-    "bodiless": ("note", "kg", "mass without geometry: its density is unknown", "Fine if intended."),
-    "impossible": ("warning", "kg/m³", "denser than any material", SIZES),
-    "dense": ("note", "kg/m³", "denser than solid copper", SIZES),
-    "light": ("note", "kg/m³", "lighter than foam", SIZES, True),
-    "steel": ("warning", "kg/m³", "density of steel, the default of CAD: probably too heavy",
-              "Weigh the links, or set each part's material in CAD and export again."),
-    "uniform": ("note", "kg/m³", "one density of all links: masses are computed, not measured",
-                "Fine for first trials. Weigh the links, or identify them from a recording."),
-    "outside": ("warning", "m", "centre of mass outside of the geometry's bounding box, by",
-                "Is the inertial's origin in the link's axes, and are visuals where the link is?"),
-    "large": ("warning", "1", f"inertia too large for the geometry: {RATIO}", UNITS),
-    "idle": ("note", "1", f"inertia too large for the geometry, no effect on a fixed base: {RATIO}",
-             "Usual for identified parameters. A floating base needs correct inertias."),
-    "small": ("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
-    "turned": ("warning", "", "inertia about the wrong axis of a bar or a disc",
-               "Turn the <inertial>'s origin as the geometry's, or exchange ixx, iyy and izz."),
-    "identity": ("warning", "m", "placeholder of 1 kg m² about all axes, that of a ball of diameter", ESTIMATE),
-    "copied": ("note", "", "the same inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
-               "Fine for one motor in different housings."),
-    "uneven": ("note", "kg", "left and right differ in mass", "Fine if built differently."),
-    "missing": ("warning", "", "missing meshes: {}",
-                "Put them where the URDF says, or their package into ROS_PACKAGE_PATH."),
-    "unmeasured": ("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
-}
-# fmt: on
 
 
 def possible_inertias(urdf: Urdf) -> Found:
@@ -189,9 +134,9 @@ def _felt_moment(urdf: Urdf, body: Body, link: Link) -> float:
     if joint is None or not urdf.stands:
         return largest if not urdf.stands else 0.0
     on_base = any(joint.parent in base.placements for base in urdf.bodies if base.joint is None)
-    if not on_base or len(body.links) > 1 or joint.kind not in ("revolute", "continuous"):
+    if not on_base or len(body.links) > 1 or joint.type not in ("revolute", "continuous"):
         return largest
-    axis = np.array(joint.axis or (1.0, 0.0, 0.0))
+    axis = joint.axis
     return float(axis @ link.inertia @ axis / (axis @ axis))
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a model in random poses. Each yields rows of the table below."""
+"""Checks of a model in random poses. Each yields names of rows in CHECKS."""
 
 from __future__ import annotations
 
@@ -20,30 +20,6 @@ BALANCED = 2.0  # gravity over effort limit up to which springs or counterweight
 OFTEN = 0.05  # fraction of poses beyond which the robot is not merely outstretched
 LOST_DIGITS = 1e8  # condition number that leaves accelerations half of their 16 digits
 SPEED = 50.0  # mean speed that no robot's mass has [m/s]; tips of the fastest arms have 10
-
-GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
-CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
-LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
-
-# fmt: off
-ROWS = {  # severity, unit, what, remedy; True where the smallest number is the worst
-    "singular": ("error", "kg m², kg", "joints that move no inertia make the mass matrix singular; with D",
-                 "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o new.urdf), "
-                 "or lock the joints (massless: lock), as is done for the other checks."),
-    "mimic": ("error", "", "{}",
-              "Correct <mimic>, or take the joint as independent (mimic: free), as is done for the other checks."),
-    "quick": ("note", "ms", "no rotor inertia: the effort limit accelerates the joint to its "
-              "velocity limit before a motor's current has risen, in",
-              "Give the joint its armature n² J_rotor, or the drive's effort limit.", True),
-    "heavy": ("warning", "1", GRAVITY, "Are masses in kg, and effort limits those of the joint, not of the motor?"),
-    "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
-    "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),
-    "no digits": ("warning", "kg m², kg", CONDITION, LIGHT, True),
-    "rapid": ("warning", "rad/s, m/s", "at its velocity limits the robot's mass moves at {:.3g} "
-              "m/s on average; limits with the largest contribution",
-              "Is the limit in rad/s, and not in degrees or a placeholder?"),
-}
-# fmt: on
 
 
 class Motion:

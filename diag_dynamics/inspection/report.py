@@ -7,22 +7,25 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import IO, Any
 
 import numpy as np
 
 from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.catalog import read_source
+from diag_dynamics.description.checks import CHECKS as TABLE
 from diag_dynamics.description.checks import handle_warnings
-from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
+from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
-from diag_dynamics.inspection.urdf import Found, Urdf
+from diag_dynamics.inspection.urdf import Found, Urdf, moves
 from diag_dynamics.model import RobotModel, load_urdf
+from diag_dynamics.model.loading import build_described
 
 SEVERITIES = ("ok", "note", "warning", "error")
 """In ascending order: what may be intended, what is very likely a mistake of the URDF, and what
@@ -41,9 +44,6 @@ OF_XML = (
 OF_MOTION = (motion.rotor_inertia, motion.gravity, motion.conditioning, motion.kinetic_energy)
 
 CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))  # names of all checks
-
-ROWS = {key: ("links", *row) for key, row in links.ROWS.items()}
-ROWS |= {key: ("joints", *row) for key, row in (joints.ROWS | motion.ROWS).items()}
 
 
 @dataclass(frozen=True)
@@ -116,23 +116,26 @@ def inspect_robot(
     """
     folder = folder_of(source)
     is_path = folder is not None and isinstance(source, (str, os.PathLike))
-    described = read_source(source, xacro_args)
-    if floating_base and not described.options.get("floating_base", True):
-        raise InputError(
-            "floating_base is True; expected False: the MJCF has no free body, or several."
-        )
-    options = {"floating_base": floating_base, **described.options} | (
-        {} if loops is None else {"loops": loops}
-    )
+    options: dict[str, Any] = {} if loops is None else {"loops": loops}
+    if is_mjcf(source) and not xacro_args:
+        description = read_mjcf(source)
+        if floating_base and not description.floating_base:
+            raise InputError(
+                "floating_base is True; expected False: the MJCF has no free body, or several."
+            )
+        urdf, load = Urdf(description), partial(build_described, description)
+    else:
+        text = read_text(source, xacro_args)
+        urdf = Urdf(text, folder)
+        load = partial(load_urdf, text, floating_base=floating_base)
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
-        urdf = Urdf(described.text, folder)
-        model, poses, rows = _load(described.text, options)
+        model, poses, rows = _load(load, options)
         urdf.stands = model is not None and not model.floating_base
         rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
-        rows += [("omitted", None, 0.0, text) for text in described.omitted]
+        rows += [("omitted", None, 0.0, text) for text in urdf.omitted]
         found = {"loading": iter(rows)}
         for check in OF_XML:
-            if not described.is_mjcf or check not in OF_GEOMETRY:
+            if not urdf.is_mjcf or check not in OF_GEOMETRY:
                 found[check.__name__] = check(urdf)
         if poses:
             found |= {check.__name__: check(poses) for check in OF_MOTION}
@@ -148,25 +151,27 @@ def _findings(check: str, found: Found) -> list[Finding]:
     """Return a finding for each row, with each choice of words, that a check yields."""
     groups: dict[tuple[Any, ...], dict[str, float]] = {}
     for row, name, number, *words in found:
-        group = groups.setdefault((ROWS.get(row, row), *words), {})
+        group = groups.setdefault((TABLE.get(row, row), *words), {})
         group |= {} if name is None else {name: float(number)}
     findings = []
     for (row, *words), group in groups.items():
-        kind, severity, unit, what, remedy, *ascending = row
-        pairs = sorted(group.items(), key=lambda pair: pair[1] if ascending else -abs(pair[1]))
-        fields: dict[str, Any] = {kind: tuple(dict(pairs)), "values": dict(pairs) if unit else {}}
-        what = what.format(*words)
-        findings.append(Finding(severity, check, what, unit=unit, remedy=remedy, **fields))
+        pairs = sorted(group.items(), key=lambda pair: pair[1] if row.ascending else -abs(pair[1]))
+        fields: dict[str, Any] = {row.kind: tuple(dict(pairs))}
+        fields |= {"values": dict(pairs) if row.unit else {}, "unit": row.unit}
+        text = row.text.format(*words)
+        findings.append(Finding(row.severity, check, text, remedy=row.remedy, **fields))
     return findings
 
 
-def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion | None, list[Any]]:
+def _load(
+    load: Callable[..., RobotModel], options: dict[str, Any]
+) -> tuple[RobotModel | None, Motion | None, list[Any]]:
     """Return the model, its motion, and rows of errors; options exclude what they can."""
     model, rows = None, list[Any]()
     for _ in range(3):
         try:
             with handle_warnings(lambda text: None):  # possible_inertias reports them
-                model = load_urdf(text, **options)
+                model = load(**options)
             return model, Motion(model) if model.nv else None, rows
         except exceptions.MasslessLinkError as error:
             D = zip(error.joints, error.articulated_inertia, strict=True)
@@ -182,7 +187,7 @@ def _load(text: str, options: dict[str, Any]) -> tuple[RobotModel | None, Motion
 
 
 def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
-    moving = [joint for joint in urdf.joints if joint.moves]
+    moving = [joint for joint in urdf.joints if moves(joint)]
     bare = [link for link in urdf.links.values() if not link.has_inertial]
     return {
         "name": urdf.name,
@@ -193,7 +198,7 @@ def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[s
         "floating_base": model.floating_base if model else None,
         "root_link": model.root_link if model else None,
         "total_mass": urdf.total_mass,
-        "mimic_joints": [joint.name for joint in moving if joint.source is not None],
+        "mimic_joints": [joint.name for joint in moving if joint.mimic is not None],
         "coupled_groups": [list(group) for group in model.coupled_groups] if model else None,
         "locked_joints": sorted(model.locked_joints) if model else None,
         "links_without_inertial": [link.name for link in bare],
@@ -215,6 +220,6 @@ def _finite(values: Mapping[str, Any]) -> dict[str, float | None]:
 
 def _tips(urdf: Urdf) -> list[str]:
     """Return the farthest link of every moving body that carries no other."""
-    parents = {joint.parent for joint in urdf.joints if joint.moves}
+    parents = {joint.parent for joint in urdf.joints if moves(joint)}
     placements = [x.placements for x in urdf.bodies if x.joint and not parents & set(x.placements)]
     return [max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)) for X in placements]

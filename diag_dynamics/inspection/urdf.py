@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,16 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import remarks_of
+from diag_dynamics.description import records
 from diag_dynamics.description.elements import floats, placement_of
 from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of, united
 from diag_dynamics.description.meshes import Meshes, find_mesh
+from diag_dynamics.description.records import Description, Joint, Mimic
+from diag_dynamics.description.remarks import Remark, remarks_of
 from diag_dynamics.description.transmissions import reflected_inertias
 from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
+from diag_dynamics.rigid_body import symmetric
 
 NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 
@@ -33,33 +37,22 @@ Found = Iterator[tuple[Any, ...]]
 """Results of a check: key of a row, name or None, number, words of the text."""
 
 
+@dataclass
 class Link:
     """A link; mass [kg] and inertia (about the centre of mass, link's axes) may be None."""
 
-    def __init__(self, element: Any, folder: Path | None, meshes: Meshes) -> None:
-        self.name: str = element.get("name", "")
-        inertial = _child(element, "inertial")
-        placement, inertia = _placement(inertial), _child(inertial, "inertia")
-        self.has_inertial = element.find("inertial") is not None
-        self.mass = _number(_child(inertial, "mass"), "value")
-        self.centre = placement[:3, 3]
-        self.inertia: Any = None
-        self.half_digit = 0.0  # half a unit of the inertia's last digit
-        moments = [_number(inertia, name) for name in INERTIA]
-        if None not in moments:
-            xx, xy, xz, yy, yz, zz = moments
-            symmetric = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            self.inertia = placement[:3, :3] @ symmetric @ placement[:3, :3].T
-            digits = [Decimal(inertia.get(name)) for name in INERTIA]
-            exponents = [int(one.as_tuple().exponent) for one in digits if one]
-            self.half_digit = 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
-        self.has_geometry = False
-        self.solids: dict[str, Solid | None] = {}  # by role; None if a shape cannot be measured
-        self.errors: list[tuple[str, str]] = []  # rows and texts about shapes
-        for role in ROLES:
-            self._measure(element, role, folder, meshes)
+    name: str
+    has_inertial: bool = False
+    mass: float | None = None
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    inertia: Any = None
+    half_digit: float = 0.0  # half a unit of the inertia's last digit
+    has_geometry: bool = False
+    solids: dict[str, Solid | None] = field(default_factory=dict)  # by role; None if unmeasured
+    errors: list[tuple[str, str]] = field(default_factory=list)  # rows and texts about shapes
 
-    def _measure(self, element: Any, role: str, folder: Path | None, meshes: Meshes) -> None:
+    def measure(self, element: Any, role: str, folder: Path | None, meshes: Meshes) -> None:
+        """Measure the shapes of an element."""
         row, solids = "unmeasured", list[Solid]()
         try:
             for shape in shapes_of(element, role):
@@ -75,25 +68,58 @@ class Link:
             self.solids |= {role: united(solids)} if solids else {}
 
 
-class Joint:
-    """A joint; a limit that is missing or not a number is None."""
+def _described_link(link: records.Link) -> Link:
+    if link.inertial is None:
+        return Link(link.name)
+    body = link.inertial.body
+    return Link(link.name, True, body.mass, body.centre, body.inertia)
 
-    def __init__(self, element: Any) -> None:
-        self.name: str = element.get("name", "")
-        self.kind: str = element.get("type", "")
-        self.moves = self.kind != "fixed"
-        self.parent: str = _child(element, "parent").get("link", "")
-        self.child: str = _child(element, "child").get("link", "")
-        self.placement = _placement(element)
-        self.axis = floats(_child(element, "axis").get("xyz", "1 0 0"), 3)
-        limit, mimic = _child(element, "limit"), _child(element, "mimic")
-        self.limit = {name: _number(limit, name, largest=np.inf) for name in LIMITS}
-        low, high = self.limit["lower"], self.limit["upper"]
-        limited = low is not None and high is not None and self.kind in ("revolute", "prismatic")
-        self.range = (low or 0.0, high or 0.0) if limited else None
-        self.source: str | None = None if element.find("mimic") is None else mimic.get("joint", "")
-        self.multiplier = _number(mimic, "multiplier", "1") or 0.0
-        self.offset = _number(mimic, "offset") or 0.0
+
+def _read_link(element: Any, folder: Path | None, meshes: Meshes) -> Link:
+    inertial = _child(element, "inertial")
+    placement, inertia = _placement(inertial), _child(inertial, "inertia")
+    link = Link(element.get("name", ""), element.find("inertial") is not None)
+    link.mass = _number(_child(inertial, "mass"), "value")
+    link.centre = placement[:3, 3]
+    moments = [_number(inertia, name) for name in INERTIA]
+    if None not in moments:
+        matrix = symmetric(np.array(moments, float))
+        link.inertia = placement[:3, :3] @ matrix @ placement[:3, :3].T
+        digits = [Decimal(inertia.get(name)) for name in INERTIA]
+        exponents = [int(digit.as_tuple().exponent) for digit in digits if digit]
+        link.half_digit = 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
+    for role in ROLES:
+        link.measure(element, role, folder, meshes)
+    return link
+
+
+def _read_joint(element: Any) -> Joint:
+    """Return the record of a joint; a number that is missing or wrong has its default."""
+    limit, mimic = _child(element, "limit"), _child(element, "mimic")
+    leader = None
+    if element.find("mimic") is not None:
+        factor = _number(mimic, "multiplier", "1") or 0.0
+        leader = Mimic(mimic.get("joint", ""), factor, _number(mimic, "offset") or 0.0)
+    limits: dict[str, Any] = {}
+    for name in LIMITS:
+        number = _number(limit, name, largest=np.inf)
+        limits |= {} if number is None else {name: number}
+    axis = floats(_child(element, "axis").get("xyz", "1 0 0"), 3)
+    return Joint(
+        element.get("name", ""),
+        element.get("type", ""),
+        _child(element, "parent").get("link", ""),
+        _child(element, "child").get("link", ""),
+        _placement(element),
+        np.array(axis or (1.0, 0.0, 0.0)),
+        **limits,
+        mimic=leader,
+    )
+
+
+def moves(joint: Joint) -> bool:
+    """Return whether a joint moves."""
+    return joint.type != "fixed"
 
 
 class Body:
@@ -122,31 +148,44 @@ class Body:
 
 
 class Urdf:
-    """Links and joints of a URDF's text; of two links of one name the first."""
+    """Links and joints of a URDF's text, of two links of one name the first; or those of an MJCF."""
 
-    def __init__(self, text: str, folder: Path | None) -> None:
-        robot = parse_urdf(text)
-        self.name: str = robot.get("name") or "robot"
-        self.remarks = remarks_of(robot)
+    def __init__(self, source: str | Description, folder: Path | None = None) -> None:
+        self.remarks: list[Remark] = []
         self.rotors: dict[str, float] = {}
-        with suppress(UrdfError):  # the loader reports it
-            self.rotors, ignored = reflected_inertias(robot)
-            self.remarks += ignored
-        links, joints, meshes = robot.findall("link"), robot.findall("joint"), Meshes(folder)
-        self.elements = (*links, *joints)
-        self.joints = [Joint(element) for element in joints]
+        self.elements: list[Any] = []
         self.links: dict[str, Link] = {}
-        for link in (Link(element, folder, meshes) for element in links):
-            self.links.setdefault(link.name, link)
+        self.omitted: tuple[str, ...] = ()
+        self.is_mjcf = isinstance(source, Description)
+        if isinstance(source, Description):
+            self.name, self.omitted = source.name, source.omitted
+            self.joints = list(source.joints.values())
+            self.links |= {name: _described_link(link) for name, link in source.links.items()}
+        else:
+            self._read(parse_urdf(source), folder)
         self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
-        attached = {joint.child for joint in self.joints if not joint.moves}
+        attached = {joint.child for joint in self.joints if not moves(joint)}
         roots, seen = [name for name in self.links if name not in attached], set[str]()
-        moving = {joint.child: joint for joint in self.joints if joint.moves}
+        moving = {joint.child: joint for joint in self.joints if moves(joint)}
         placed = {name: list(self._connect(name, np.eye(4), seen)) for name in roots}
         self.bodies = [Body(links, moving.get(name)) for name, links in placed.items()]
         self.heavy_bodies = [body for body in self.bodies if not self.is_negligible(body.mass)]
         self.measured_bodies = [body for body in self.heavy_bodies if body.is_measured]
         self.stands = False  # whether the model's base is fixed
+
+    def _read(self, robot: Any, folder: Path | None) -> None:
+        """Read the elements of a URDF, whether it loads or not."""
+        self.name = robot.get("name") or "robot"
+        self.remarks = remarks_of(robot)
+        with suppress(UrdfError):  # the loader reports it
+            self.rotors, ignored = reflected_inertias(robot)
+            self.remarks += ignored
+        links, joints, meshes = robot.findall("link"), robot.findall("joint"), Meshes(folder)
+        self.elements += [*links, *joints]
+        self.joints = [_read_joint(element) for element in joints]
+        for element in links:
+            link = _read_link(element, folder, meshes)
+            self.links.setdefault(link.name, link)
 
     def is_negligible(self, mass: float | None) -> bool:
         """Return whether a mass is too small to change results."""
@@ -162,8 +201,8 @@ class Urdf:
             seen.add(name)
             yield self.links[name], X
             for joint in self.joints:
-                if joint.parent == name and not joint.moves:
-                    yield from self._connect(joint.child, X @ joint.placement, seen)
+                if joint.parent == name and not moves(joint):
+                    yield from self._connect(joint.child, X @ joint.origin, seen)
 
 
 def _child(element: Any, tag: str) -> Any:

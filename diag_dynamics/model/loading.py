@@ -14,15 +14,15 @@ import numpy as np
 from diag_dynamics.arrays import VectorLike
 from diag_dynamics.checks import choice, not_negative, whole
 from diag_dynamics.description.catalog import robot_path
-from diag_dynamics.description.checks import remarks_of, warn, warn_of_inertias, warning_of
+from diag_dynamics.description.checks import warn, warn_of_inertias
 from diag_dynamics.description.geometry import estimated
 from diag_dynamics.description.inertias import checked_payloads
 from diag_dynamics.description.loops import with_couplings
-from diag_dynamics.description.mjcf import Described, read_mjcf
+from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
-from diag_dynamics.description.records import Loop, Payload
-from diag_dynamics.description.text import expanded, folder_of, urdf_text
-from diag_dynamics.description.urdf import MAX_JOINTS, parse_urdf, read_urdf
+from diag_dynamics.description.records import Description, Loop, Payload
+from diag_dynamics.description.text import folder_of, read_text
+from diag_dynamics.description.urdf import MAX_JOINTS, describe_urdf
 from diag_dynamics.exceptions import InertiaWarning, InputError
 from diag_dynamics.model.flexible_links import read_flexible_links, with_flexible_links
 from diag_dynamics.model.options import (
@@ -33,6 +33,8 @@ from diag_dynamics.model.options import (
     with_armature,
 )
 from diag_dynamics.model.robot import RobotModel, build
+
+Couplings = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
 
 OPTIONS = (
     "gravity",
@@ -60,11 +62,7 @@ def load_urdf(
     xacro_args: Mapping[str, Any] | None = None,
     estimate_inertias: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
-    loops: str
-    | os.PathLike[str]
-    | Mapping[str, Any]
-    | Sequence[Loop | Mapping[str, Any]]
-    | None = None,
+    loops: Couplings = None,
 ) -> RobotModel:
     """Build a model from a URDF; meshes are read by `estimate_inertias` only.
 
@@ -130,43 +128,97 @@ def load_urdf(
         The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid
         body, or was estimated.
     """
-    choice("mimic", mimic, ("embed", "free", "lock"))
-    choice("massless", massless, ("error", "lock"))
-    gravity = checked_gravity(gravity)
-    folder, text = folder_of(source), urdf_text(expanded(source, xacro_args))
+    folder, text = folder_of(source), read_text(source, xacro_args)
     estimates = None
     if estimate_inertias is not None:
         estimates = estimated(text, estimate_inertias, folder)
         text = estimates.text
-    element = parse_urdf(text)
-    description, ignored = read_urdf(element, whole("max_joints", max_joints))
-    description = with_couplings(description, loops)
-    beside = Parameters() if parameters is None else read_parameters(parameters)
-    description = with_parameters(description, beside)
-    if mistakes := warning_of(description.name, [*remarks_of(element), *ignored]):
-        warn(mistakes)
+    description = describe_urdf(text, whole("max_joints", max_joints))
     if estimates:
         names = tuple(estimate.link for estimate in estimates.estimates)
         description = description._replace(estimated_links=names)
         if estimates.warning:
             warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning)
+    return build_described(
+        description,
+        floating_base=bool(floating_base),
+        gravity=gravity,
+        mimic=mimic,
+        massless=massless,
+        locked_joints=locked_joints,
+        armature=armature,
+        payloads=payloads,
+        max_coupled=max_coupled,
+        friction_velocity=friction_velocity,
+        parameters=parameters,
+        loops=loops,
+    )
+
+
+def build_described(
+    description: Description,
+    floating_base: bool = False,
+    gravity: VectorLike | None = None,
+    mimic: str = "embed",
+    massless: str = "error",
+    locked_joints: Mapping[str, float] | None = None,
+    armature: Mapping[str, float] | float | None = None,
+    payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
+    max_coupled: int = MAX_COUPLED,
+    friction_velocity: float | None = None,
+    parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
+    loops: Couplings = None,
+) -> RobotModel:
+    """Build the model of a description, which states the base and gravity that are not given; see :func:`load_urdf`."""
+    choice("mimic", mimic, ("embed", "free", "lock"))
+    choice("massless", massless, ("error", "lock"))
+    g = checked_gravity(description.gravity if gravity is None else gravity)
+    description = with_couplings(description, loops)
+    beside = Parameters() if parameters is None else read_parameters(parameters)
+    description = with_parameters(description, beside)
     warn_of_inertias(description, beside.lighter_links)
     description, flexible = with_flexible_links(description, read_flexible_links(loops))
     description = with_armature(description, armature)
     if friction_velocity is not None:
         velocity = not_negative("friction_velocity", friction_velocity, "[rad/s, m/s]")
         description = description._replace(friction_velocity=velocity)
+    locked = checked_locked({} if locked_joints is None else locked_joints, description)
     options = Options(
-        floating_base=bool(floating_base),
-        gravity=gravity,
+        floating_base=bool(floating_base or description.floating_base),
+        gravity=g,
         mimic=mimic,
         massless=massless,
-        locked=checked_locked({} if locked_joints is None else locked_joints, description),
+        locked={**description.locked, **locked},
         payloads=checked_payloads({} if payloads is None else payloads, description),
         max_coupled=whole("max_coupled", max_coupled),
         flexible_links=flexible,
     )
-    return build(description, options, beside)
+    model = build(description, options, beside)
+    _warn_of_balls(model)
+    if description.omitted:
+        text = f"Forward and inverse dynamics of robot '{model.name}' omit: "
+        text += f"{'; '.join(description.omitted)}. M, C, ν and K do not depend on these."
+        warn(text, stacklevel=4)
+    return model
+
+
+def _warn_of_balls(model: RobotModel) -> None:
+    """Warn of ball joints that are near the singularity of their hinges at the start."""
+    if not model.description.balls:
+        return
+    start = dict(zip(model.coordinate_names, model.start, strict=True))
+    if model.followers:
+        followers = model.followers_at(model.start)
+        start |= dict(zip(followers.names, followers.position, strict=True))
+    for name in model.description.balls:
+        angle = start.get(f"{name}_y")
+        if angle is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
+            warn(
+                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
+                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
+                "its body in the file.",
+                stacklevel=5,
+            )
 
 
 def load_robot(name: str, **options: Any) -> RobotModel:
@@ -219,35 +271,5 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
             raise InputError(
                 f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
             )
-    return loaded(read_mjcf(source), **options)
-
-
-def loaded(described: Described, **options: Any) -> RobotModel:
-    """Build the model of a description; options of :func:`load_urdf` have precedence over those that the file says.
-
-    Parameters beside the file, `armature` and `locked_joints` replace values of joints that they
-    name.
-    """
-    armature = dict(described.options.get("armature", {}))
-    if (beside := options.get("parameters")) is not None:
-        armature |= read_parameters(beside).by_joint("armature")
-    armature |= options.get("armature") or {}
-    locked = described.options.get("locked_joints", {}) | (options.get("locked_joints") or {})
-    by_joint = {"armature": armature, "locked_joints": locked}
-    model = load_urdf(described.text, **{**described.options, **options, **by_joint})
-    start = dict(zip(model.coordinate_names, model.start, strict=True))
-    if model.followers:
-        followers = model.followers_at(model.start)
-        start |= dict(zip(followers.names, followers.position, strict=True))
-    for name in described.balls:
-        if (angle := start.get(f"{name}_y")) is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
-            warn(
-                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
-                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
-                "its body in the file.",
-                stacklevel=4,
-            )
-    if described.omitted:
-        text = f"Forward and inverse dynamics of robot '{model.name}' omit: {'; '.join(described.omitted)}. "
-        warn(f"{text}M, C, ν and K do not depend on these.", stacklevel=4)
-    return model.with_omitted(described.omitted)
+    max_joints = whole("max_joints", options.pop("max_joints", MAX_JOINTS))
+    return build_described(read_mjcf(source, max_joints), **options)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
@@ -392,11 +392,6 @@ class RobotModel:
     def new_workspace(self, eliminates: bool = True) -> Workspace:
         """Return arguments of sweeps with memory of their own."""
         return Workspace(self.bodies, self.gravity, self.coupling_tables, eliminates)
-
-    def with_omitted(self, omitted: Sequence[str]) -> RobotModel:
-        """Return this model with these texts in `omitted`, too."""
-        texts = tuple(dict.fromkeys((*omitted, *self.omitted)))
-        return self._with(omitted=texts, description=self.description._replace(omitted=texts))
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""

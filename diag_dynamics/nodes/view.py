@@ -17,8 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from diag_dynamics.description.catalog import read_source
 from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque, Load
@@ -360,7 +360,7 @@ class RobotSubscription:
             description if values["robot_description"] else description.encode(errors="replace")
         )
         with handle_warnings(lambda text: None):  # the monitor logs them
-            text, difference = read_source(source).text, ""
+            text, difference = read_text(source), ""
             try:
                 model = model_of(text, values)
             except InputError as error:  # as for a file of another machine

@@ -7,11 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.description.catalog import example_urdfs, read_source
-from diag_dynamics.description.elements import floats
+from diag_dynamics.description.catalog import example_urdfs, link_elements
 from diag_dynamics.description.geometry import shape_of
 from diag_dynamics.description.text import folder_of
-from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric
@@ -51,14 +49,12 @@ def links_of(model, source, missing=None):
     The dict `missing` receives the errors of shapes that are left out, by link.
     """
     missing = {} if missing is None else missing
-    robot = parse_urdf(read_source(source).text)
-    elements = {element.get("name"): element for element in robot.findall("link")}
+    elements = link_elements(source)
     origins, bones = {}, {name: [] for name in model.link_names}
-    for joint in robot.findall("joint"):
-        origin, child = _origin(joint), joint.find("child").get("link")
-        origins[child] = origin
+    for joint in model.description.joints.values():
+        origin = origins[joint.child] = joint.origin[:3, 3]
         if np.linalg.norm(origin) > MIN_LENGTH:
-            bones[joint.find("parent").get("link")].append(origin)
+            bones[joint.parent].append(origin)
     for end in (end for group in model.loops for loop in group for end in (loop.a, loop.b)):
         if np.linalg.norm(end.xyz) > MIN_LENGTH:
             bones[end.link].append(np.array(end.xyz))
@@ -71,23 +67,20 @@ def links_of(model, source, missing=None):
             ellipsoid = _ellipsoid(
                 records[name], placement, bones[name], origins.get(name, np.zeros(3))
             )
-        shapes = _shapes(elements[name], "visual", missing)
+        element = elements.get(name, ())
+        shapes = _shapes(element, "visual", missing)
         if not shapes and ellipsoid is not None:
-            shapes = _shapes(elements[name], "collision", missing)
+            shapes = _shapes(element, "collision", missing)
         found.append(LinkGeometry(name, shapes, mass, ellipsoid, tuple(bones[name])))
     return found
-
-
-def _origin(joint):
-    element = joint.find("origin")
-    numbers = None if element is None else floats(element.get("xyz"), 3)
-    return np.zeros(3) if numbers is None else np.array(numbers)
 
 
 def _shapes(link, role, missing):
     """Return the shapes of a link's element; the error of one that cannot be read goes into `missing`."""
     shapes = []
-    for element in link.findall(role):
+    for element in link:
+        if element.tag != role:
+            continue
         try:
             shape = shape_of(element, f"link '{link.get('name')}': {role}")
         except UrdfError as error:

@@ -3,12 +3,11 @@
 
 """Models of the robots of nodes and recordings, by their parameters."""
 
-from diag_dynamics.description.catalog import read_source
-from diag_dynamics.description.urdf import parse_urdf
+from diag_dynamics.description.catalog import describe
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.model.loading import loaded
+from diag_dynamics.model.loading import build_described
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
@@ -32,13 +31,11 @@ def model_of(description, values, recorded=None):
     DiagDynamicsError
         As :func:`load_urdf` and :func:`load_mjcf`; or the state of a joint is on no ROS topic.
     """
-    described = read_source(description)
-    own, gravity = described.options, values["gravity"]
+    described = describe(description)
+    gravity, floating_base = values["gravity"], values["floating_base"]
     payloads = payloads_of(values["payloads"])
-    if payloads:
-        links = {link.get("name") for link in parse_urdf(described.text).iterfind("link")}
-        payloads = {link: payload for link, payload in payloads.items() if link in links}
-    if values["floating_base"] and not own.get("floating_base", True):
+    payloads = {link: load for link, load in payloads.items() if link in described.links}
+    if floating_base and described.floating_base is False:
         raise InputError(
             "parameter 'floating_base' is true; expected false, because the MJCF has no free body, or several. "
             "Give the base a <freejoint/>."
@@ -50,12 +47,12 @@ def model_of(description, values, recorded=None):
     if rest is not None and recorded is None:
         what = "parameter 'locked_joints' has '*', the joints that a recording lacks"
         raise InputError(f"{what}; expected names of joints, because no recording is read here.")
-    model = loaded(
+    if described.gravity is not None and list(gravity) == PARAMETERS["gravity"].default:
+        gravity = described.gravity
+    model = build_described(
         described,
-        floating_base=own.get("floating_base", values["floating_base"]),
-        gravity=own.get("gravity", gravity)
-        if list(gravity) == PARAMETERS["gravity"].default
-        else gravity,
+        floating_base=bool(floating_base or described.floating_base),
+        gravity=gravity,
         locked_joints=locked,
         armature=assignments("armature", values.get("armature", ())),
         payloads=payloads,

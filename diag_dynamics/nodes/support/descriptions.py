@@ -10,9 +10,9 @@ from functools import cache
 
 from std_msgs.msg import String
 
-from diag_dynamics.description.catalog import read_source
 from diag_dynamics.description.checks import handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf
+from diag_dynamics.description.text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import Parameters, load_urdf
@@ -57,7 +57,7 @@ def compile_dynamics():
 def text_of(description):
     """Return the URDF text of a description; see :func:`load_robot`."""
     _refuse_mjcf(description)
-    return read_source(description).text
+    return read_text(description)
 
 
 def _refuse_mjcf(description):

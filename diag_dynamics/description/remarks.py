@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Probable mistakes in the elements of a URDF that loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from lxml import etree
+
+from diag_dynamics.description.checks import CHECKS, warn
+from diag_dynamics.description.elements import floats, short
+
+# Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
+# a prefix are free
+ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    "robot": ("name", "version"),
+    "link": ("name", "type"),
+    "inertial": (),
+    "origin": ("xyz", "rpy", "quat_xyzw"),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz", "iyx", "izx", "izy"),
+    "joint": ("name", "type", "dont_collapse"),
+    "parent": ("link",),
+    "child": ("link",),
+    "axis": ("xyz",),
+    "limit": (
+        *("lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk"),
+        *("command_effort", "current", "gear_velocity"),
+    ),
+    "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
+    "mimic": ("joint", "multiplier", "offset", "polynomial"),
+}
+
+CHILDREN: dict[str, tuple[str, ...]] = {  # elements in each element that dynamics and contacts read
+    "link": ("inertial", "visual", "collision"),
+    "inertial": ("origin", "mass", "inertia"),
+    "visual": ("origin",),
+    "collision": ("origin",),
+    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+    "origin": (),
+}
+
+# Elements of other formats, or of other places
+MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
+# Parts of the names of simulators' plugins that couple links or joints, lower case
+COUPLING_PLUGINS = ("attach", "coupl", "detach", "gearbox", "loop_joint", "closed_loop", "mimic")
+MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a joint with a source
+MAX_ANGLE = 2.0 * math.pi + 1e-3  # of an origin or a mimic offset [rad]: a full turn, rounded
+MAX_MISTAKES = 10  # mistakes that a warning lists
+
+
+class Remark(NamedTuple):
+    """A check of an element that fails: its row in CHECKS, the words there, the "robot", "link" or "joint", and an angle."""
+
+    row: str
+    kind: str
+    name: str
+    words: tuple[str, ...] = ()
+    angle: float | None = None  # [rad]
+
+    @property
+    def text(self) -> str:
+        """Mistake and remedy."""
+        check = CHECKS[self.row]
+        return f"{check.text.format(*self.words)}. {check.remedy}"
+
+
+def remarks_of(robot: Any) -> list[Remark]:
+    """Return the probable mistakes of a parsed `<robot>` element, in the file's order."""
+    remarks = list(_unknown_attributes(robot, "robot", robot.get("name") or "robot"))
+    for element in robot.iterchildren("link", "joint"):
+        remarks += _of_element(element, element.tag, element.get("name") or "")
+    for joint in robot.iterfind("gazebo/joint"):
+        if joint.find("child") is not None:
+            remarks.append(Remark("simulated", "joint", joint.get("name") or ""))
+    return remarks + list(_couplings_of_plugins(robot))
+
+
+def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
+    """Yield a simulator's plugins that couple joints or links, but for joints with a <mimic>."""
+    mimics = {mimic.getparent().get("name") for mimic in robot.iterfind("joint/mimic")}
+    for plugin in robot.iterfind("gazebo//plugin"):
+        names = [plugin.get("name") or "", plugin.get("filename") or ""]
+        joints = {(element.text or "").strip() for tag in MIMIC for element in plugin.iterfind(tag)}
+        is_coupling = any(part in "\n".join(names).lower() for part in COUPLING_PLUGINS)
+        if is_coupling and not (joints and joints <= mimics):
+            words = (short(next(filter(None, names))),)
+            yield Remark("plugin", "robot", robot.get("name") or "robot", words)
+    for parameter in robot.iterfind("ros2_control/joint/param[@name='mimic']"):
+        joint = parameter.getparent().get("name") or ""
+        if joint not in mimics:
+            yield Remark("mimic parameter", "joint", joint)
+
+
+def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
+    """Yield the mistakes of an element of a link or joint, and of those within."""
+    yield from _unknown_attributes(element, kind, name)
+    is_axis = element.tag == "axis" and element.getparent().get("type") != "fixed"
+    if is_axis and element.get("xyz") is None:
+        yield Remark("no axis", kind, name)
+    attribute, angle = _angle(element)
+    if abs(angle) > MAX_ANGLE:
+        yield Remark("angle", kind, name, (element.tag, attribute), angle)
+    if element.tag not in CHILDREN:
+        return
+    children = CHILDREN[element.tag]
+    for part in element.iterchildren(etree.Element):
+        if part.tag in children:
+            yield from _of_element(part, kind, name)
+        elif part.tag in MISPLACED or get_close_matches(part.tag.lower(), children, 1, 0.8):
+            yield Remark("element", kind, name, (short(part.tag)[1:-1], element.tag))
+
+
+def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
+    for attribute in element.keys() if element.tag in ATTRIBUTES else ():
+        is_free = ":" in attribute or "}" in attribute
+        if attribute not in ATTRIBUTES[element.tag] and not is_free:
+            yield Remark("attribute", kind, name, (element.tag, short(attribute)))
+
+
+def _angle(element: Any) -> tuple[str, float]:
+    """Return the largest angle of an <origin> or of the <mimic> of a joint that turns [rad], and its attribute."""
+    turns = element.getparent().get("type") in ("revolute", "continuous")
+    if element.tag == "origin":
+        return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)
+    offset = floats(element.get("offset"), 1) if element.tag == "mimic" and turns else None
+    return "offset", (offset or [0.0])[0]
+
+
+def warn_of_remarks(robot: str, remarks: Iterable[Remark]) -> None:
+    """Warn of all mistakes at once."""
+    groups: dict[str, list[Remark]] = {}
+    for remark in remarks:
+        groups.setdefault(remark.text, []).append(remark)
+    texts = []
+    for text, (first, *more) in groups.items():
+        named = f"{first.kind} {short(first.name)}" + (f" and {len(more)} more" if more else "")
+        angle = "" if first.angle is None else f" ({first.angle:g} rad)"
+        texts.append(f"{named}{angle}: {text}")
+    if len(texts) > MAX_MISTAKES:
+        count = len(texts) - MAX_MISTAKES
+        more_text = f"And {count} more mistakes: diag-dynamics inspect lists them."
+        texts[MAX_MISTAKES:] = [more_text]
+    if texts:
+        text = f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}"
+        warn(text, stacklevel=5)
