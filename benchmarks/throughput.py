@@ -148,7 +148,7 @@ def _external(case, pinocchio, size, count):
     covariance = 0.04 * np.eye(dynamics.model.nv) + 0.01
     link = dynamics.model.link_names[int(dynamics.model.bodies["link"][-1])]
     return {
-        "wrench": lambda: dynamics.wrench(Q, TAU, link, covariance, threads=count),
+        "wrench": lambda: dynamics.wrench(Q, link, TAU, covariance, threads=count),
         "touched": lambda: dynamics.touched_link(
             Q, TAU, covariance, significance=0.0, threads=count
         ),

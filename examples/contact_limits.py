@@ -40,7 +40,7 @@ for name, qd in (("along y", (0.5, -0.5)), ("along x", (0.0, -0.5))):
     print(f"  allowed {c.allowed_speed[0]:.3f} m/s, margin {c.margin[0]:.3f} m/s", end="; ")
     print(f"by the simplified mass {speed_of_force(150.0, half, 20e3, 3.0):.3f} m/s")
 
-after = dyn.impact(q, (0.5, -0.5), "forearm", (0, 1, 0), (1, 0, 0), "world", mass=3.0)
+after = dyn.impact(q, "forearm", (0.5, -0.5), (0, 1, 0), (1, 0, 0), "world", mass=3.0)
 print(
     f"impact: impulse {after.impulse:.3f} N s, the mass then moves with {after.mass_speed:.4f} m/s, lost {after.loss:.3f} J"
 )

@@ -16,7 +16,7 @@ for axis, direction in {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}.items():
     mass = dyn.reflected_mass(q, "panda_hand", direction, frame="world")
     print(f"a push along {axis} meets {mass:.2f} kg of {model.total_mass:.1f} kg")
 
-v = dyn.link_velocity(q, qd, "panda_hand", frame="world")[:3]
+v = dyn.link_velocity(q, "panda_hand", qd, frame="world")[:3]
 speed = float(np.linalg.norm(v))
 mass = dyn.reflected_mass(q, "panda_hand", v, frame="world")
 print(

@@ -143,9 +143,9 @@ class AdaptiveTracking(JointTracking):
 
     def _accelerations(self, q: Array, J: Array, qd: Array, qd_r: Array, qdd_r: Array) -> Array:
         """Return G without gravity: Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇."""
-        bias = self.dynamics.link_acceleration
+        acceleration = self.dynamics.link_acceleration
         plus, minus = (
-            bias(q, x, self._zero, self.link, spatial=True) for x in (qd + qd_r, qd - qd_r)
+            acceleration(q, self.link, x, self._zero, spatial=True) for x in (qd + qd_r, qd - qd_r)
         )
         H, H_r = (_velocities(J @ x) for x in (qd, qd_r))
         G: Array = _velocities(J @ qdd_r + 0.25 * (plus - minus)) + 0.5 * (

@@ -326,7 +326,7 @@ class ContactLimiter:
             contact.links[k],
             self.points.points[k][contact.point[k]],
         )
-        v = dynamics.link_velocity(q, qd, link, point)[:3]
+        v = dynamics.link_velocity(q, link, qd, point)[:3]
         mobility = dynamics.operational_inverse_inertia(q, link, point)[:3, :3]
         impulse = np.linalg.pinv(mobility, rcond=IMMOBILE, hermitian=True) @ v
         w = dynamics.epsilon_from_wrench(q, link, np.concatenate([impulse, np.zeros(3)]), point)

@@ -433,7 +433,7 @@ class DiagonalDynamics:
         return result @ in_body
 
     def jacobian(
-        self, q: VectorLike, link: str, point: PointLike = ORIGIN, *, frame: Frame = "link"
+        self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link"
     ) -> Array:
         """Return J of a point of a link, shape (6, nv), in O(N): linear rows, then angular ones.
 
@@ -458,10 +458,9 @@ class DiagonalDynamics:
     def link_velocity(
         self,
         q: VectorLike,
-        qd: VectorLike,
         link: str,
+        qd: VectorLike,
         point: PointLike = ORIGIN,
-        *,
         frame: Frame = "link",
     ) -> Array:
         """Return J q̇ of a point of a link, shape (6,): velocity [m/s], angular velocity [rad/s].
@@ -475,12 +474,12 @@ class DiagonalDynamics:
     def link_acceleration(
         self,
         q: VectorLike,
+        link: str,
         qd: VectorLike,
         qdd: VectorLike,
-        link: str,
         point: PointLike = ORIGIN,
-        *,
         frame: Frame = "link",
+        *,
         spatial: bool = False,
     ) -> Array:
         """Return J q̈ + J̇ q̇ of a point of a link, shape (6,): linear [m/s²], angular [rad/s²].
@@ -568,12 +567,12 @@ class DiagonalDynamics:
     def wrench(
         self,
         q: StatesLike,
-        external_torque: StatesLike,
         link: str,
+        external_torque: StatesLike,
         covariance: RowsLike | None = None,
-        *,
         point: PointLike = ORIGIN,
         frame: Frame = "link",
+        *,
         force_only: bool = False,
         max_deviation: tuple[float, float] = (10.0, 1.0),
         threads: int | None = None,
@@ -587,14 +586,16 @@ class DiagonalDynamics:
         ----------
         q : array_like, shape (nq,)
             Positions.
+        link : str
+            Name of the link.
         external_torque : array_like, shape (nv,)
             τ̂ = m r [N m, N] of a :class:`DisturbanceObserver`. Of a floating base its six entries
             count, too.
-        link, point, frame
-            Point of application and axes of the wrench, as of :meth:`jacobian`.
         covariance : array_like, shape (nv, nv), optional
             Σ: second moment of m r without contact, in the order of ``model.dof_names``. Without it
             f̂ is J⁻ᵀτ̂, or the wrench of least |τ̂ − Jᵀf̂| that `max_deviation` does not limit.
+        point, frame
+            Point of application and axes of the wrench, as of :meth:`jacobian`.
         force_only : bool
             Whether the moment about the point is zero.
         max_deviation : tuple of float
@@ -684,8 +685,8 @@ class DiagonalDynamics:
     def impact(
         self,
         q: VectorLike,
-        qd: VectorLike,
         link: str,
+        qd: VectorLike,
         direction: VectorLike,
         point: PointLike = ORIGIN,
         frame: Frame = "link",
@@ -697,7 +698,7 @@ class DiagonalDynamics:
 
         Parameters
         ----------
-        q, qd, link
+        q, link, qd
             State before the impact, and name of the link.
         direction : array_like, shape (3,)
             Any vector along u, from the link to the mass, in the axes of `frame`.

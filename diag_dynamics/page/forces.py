@@ -87,7 +87,7 @@ class Forces:
         if self._links:
             wrenches = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
-                w = self._dynamics.wrench(states.q[known], torque[known], link, **self._options)
+                w = self._dynamics.wrench(states.q[known], link, torque[known], **self._options)
                 wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
             found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
         return found
@@ -120,7 +120,7 @@ def force_at_center(
         "force_only": True,
         "max_deviation": max_deviation,
     }
-    return dynamics.wrench(q, torque, link, covariance, frame=frame, **options)
+    return dynamics.wrench(q, link, torque, covariance, frame=frame, **options)
 
 
 def component_deviations(w):

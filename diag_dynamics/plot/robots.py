@@ -136,7 +136,7 @@ def ellipsoid(
     _draw_ellipsoid(axes, centre, inverse, reach)
     title = f"{escape(model.name)}, {escape(link)}: JM⁻¹Jᵀ"
     if qd is not None:
-        v = dynamics.link_velocity(q, qd, link, point, frame="world")[:3]
+        v = dynamics.link_velocity(q, link, qd, point, frame="world")[:3]
         speed = float(np.linalg.norm(v))
         title += f"; |v| = {number(speed)} m/s"
         if speed > 0.0:

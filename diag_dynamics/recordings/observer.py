@@ -65,8 +65,8 @@ class Observed(NamedTuple):
         Arguments are those of :meth:`DiagonalDynamics.wrench`.
         """
         whole = self.valid & np.isfinite(self.norm)
-        rows = self.q[whole], self.external_torque[whole]
-        return expand(self.dynamics.wrench(*rows, link, covariance, **options), whole)
+        arguments = self.q[whole], link, self.external_torque[whole], covariance
+        return expand(self.dynamics.wrench(*arguments, **options), whole)
 
     def touched_link(self, covariance: RowsLike | None, **options: Any) -> TouchedLink:
         """Return the touched link in all states; "" and NaN where there is no result.

@@ -441,7 +441,7 @@ def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
     assert (touched.link[seen.valid] != "").any()
     for t in np.flatnonzero(seen.valid)[::311]:
         state = recording.q[t], seen.external_torque[t]
-        one = dynamics.wrench(*state, "wrist_3_link", covariance, frame="world")
+        one = dynamics.wrench(state[0], "wrist_3_link", state[1], covariance, frame="world")
         for a, b in zip(one, wrench, strict=True):
             np.testing.assert_array_equal(a, b[t])
         link = dynamics.touched_link(*state, covariance)

@@ -3,6 +3,8 @@
 
 """Arguments: numbers of any kind, vectors by position or by the names of joints, and errors that name what is wrong."""
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -184,6 +186,21 @@ def test_mass_along_an_axis_is_infinite():
     )  # rounding
     assert all(dyn.reflected_mass([0.3], "arm", axis, point) == np.inf for point in points)
     assert np.isfinite(dyn.reflected_mass([0.3], "arm", (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)))
+
+
+def test_methods_of_a_link_have_one_order_of_arguments():
+    """q, link, others, point, frame, then keywords alone."""
+    methods = inspect.getmembers(dd.DiagonalDynamics, inspect.isfunction)
+    orders = {name: list(inspect.signature(method).parameters.values()) for name, method in methods}
+    named = {
+        name: [x.name for x in order if x.kind is not x.KEYWORD_ONLY]
+        for name, order in orders.items()
+        if "link" in [x.name for x in order]
+    }
+    assert len(named) == 10
+    assert all(names[1:3] == ["q", "link"] for names in named.values())
+    assert named.pop("placement") == ["self", "q", "link"]
+    assert all(names[-2:] == ["point", "frame"] for names in named.values()), named
 
 
 def test_methods_are_compiled_by_the_names_of_their_functions(two):

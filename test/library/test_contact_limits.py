@@ -95,7 +95,7 @@ def test_worst_point_of_every_link(one, worst_by):
     for k, name in enumerate(links):
         scores = []
         for r in given[k].points:
-            v = dyn.link_velocity(q, qd, name, r)[:3]
+            v = dyn.link_velocity(q, name, qd, r)[:3]
             m = dyn.reflected_mass(q, name, v, r)
             speed, energy = norm(v), 0.5 * m * v @ v
             forces = [contact_force(speed, m, 2e4, 3.0), contact_force(speed, m, 1e4)]
@@ -152,7 +152,7 @@ def test_directions_that_are_given():
     ]
     c = dyn.contact_limits(q, qd, given)
     v, m = (
-        dyn.link_velocity(q, qd, "wrist_3_link", r)[:3] @ u / norm(u),
+        dyn.link_velocity(q, "wrist_3_link", qd, r)[:3] @ u / norm(u),
         dyn.reflected_mass(q, "wrist_3_link", u, r),
     )
     close(c.speed[:3], [v, v, -v], 1e-12)
@@ -269,7 +269,7 @@ def test_impact_with_what_is_clamped(one, restitution):
             restitution,
             0.0,
         )
-        found = dyn.impact(q, qd, name, u, r, restitution=restitution)
+        found = dyn.impact(q, name, qd, u, r, restitution=restitution)
         close(
             found.qd_after,
             oracle.from_pin(after),
@@ -289,10 +289,10 @@ def test_impact_with_a_free_mass():
     model = dd.load_urdf(robot(PANDA).urdf, armature=0.1)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(8)
     q, qd, r = model.random(rng), rng.normal(size=model.nv), (0.0, 0.02, 0.1)
-    u = dyn.link_velocity(q, qd, "panda_hand", r)[:3]
+    u = dyn.link_velocity(q, "panda_hand", qd, r)[:3]
     for mass, e in ((4.0, 0.0), (40.0, 0.3), (0.6, 1.0)):
-        found = dyn.impact(q, qd, "panda_hand", u, r, mass=mass, restitution=e)
-        after = dyn.link_velocity(q, found.qd_after, "panda_hand", r)[:3] @ u / norm(u)
+        found = dyn.impact(q, "panda_hand", qd, u, r, mass=mass, restitution=e)
+        after = dyn.link_velocity(q, "panda_hand", found.qd_after, r)[:3] @ u / norm(u)
         assert found.mass_speed - after == pytest.approx(e * found.speed, abs=1e-10)
         assert found.impulse == pytest.approx(mass * found.mass_speed)
         K = [0.5 * nu @ nu for nu in (found.nu, found.nu_after)]
@@ -301,13 +301,13 @@ def test_impact_with_a_free_mass():
         )
         w = dyn.epsilon_from_wrench(q, "panda_hand", [*u, 0, 0, 0], r)
         close(found.nu_after - w * (w @ found.nu_after) / (w @ w), found.rest, 1e-12)
-    away = dyn.impact(q, qd, "panda_hand", -u, r)
+    away = dyn.impact(q, "panda_hand", qd, -u, r)
     assert away.impulse == away.loss == 0.0
     np.testing.assert_array_equal(away.nu_after, away.nu)
     with pytest.raises(dd.InputError, match="restitution"):
-        dyn.impact(q, qd, "panda_hand", u, restitution=1.2)
+        dyn.impact(q, "panda_hand", qd, u, restitution=1.2)
     with pytest.raises(dd.InputError, match="mass"):
-        dyn.impact(q, qd, "panda_hand", u, mass=0.0)
+        dyn.impact(q, "panda_hand", qd, u, mass=0.0)
 
 
 # --- The transient model and limits ------------------------------------------------------------------------

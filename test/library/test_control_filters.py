@@ -363,7 +363,7 @@ def test_no_contact_limit_is_exceeded(h):
         usage.append(part)
         assert (command.epsilon - asked.epsilon) @ asked.nu < 1e-6
         for link in ("panda_link4", "panda_hand") if k % 10 == 0 else ():
-            v = dyn.link_velocity(q, qd, link)[:3]
+            v = dyn.link_velocity(q, link, qd)[:3]
             if v.any():
                 m = dyn.reflected_mass(q, link, v)
                 assert (

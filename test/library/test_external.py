@@ -80,8 +80,8 @@ def test_wrench_is_recovered(case, frame):
         J = case.J(link, POINT, frame)
         found = case.dyn.wrench(
             case.q,
-            J.T @ case.push,
             link,
+            J.T @ case.push,
             case.covariance,
             point=POINT,
             frame=frame,
@@ -109,8 +109,8 @@ def test_estimate_and_covariance(case, frame):
             expected = inverse @ J @ np.linalg.solve(case.covariance, case.tau)
             found = case.dyn.wrench(
                 case.q,
-                case.tau,
                 link,
+                case.tau,
                 case.covariance,
                 point=POINT,
                 frame=frame,
@@ -136,7 +136,7 @@ def test_directions(case):
         B = case.information(case.J(link), scale)
         value, vector = np.linalg.eigh(B)
         value, vector = value[::-1], vector[:, ::-1]
-        found = case.dyn.wrench(case.q, case.tau, link, case.covariance, max_deviation=scale)
+        found = case.dyn.wrench(case.q, link, case.tau, case.covariance, max_deviation=scale)
         U = found.directions / np.repeat(scale, 3)
         np.testing.assert_allclose(U @ U.T, np.eye(6), atol=1e-12)
         size = max(value[0], 1.0)
@@ -157,7 +157,7 @@ def test_force_alone(case):
         tau = J.T @ case.push[:3] + 0.1 * case.tau
         A = J @ np.linalg.solve(case.covariance, J.T)
         found = case.dyn.wrench(
-            case.q, tau, link, case.covariance, point=POINT, force_only=True, max_deviation=WIDE
+            case.q, link, tau, case.covariance, point=POINT, force_only=True, max_deviation=WIDE
         )
         np.testing.assert_array_equal(found.wrench[3:], 0.0)
         assert not found.observed[3:].any() and found.observed.sum() == np.linalg.matrix_rank(
@@ -178,7 +178,7 @@ def test_axes_and_units():
     case = Case(UR5)
     link = case.links[-1]
     own, world = (
-        case.dyn.wrench(case.q, case.tau, link, case.covariance, frame=f) for f in ("link", "world")
+        case.dyn.wrench(case.q, link, case.tau, case.covariance, frame=f) for f in ("link", "world")
     )
     R = np.kron(np.eye(2), link_placement(case.oracle, case.q, link).rotation)
     np.testing.assert_allclose(world.wrench, R @ own.wrench, rtol=1e-9, atol=1e-9)
@@ -186,7 +186,7 @@ def test_axes_and_units():
     np.testing.assert_allclose(along[1].T @ along[1], R @ along[0].T @ along[0] @ R.T, atol=1e-8)
     assert 0 < own.observed.sum() < 6
     scaled = case.dyn.wrench(
-        case.q, 1e3 * case.tau, link, 1e6 * case.covariance, max_deviation=(1e4, 1e3)
+        case.q, link, 1e3 * case.tau, 1e6 * case.covariance, max_deviation=(1e4, 1e3)
     )
     np.testing.assert_allclose(scaled.wrench, 1e3 * own.wrench, rtol=1e-9)
     np.testing.assert_allclose(scaled.deviation, own.deviation, rtol=1e-9)
@@ -199,7 +199,7 @@ def test_without_covariance(robot):
     link = case.links[-1]
     J = case.J(link)
     for deviation in ((10.0, 1.0), (1e-3, 1e-3)):
-        found = case.dyn.wrench(case.q, case.tau, link, max_deviation=deviation)
+        found = case.dyn.wrench(case.q, link, case.tau, max_deviation=deviation)
         expected = np.linalg.lstsq(J.T, case.tau, rcond=None)[0]
         np.testing.assert_allclose(found.wrench, expected, rtol=1e-9)
         np.testing.assert_allclose(found.covariance, np.linalg.inv(J @ J.T), rtol=1e-8)
@@ -215,10 +215,10 @@ def test_batch_has_the_same_bits():
     )
     options = {"point": POINT, "frame": "world"}
     for threads in (1, 2):
-        many = case.dyn.wrench(Q, TAU, "panda_hand", case.covariance, threads=threads, **options)
+        many = case.dyn.wrench(Q, "panda_hand", TAU, case.covariance, threads=threads, **options)
         assert many.wrench.shape == (600, 6) and many.chi_square.shape == (600,)
         for t in range(0, 600, 37):
-            one = case.dyn.wrench(Q[t], TAU[t], "panda_hand", case.covariance, **options)
+            one = case.dyn.wrench(Q[t], "panda_hand", TAU[t], case.covariance, **options)
             for a, b in zip(one, many, strict=True):
                 np.testing.assert_array_equal(a, b[t])
     assert not any(array.flags.writeable for array in many)
@@ -226,7 +226,7 @@ def test_batch_has_the_same_bits():
         InputError, match=r"state 5: external_torque of joint 'panda_joint2' is nan"
     ):
         TAU[5, 1] = np.nan
-        case.dyn.wrench(Q, TAU, "panda_hand")
+        case.dyn.wrench(Q, "panda_hand", TAU)
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_a_robot_without_joints():
         robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1)))
     )
     with pytest.raises(InputError, match="robot 'post' has no moving joint"):
-        dd.DiagonalDynamics(model).wrench([], [], "base")
+        dd.DiagonalDynamics(model).wrench([], "base", [])
 
 
 # --- Touched link
@@ -468,7 +468,7 @@ class Contacts:
         rows = {link: [row for row in self.rows if row[0] == link] for link in self.links}
         return [
             self.case.dyn.wrench(
-                np.array([r[1] for r in some]), np.array([r[3] for r in some]), link, covariance
+                np.array([r[1] for r in some]), link, np.array([r[3] for r in some]), covariance
             )
             for link, some in rows.items()
         ]
@@ -520,7 +520,7 @@ def test_force_at_a_known_point(contacts):
             np.median(
                 np.linalg.norm(
                     c.case.dyn.wrench(
-                        np.array([row[1] for row in some]), TAU, link, x, **options
+                        np.array([row[1] for row in some]), link, TAU, x, **options
                     ).wrench[:, :3]
                     - force,
                     axis=1,

@@ -62,16 +62,16 @@ def test_jacobian_and_motion_of_links(one):
                     J, np.stack([oracle.from_pin(row) for row in pin.getFrameJacobian(*arguments)])
                 )
                 close(
-                    dyn.link_velocity(q, qd, name, frame=frame),
+                    dyn.link_velocity(q, name, qd, frame=frame),
                     pin.getFrameVelocity(*arguments).vector,
                     10.0,
                 )
-                close(J @ qd, dyn.link_velocity(q, qd, name, frame=frame), 10.0)
+                close(J @ qd, dyn.link_velocity(q, name, qd, frame=frame), 10.0)
                 classical = pin.getFrameClassicalAcceleration(*arguments).vector
-                close(dyn.link_acceleration(q, qd, qdd, name, frame=frame), classical, 100.0)
+                close(dyn.link_acceleration(q, name, qd, qdd, frame=frame), classical, 100.0)
                 spatial = pin.getFrameAcceleration(*arguments).vector
                 close(
-                    dyn.link_acceleration(q, qd, qdd, name, frame=frame, spatial=True),
+                    dyn.link_acceleration(q, name, qd, qdd, frame=frame, spatial=True),
                     spatial,
                     100.0,
                 )
@@ -82,7 +82,7 @@ def test_point_of_a_link():
     model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(1)
     q, qd, point = model.random(rng), rng.normal(size=model.nv), (0.1, -0.2, 0.3)
-    at_origin, at_point = (dyn.link_velocity(q, qd, "panda_hand", p) for p in ((0, 0, 0), point))
+    at_origin, at_point = (dyn.link_velocity(q, "panda_hand", qd, p) for p in ((0, 0, 0), point))
     close(at_point, np.r_[at_origin[:3] + np.cross(at_origin[3:], point), at_origin[3:]])
     for frame in FRAMES:
         J = dyn.jacobian(q, "panda_hand", point, frame=frame)
@@ -184,7 +184,7 @@ def test_wrong_arguments_are_named():
     for said, call in (
         ("'hand' is not a link", lambda: dyn.jacobian(q, "hand")),
         ("frame is 'body'", lambda: dyn.jacobian(q, "panda_hand", frame="body")),
-        ("point", lambda: dyn.link_velocity(q, zero, "panda_hand", (1, 2))),
+        ("point", lambda: dyn.link_velocity(q, "panda_hand", zero, (1, 2))),
         (
             "v of joint 'panda_joint2' is nan",
             lambda: model.integrate(q, [0, math.nan, 0, 0, 0, 0, 0, 0]),

@@ -249,7 +249,7 @@ def test_the_effective_mass_of_a_link_that_was_clicked(live, panda):
     )
     _, (q, qd, _, _), _ = paused(live, panda[0])
     dyn, marks = dd.DiagonalDynamics(panda[0].model), live.until("diag.marks")
-    velocity = dyn.link_velocity(q, qd, "panda_link6", frame="world")[:3]
+    velocity = dyn.link_velocity(q, "panda_link6", qd, frame="world")[:3]
     mobility = dyn.operational_inverse_inertia(q, "panda_link6", frame="world")[:3, :3]
     speed = np.linalg.norm(velocity)
     assert marks["speed"] == pytest.approx(speed, rel=1e-3)

@@ -238,8 +238,8 @@ def arguments(name, moment):
     if moment.effort and model.nv:
         found = dyn.wrench(
             q,
-            tau,
             links[moment.seed % len(links)],
+            tau,
             np.eye(model.nv),
             max_deviation=(10.0 * scale, scale),
         )

@@ -104,7 +104,7 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
             s = dyn.evaluate(message.position, message.velocity, message.effort)
             np.testing.assert_allclose(frame["link_energy"], s.link_energy, rtol=1e-5, atol=1e-7)
             velocity = dyn.link_velocity(
-                message.position, message.velocity, "panda_hand", frame="world"
+                message.position, "panda_hand", message.velocity, frame="world"
             )[:3]
             np.testing.assert_allclose(frame["link_velocity"], velocity, rtol=1e-5, atol=1e-6)
             assert frame.flags <= {"no_external_torque", "late"}

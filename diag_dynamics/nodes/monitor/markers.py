@@ -143,7 +143,7 @@ class MarkerMaker:
         ellipsoid[:3, :3] = R @ axes * half_axes
         placement, diameters = _sphere(ellipsoid)
         self._ellipsoid.pose, self._ellipsoid.scale = _pose(placement), _vector(diameters)
-        v = self._dynamics.link_velocity(q, state.velocity, self.link)[:3]
+        v = self._dynamics.link_velocity(q, self.link, state.velocity)[:3]
         speed = float(np.linalg.norm(v))
         self._arrow.action = Marker.ADD if speed * HORIZON > 0.01 * self.reach else Marker.DELETE
         self._arrow.points = [_point(origin), _point(origin + HORIZON * R @ v)]

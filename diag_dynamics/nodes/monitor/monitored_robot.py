@@ -318,7 +318,7 @@ class MonitoredRobot:
         if covariance is None:  # without one J⁻ᵀτ̂ has no bound near a singularity
             covariance = ASSUMED_NOISE**2 * np.eye(self.model.nv)
         return self.dynamics.wrench(
-            self.state.position, torque, frame, covariance, max_deviation=most
+            self.state.position, frame, torque, covariance, max_deviation=most
         )
 
     def friction_power(self, s):
