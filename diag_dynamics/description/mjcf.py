@@ -67,7 +67,7 @@ def read_mjcf(source: str | os.PathLike[str], max_joints: int = MAX_JOINTS) -> D
         joints=reader.joints,
         loops=tuple(reader.loop(e) for e in c.equalities if c.equality_kinds[e] != "joint"),
         curves=reader.curves,
-        driven=frozenset(c.name("joint", j) for j in c.actuated.values()),
+        driven=tuple(c.name("joint", j) for j in c.actuated.values()),
         floating_base=floating,
         gravity=np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy(),
         locked=c.locked_joints(),

@@ -222,7 +222,7 @@ class Description(NamedTuple):
     joints: Mapping[str, Joint]
     loops: tuple[Loop, ...] = ()
     curves: Mapping[str, Curve] = {}  # non-linear mimic joints
-    driven: frozenset[str] = frozenset()
+    driven: tuple[str, ...] = ()
     floating_base: bool | None = None
     gravity: Array | None = None
     locked: Mapping[str, float] = {}

@@ -24,7 +24,7 @@ ACTUATORS = ("actuator", "leftActuator", "rightActuator")
 JOINTS = ("joint", "flexJoint", "rollJoint")
 
 
-def driven_joints(robot: Any) -> frozenset[str]:
+def driven_joints(robot: Any) -> tuple[str, ...]:
     """Return the joints of transmissions, and those of ros2_control with a command interface."""
     joints = []
     for transmission in robot.iter("transmission"):
@@ -32,7 +32,7 @@ def driven_joints(robot: Any) -> frozenset[str]:
     for joint in robot.findall("ros2_control/joint"):
         if joint.find("command_interface") is not None:
             joints.append(joint)
-    return frozenset(joint.get("name") or "" for joint in joints)
+    return tuple(sorted({joint.get("name") or "" for joint in joints}))
 
 
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:

@@ -131,7 +131,7 @@ def close(
 
     Driven joints are independent if they can be.
     """
-    loops, driven = tree.description.loops, tree.description.driven
+    loops, driven = tree.description.loops, frozenset(tree.description.driven)
     followers = {name: (curve.source,) for name, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)

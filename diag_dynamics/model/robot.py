@@ -131,8 +131,6 @@ class RobotModel:
         are among them.
     payloads : mapping
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
-    description : Description
-        Links and joints that the model is made of.
     estimated_links, omitted : tuple of str
         Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics
         omit of an MJCF, such as ``spring of joint 'knee'``.
@@ -214,7 +212,6 @@ class RobotModel:
         self.orientations: tuple[int, ...] = tree.orientations
         self.bodies: npt.NDArray[np.void] = bodies
         self.links: npt.NDArray[np.void] = links
-        self.description: Description = description
         self._tree, self._options = tree, options
         if self.followers:
             more = limit_by_followers(self, tree.moving, self.lower, self.upper)
@@ -239,6 +236,11 @@ class RobotModel:
         vars(model).pop("workspace", None)
         model._freeze()
         return model
+
+    @property
+    def description(self) -> Description:
+        """Records of links and joints that the model is made of; shared by models, never change it."""
+        return self._tree.description
 
     @property
     def nv(self) -> int:
@@ -482,7 +484,7 @@ class RobotModel:
     def cut_tree(self) -> RobotModel:
         """Return this robot with its loops open and every joint independent; some may move no inertia."""
         options = self._options._replace(
-            mimic="free", flexible_links=Flexible(), locked=self.locked_joints
+            mimic="free", flexible_links=Flexible(), locked=self._tree.locked
         )
         description = self.description._replace(loops=())
         return RobotModel(tree_of(description, options), options)
