@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -121,7 +122,7 @@ class Parameters:
         for name in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, entry in self.joints.items():
-            _joint(entry, f"parameters: joint '{name}'")
+            _joint(entry, f"parameters: joint '{name}'", name)
 
     @property
     def lighter_links(self) -> list[str]:
@@ -164,56 +165,25 @@ class Parameters:
         """Return the parameters of a dict that has attributes of this class as keys, all optional, as the file has them."""
         if isinstance(content, Parameters):
             return content
-        given = mapping(source, content, tuple(cls.__dataclass_fields__))
-        joints, links, payloads, couplings, origin, flexible = (
-            mapping(f"{source}: {key}", given.get(key) or {})
-            for key in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints")
-        )
-        of_motors = given.get("motor_efforts", False)
-        if not isinstance(of_motors, bool):
-            raise InputError(f"{source}: motor_efforts is {of_motors!r}, expected true or false.")
-        velocity = given.get("friction_velocity")
+        content = mapping(source, content, tuple(cls.__dataclass_fields__))
+        motors, velocity = content.get("motor_efforts", False), content.get("friction_velocity")
+        if not isinstance(motors, bool):
+            raise InputError(f"{source}: motor_efforts is {motors!r}, expected true or false.")
         if velocity is not None:
             velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
-        return cls(
-            {
-                str(name): _joint(entry, f"{source}: joint '{name}'")
-                for name, entry in joints.items()
-            },
-            {
-                str(name): _body(entry, f"{source}: link '{name}'", False)
-                for name, entry in links.items()
-            },
-            {
-                str(name): _body(entry, f"{source}: payload '{name}'", True)
-                for name, entry in payloads.items()
-            },
-            {str(name): _coupling(entry, str(name), source) for name, entry in couplings.items()},
-            of_motors,
-            velocity,
-            origin,
-            {
-                str(name): _flexible(entry, f"{source}: flexible joint '{name}'")
-                for name, entry in flexible.items()
-            },
-        )
+        fields: dict[str, Any] = {"motor_efforts": motors, "friction_velocity": velocity}
+        for key, (kind, read) in READERS.items():
+            fields[key] = {}
+            for name, entry in mapping(f"{source}: {key}", content.get(key) or {}).items():
+                fields[key][str(name)] = read(entry, f"{source}: {kind} '{name}'", str(name))
+        return cls(**fields, origin=mapping(f"{source}: origin", content.get("origin") or {}))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain dicts, lists and numbers, as the file has them, without empty entries."""
-        velocity = self.friction_velocity
-        content = {
-            "joints": {name: entry.known for name, entry in self.joints.items()},
-            "links": {name: _plain(body) for name, body in self.links.items()},
-            "payloads": {name: _plain(body) for name, body in self.payloads.items()},
-            "couplings": {
-                name: one._asdict() | {"joints": dict(one.joints)}
-                for name, one in self.couplings.items()
-            },
-            "motor_efforts": self.motor_efforts or None,
-            "friction_velocity": None if velocity is None else float(velocity),
-            "flexible_joints": {name: one._asdict() for name, one in self.flexible_joints.items()},
-            "origin": dict(self.origin),
-        }
+        content: dict[str, Any] = {key: _plain(getattr(self, key)) for key in READERS}
+        content["motor_efforts"] = self.motor_efforts or None
+        content["friction_velocity"] = self.friction_velocity
+        content["origin"] = dict(self.origin)
         return {key: value for key, value in content.items() if value not in (None, {})}
 
     def merged_with(self, later: Parameters) -> Parameters:
@@ -225,26 +195,20 @@ class Parameters:
         joints = dict(self.joints)
         for name, entry in later.joints.items():
             joints[name] = joints.get(name, JointParameters())._replace(**entry.known)
-        payloads = {
-            link: payload for link, payload in self.payloads.items() if link not in later.links
-        }
-        for link, payload in later.payloads.items():
-            payloads[link] = (
-                _union(payloads[link].body, payload, link) if link in payloads else payload
-            )
-        velocity = (
-            self.friction_velocity if later.friction_velocity is None else later.friction_velocity
-        )
-        couplings, of_motors = (
+        payloads = {name: x for name, x in self.payloads.items() if name not in later.links}
+        for name, load in later.payloads.items():
+            has_load = name in payloads
+            payloads[name] = _union(payloads[name].body, load, name) if has_load else load
+        velocity = later.friction_velocity
+        return Parameters(
+            joints,
+            {**self.links, **later.links},
+            payloads,
             {**self.couplings, **later.couplings},
             self.motor_efforts or later.motor_efforts,
-        )
-        links, flexible = (
-            {**self.links, **later.links},
+            self.friction_velocity if velocity is None else velocity,
+            later.origin,
             {**self.flexible_joints, **later.flexible_joints},
-        )
-        return Parameters(
-            joints, links, payloads, couplings, of_motors, velocity, later.origin, flexible
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -253,68 +217,72 @@ class Parameters:
         write_text(path, _HEAD + yaml_text(self.to_dict()) + end)
 
 
-def read_parameters(given: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
+def read_parameters(source: str | os.PathLike[str] | Parameters | Mapping[str, Any]) -> Parameters:
     """Return parameters given as the path of a file, as themselves or as a dict."""
-    return (
-        Parameters.load(given)
-        if isinstance(given, (str, os.PathLike))
-        else Parameters.from_dict(given)
-    )
+    if isinstance(source, (str, os.PathLike)):
+        return Parameters.load(source)
+    return Parameters.from_dict(source)
 
 
-def _joint(entry: object, source: str) -> JointParameters:
+def _joint(entry: object, source: str, _: str) -> JointParameters:
     checked = {}
     for key, value in mapping(source, entry, JointParameters._fields).items():
         if value is None:
             continue
-        expected = f"a finite number{'' if key in SIGNED else ' >= 0'} {_UNITS[key]}"
-        if key == "effort_scale":
+        is_scale, is_signed = key == "effort_scale", key in SIGNED
+        expected = f"a finite number{'' if is_signed else ' >= 0'} {_UNITS[key]}"
+        if is_scale:
             expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
-        is_unknown = key == "effort_scale" and isinstance(value, float) and np.isnan(value)
-        x = (
-            np.nan
-            if is_unknown
-            else float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
-        )
-        if (x < 0.0 and key not in SIGNED) or (x == 0.0 and key == "effort_scale"):
+        x = np.nan
+        if not (is_scale and isinstance(value, float) and np.isnan(value)):
+            x = float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
+        if (x < 0.0 and not is_signed) or (x == 0.0 and is_scale):
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
     return JointParameters(**checked)
 
 
-def _flexible(entry: object, source: str) -> FlexibleJoint:
+def _flexible(entry: object, source: str, _: str) -> FlexibleJoint:
     fields = FlexibleJoint._fields
     values = {"gear": 1.0, "damping": 0.0, **mapping(source, entry, fields, fields[:2])}
     for name, unit in _POSITIVE.items():
         values[name] = positive(f"{source}: {name}", values[name], unit)
-    values["damping"] = not_negative(f"{source}: damping", values["damping"], "[N m s/rad, N s/m]")
-    for name, known in _CHOICES.items():
-        choice(f"{source}: {name}", values.get(name, known[0]), known)
+    values["damping"] = not_negative(f"{source}: damping", values["damping"], _UNITS["damping"])
+    for name, choices in _CHOICES.items():
+        choice(f"{source}: {name}", values.get(name, choices[0]), choices)
     return FlexibleJoint(**values)
 
 
-def _coupling(entry: object, name: str, source: str) -> Coupling:
-    source = f"{source}: coupling '{name}'"
+def _coupling(entry: object, source: str, motor: str) -> Coupling:
     entry = mapping(source, entry, Coupling._fields)
-    joints = {name: 1.0} | {
-        str(one): number(f"{source}: {one}", x, "a finite number")
-        for one, x in mapping(source, entry.get("joints") or {}).items()
-    }
-    values = [
-        not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key])
-        for key in Coupling._fields[1:]
-    ]
-    if len(joints) < 2 or joints[name] != 1.0:
+    joints = {motor: 1.0}
+    for name, ratio in mapping(source, entry.get("joints") or {}).items():
+        joints[str(name)] = number(f"{source}: {name}", ratio, "a finite number")
+    if len(joints) < 2 or joints[motor] != 1.0:
         raise InputError(
-            f"{source} has joints {joints}, expected others by ratio, and 1 for '{name}'."
+            f"{source} has joints {joints}, expected others by ratio, and 1 for '{motor}'."
         )
-    return Coupling(joints, *values)
+    damping, friction = (
+        not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key])
+        for key in ("damping", "friction")
+    )
+    return Coupling(joints, damping, friction)
 
 
-def _body(entry: object, source: str, may_be_negative: bool) -> Payload:
+def _body(entry: object, source: str, _: str, may_be_negative: bool = False) -> Payload:
     entries = mapping(source, entry, Payload._fields).items()
-    given = mapping(source, {key: x for key, x in entries if x is not None}, required=["mass"])
-    return checked_body(Payload(**given), f"{source}: ", may_be_negative=may_be_negative)
+    fields = mapping(source, {key: x for key, x in entries if x is not None}, required=["mass"])
+    return checked_body(Payload(**fields), f"{source}: ", may_be_negative=may_be_negative)
+
+
+READERS: dict[str, tuple[str, Callable[[object, str, str], object]]] = {
+    "joints": ("joint", _joint),
+    "links": ("link", _body),
+    "payloads": ("payload", partial(_body, may_be_negative=True)),
+    "couplings": ("coupling", _coupling),
+    "flexible_joints": ("flexible joint", _flexible),
+}
+"""Kind of the entries of each key of a file, and how one is read: content, text for errors, name."""
 
 
 def with_parameters(description: Description, parameters: Parameters) -> Description:
@@ -380,8 +348,13 @@ def _link(name: str, body: Payload) -> Link:
     return Link(name, Inertial(body.mass, placement, np.array(body.inertia, float)))
 
 
-def _plain(body: Payload) -> dict[str, Any]:
-    return {key: np.asarray(value, float).tolist() for key, value in body._asdict().items()}
+def _plain(value: Any) -> Any:
+    """Return records, mappings and arrays as dicts, lists and numbers of YAML, without None."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {name: _plain(x) for name, x in value.items() if x is not None}
+    return value if isinstance(value, str) else np.asarray(value, float).tolist()
 
 
 def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
