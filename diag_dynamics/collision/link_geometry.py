@@ -65,7 +65,8 @@ def link_geometry(
     choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))
     elements, meshes = link_elements(urdf), Meshes(folder_of(urdf))
-    points, source, grown, left_out = [], {}, {}, {}
+    points, source, grown = [], dict[str, str](), dict[str, float]()
+    left_out: dict[str, str] = {}
     for link in model.link_names:
         if model.placement_in_body(link)[0] == 0:
             continue
