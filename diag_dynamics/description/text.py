@@ -100,8 +100,10 @@ def _read(source: Any) -> str | bytes | bytearray:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
+        is_name = path.name == str(source) and not path.suffix
+        hint = f" Load a robot by its name with load_robot('{path}')." if is_name else ""
         raise UrdfError(
-            f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}."
+            f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.{hint}"
         ) from error
 
 
