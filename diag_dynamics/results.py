@@ -391,6 +391,9 @@ class Factors(NamedTuple):
         """Return all factors by name."""
         return self._asdict()
 
+    def __repr__(self) -> str:
+        return f"<Factors of M: shape {self.m.shape}>"
+
 
 class Momentum(NamedTuple):
     """Generalized momentum and its rate without efforts, for one state or a row for each: ṗ = τ + rate.

@@ -57,6 +57,11 @@ class Observed(NamedTuple):
     q: Array
     dynamics: DiagonalDynamics
 
+    def __repr__(self) -> str:
+        name, valid = self.dynamics.model.name, int(self.valid.sum())
+        collisions = int((np.diff(self.collision.astype(int), prepend=0) > 0).sum())
+        return f"<Observed '{name}': {len(self.t)} states, {valid} valid, {collisions} collisions>"
+
     def wrench(
         self, link: str, covariance: RowsLike | None = None, **options: Any
     ) -> ExternalWrench:

@@ -479,6 +479,10 @@ class Simulation:
         tau = None if tau is None else self.with_spring_torques(tau)
         return self.dynamics.evaluate(self.q, self.qd, tau, f_ext, frame=frame)
 
+    def __repr__(self) -> str:
+        model = self.model
+        return f"<Simulation '{model.name}': {model.nv} dof, time {self.time:.6g} s>"
+
     @property
     def kinetic_energy(self) -> float:
         """K = ½νᵀν [J], with the rotors of flexible joints, ½Bθ̇²."""
