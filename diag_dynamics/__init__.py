@@ -17,14 +17,13 @@ _NAMES = {
     "model": "Curve FlexibleJoint FlexibleLink JointParameters Loop LoopEnd Mimic Parameters Payload RobotModel "
     "load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
-    "dynamics.flexible": "FlexibleDynamics FlexibleEvaluation",
-    "results": "BatchEvaluation Evaluation ExternalWrench Factors Momentum TouchedLink",
+    "dynamics.flexible": "FlexibleDynamics",
+    "results": "Evaluation",
     "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning MasslessLinkError MimicJointError "
     "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
     "collision.link_geometry": "link_geometry",
     "collision.contact_points": "BodyRegion ContactLimits ContactPoint ContactPoints",
-    "collision.predicted_contact": "Impact PredictedContact",
-    "simulation": "CompliantLimits EnergyAudit Simulation",
+    "simulation": "CompliantLimits Simulation",
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
     "control.filters": "Limits",
@@ -36,10 +35,9 @@ _NAMES = {
     "collision.calibration": "Calibration",
     "recordings.recording": "Recording read_recording stream_recording",
     "recordings.fleet": "analyse_fleet",
-    "recordings.observer": "Observed observe",
+    "recordings.observer": "observe",
     "recordings.calibration": "calibrate",
-    "identification.result": "Identification",
-    "identification.excite": "Excitation excite",
+    "identification.excite": "excite",
     "identification.identify": "identify",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
@@ -55,8 +53,6 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
     from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
     from diag_dynamics.collision.link_geometry import link_geometry as link_geometry
-    from diag_dynamics.collision.predicted_contact import Impact as Impact
-    from diag_dynamics.collision.predicted_contact import PredictedContact as PredictedContact
     from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
     from diag_dynamics.control.filters import Limits as Limits
     from diag_dynamics.control.laws import GravityCompensation as GravityCompensation
@@ -73,7 +69,6 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.tank import EnergyTank as EnergyTank
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
     from diag_dynamics.dynamics.flexible import FlexibleDynamics as FlexibleDynamics
-    from diag_dynamics.dynamics.flexible import FlexibleEvaluation as FlexibleEvaluation
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
     from diag_dynamics.exceptions import InputError as InputError
@@ -86,10 +81,8 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
-    from diag_dynamics.identification.excite import Excitation as Excitation
     from diag_dynamics.identification.excite import excite as excite
     from diag_dynamics.identification.identify import identify as identify
-    from diag_dynamics.identification.result import Identification as Identification
     from diag_dynamics.model import Curve as Curve
     from diag_dynamics.model import FlexibleJoint as FlexibleJoint
     from diag_dynamics.model import FlexibleLink as FlexibleLink
@@ -105,19 +98,12 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.model import load_urdf as load_urdf
     from diag_dynamics.recordings.calibration import calibrate as calibrate
     from diag_dynamics.recordings.fleet import analyse_fleet as analyse_fleet
-    from diag_dynamics.recordings.observer import Observed as Observed
     from diag_dynamics.recordings.observer import observe as observe
     from diag_dynamics.recordings.recording import Recording as Recording
     from diag_dynamics.recordings.recording import read_recording as read_recording
     from diag_dynamics.recordings.recording import stream_recording as stream_recording
-    from diag_dynamics.results import BatchEvaluation as BatchEvaluation
     from diag_dynamics.results import Evaluation as Evaluation
-    from diag_dynamics.results import ExternalWrench as ExternalWrench
-    from diag_dynamics.results import Factors as Factors
-    from diag_dynamics.results import Momentum as Momentum
-    from diag_dynamics.results import TouchedLink as TouchedLink
     from diag_dynamics.simulation import CompliantLimits as CompliantLimits
-    from diag_dynamics.simulation import EnergyAudit as EnergyAudit
     from diag_dynamics.simulation import Simulation as Simulation
 else:
     __all__ = sorted((*_HOME, *_MODULES))

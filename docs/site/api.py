@@ -4,6 +4,7 @@
 """API reference: one page for each public name, written into docs/api from docstrings, and links to these pages."""
 
 import inspect
+import pydoc
 import re
 
 from docutils import nodes
@@ -24,34 +25,58 @@ TITLES = {
 }
 """Titles of groups by the package or module that defines a name."""
 
+RESULTS = (
+    "results.BatchEvaluation",
+    "results.Factors",
+    "results.Momentum",
+    "results.ExternalWrench",
+    "results.TouchedLink",
+    "collision.predicted_contact.PredictedContact",
+    "collision.predicted_contact.Impact",
+    "dynamics.flexible.FlexibleEvaluation",
+    "simulation.simulation.EnergyAudit",
+    "recordings.observer.Observed",
+    "identification.excite.Excitation",
+    "identification.result.Identification",
+)
+"""Types of results, which methods return and nobody constructs, by their modules."""
+
 HEAD = "# API reference\n\nVectors have the order of `model.dof_names`. Units are SI. Batches have a leading axis T.\n"
 
 
 def groups():
-    """Return the public names by title of their group."""
+    """Return the public names and those of results by title of their group."""
     found = {title: [] for title in TITLES.values()}
-    for name in diag_dynamics.__all__:
+    for name in (*diag_dynamics.__all__, *RESULTS):
         if name != "plot":
-            found[TITLES[getattr(diag_dynamics, name).__module__.split(".")[1]]].append(name)
+            found[TITLES[value_of(name).__module__.split(".")[1]]].append(name)
     return found | {"Plots": ["plot"]}
+
+
+def value_of(name):
+    """Return the class, function or module of a name in the package."""
+    if name in diag_dynamics.__all__:
+        return getattr(diag_dynamics, name)
+    return pydoc.locate(f"diag_dynamics.{name}")
 
 
 def summary(name):
     """Return the first line of a docstring, without markup of roles."""
-    line = inspect.getdoc(getattr(diag_dynamics, name)).splitlines()[0]
+    line = inspect.getdoc(value_of(name)).splitlines()[0]
     return re.sub(r":\w+:`~?([^`]*)`", r"`\1`", line).replace("|", r"\|")
 
 
 def page(name):
     """Return the text of the page of a public name."""
-    value = getattr(diag_dynamics, name)
+    value = value_of(name)
     kind = (
         "class" if inspect.isclass(value) else "module" if inspect.ismodule(value) else "function"
     )
     options = {"class": "   :members:\n", "module": "   :members:\n", "function": ""}[kind]
     if kind == "class" and not issubclass(value, (Exception, tuple)):
         options += "   :inherited-members:\n"
-    return f"# dd.{name}\n\n```{{eval-rst}}\n.. auto{kind}:: diag_dynamics.{name}\n{options}```\n"
+    title = name if name in RESULTS else f"dd.{name}"
+    return f"# {title}\n\n```{{eval-rst}}\n.. auto{kind}:: diag_dynamics.{name}\n{options}```\n"
 
 
 def index():
@@ -95,8 +120,14 @@ def link_names(app, doctree):
             link += literal
 
 
+def find_classes_by_last_name(_app, _what, _name, _object, _options, lines):
+    """Find classes of docstrings in all modules; results are in modules of their own."""
+    lines[:] = [line.replace(":class:`", ":class:`.") for line in lines]
+
+
 def setup(app):
     """Write pages before Sphinx looks for them."""
+    app.connect("autodoc-process-docstring", find_classes_by_last_name)
     app.connect("config-inited", write_pages)
     app.connect("doctree-read", link_names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -12,6 +12,7 @@ from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.forces import UPPER, ForceOptions, Forces, component_deviations
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
+from diag_dynamics.results import ExternalWrench
 
 TOUCHED, FRAME = "wrist_2_link", "wrist_3_link"
 
@@ -101,7 +102,7 @@ def test_without_touch_or_covariance_there_is_no_force(pushed):
 def test_components_with_an_unobserved_part_have_no_deviation():
     """The page shows no ± for an infinite variance."""
     variances = [4.0, np.inf, 9.0, np.inf, 0.25, np.inf]
-    w = dd.ExternalWrench(np.zeros(6), np.diag(variances), None, None, None, 0.0)
+    w = ExternalWrench(np.zeros(6), np.diag(variances), None, None, None, 0.0)
     np.testing.assert_array_equal(component_deviations(w), [2.0, np.nan, 3.0, np.nan, 0.5, np.nan])
 
 

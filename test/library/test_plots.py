@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from diag_dynamics.recordings.observer import Observed
 from motions import fourier, recorded
 from robots import description, joint, link
 
@@ -114,7 +115,7 @@ def test_peaks_are_drawn():
         and at[K.argmax()] == pytest.approx(54.321)
     )
     torque[60_000:70_000] = np.nan
-    observed = dd.Observed(t, torque, torque, torque[:, 0], ~flags, flags, torque, DYN)
+    observed = Observed(t, torque, torque, torque[:, 0], ~flags, flags, torque, DYN)
     line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)

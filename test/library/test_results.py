@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.results import NAMES
+from diag_dynamics.results import NAMES, BatchEvaluation
 
 COUNT = 20
 """States of a batch."""
@@ -130,7 +130,7 @@ def test_indices_and_slices(dyn):
             )
     for index in (slice(10, 19, 3), slice(3), slice(3, 3)):
         part = batch[index]
-        assert type(part) is dd.BatchEvaluation and len(part) == len(range(COUNT)[index])
+        assert type(part) is BatchEvaluation and len(part) == len(range(COUNT)[index])
         assert not part.nu.flags.writeable
         for name in NAMES:
             np.testing.assert_array_equal(getattr(part, name), getattr(batch, name)[index])
