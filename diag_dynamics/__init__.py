@@ -112,7 +112,8 @@ else:
         if name in _MODULES:
             return _import_module(f"{__name__}.{name}")
         if name not in _HOME:
-            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            error = _import_module(f"{__name__}.exceptions").attribute_error
+            raise error(f"module {__name__!r}", name)
         value = getattr(_import_module(f"{__name__}.{_HOME[name]}"), name)
         globals()[name] = value
         return value

@@ -126,3 +126,57 @@ def cause_of(error: Exception) -> str:
     if isinstance(error, RejectedError):
         return error.cause
     return type(error).__name__ if isinstance(error, DiagDynamicsError) else "internal error"
+
+
+# --- Names of other libraries
+
+FOREIGN_NAMES = {
+    "dyn.inverse_dynamics": "rnea mj_inverse qfrc_inverse",
+    "dyn.forward_dynamics": "aba forwardDynamics mj_forward qacc",
+    "dyn.mass_matrix": "crba mj_fullM mj_crb",
+    "dyn.inverse_mass_matrix": "computeMinverse mj_solveM",
+    "dyn.factors": "cholesky mj_factorM qLD",
+    "dyn.coriolis_torque": "nle nonLinearEffects mj_rne qfrc_bias",
+    "dyn.coriolis_matrix_times": "computeCoriolisMatrix getCoriolisMatrix",
+    "dyn.gravity_torque": "computeGeneralizedGravity jacobian_com jacobianCenterOfMass "
+    "mj_jacSubtreeCom",
+    "dyn.friction_torque": "qfrc_passive",
+    "dyn.potential_energy": "computePotentialEnergy mj_energyPos",
+    "dyn.evaluate": "computeAllTerms computeKineticEnergy mj_energyVel",
+    "dyn.center_of_mass": "centerOfMass subtree_com",
+    "dyn.regressor": "computeJointTorqueRegressor",
+    "dyn.placement": "framesForwardKinematics updateFramePlacements oMf mj_kinematics xpos xmat",
+    "dyn.jacobian": "computeFrameJacobian getFrameJacobian mj_jac mj_jacBody",
+    "dyn.link_velocity": "getFrameVelocity mj_objectVelocity cvel",
+    "dyn.link_acceleration": "getFrameClassicalAcceleration getFrameAcceleration "
+    "mj_objectAcceleration",
+    "model.dof_names": "names idx_vs jnt_dofadr",
+    "model.link_names": "frames getFrameId nbody",
+    "model.lower": "lowerPositionLimit jnt_range",
+    "model.upper": "upperPositionLimit",
+    "model.effort_limit": "effortLimit jnt_actfrcrange",
+    "model.velocity_limit": "velocityLimit",
+    "model.armature": "rotorInertia dof_armature",
+    "model.total_mass": "computeTotalMass mj_getTotalmass",
+    "model.neutral": "neutral qpos0",
+    "model.random": "randomConfiguration",
+    "model.integrate": "integrate mj_integratePos",
+    "model.difference": "difference mj_differentiatePos",
+    "dd.load_urdf": "buildModelFromUrdf buildModelFromXML",
+    "dd.load_mjcf": "buildModelFromMJCF MjModel",
+    "dd.DiagonalDynamics": "createData Data MjData",
+    "dd.Simulation": "mj_step",
+}
+"""Names in Pinocchio, then in MuJoCo, by those here; docs/names.md has what differs."""
+
+
+def attribute_error(owner: object, name: str) -> AttributeError:
+    """Return the error of an attribute that an object or the package does not have."""
+    kind = owner if isinstance(owner, str) else type(owner).__name__
+    text = f"{kind} has no attribute {name!r}"
+    for substitute, names in FOREIGN_NAMES.items():
+        if name in names.split():
+            return AttributeError(
+                f"{text}; expected {substitute}. docs/names.md lists what differs."
+            )
+    return AttributeError(text, name=name, obj=owner)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from diag_dynamics.collision.predicted_contact import Impact, PredictedContact, 
 from diag_dynamics.dynamics import calls, external_wrench, noise
 from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
 from diag_dynamics.dynamics.compilation import compile_methods
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.exceptions import InputError, attribute_error
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import (
     Evaluation,
@@ -94,6 +94,14 @@ class DiagonalDynamics:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model,)  # a copy has memory of its own
+
+    if not TYPE_CHECKING:  # mypy would accept any attribute
+
+        def __getattr__(self, name):
+            raise attribute_error(self, name)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} '{self.model.name}': {self._nv} dof>"
 
     def compile(self, *methods: str, rows: bool = False) -> None:
         """Compile methods by name, or all methods, so that no later call waits for the compiler.

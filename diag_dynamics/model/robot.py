@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,7 @@ from diag_dynamics.description.records import (
     Mimic,
     Payload,
 )
-from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
 from diag_dynamics.model.flexible_links import Flexible, FlexibleLink, modal_effort
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle
@@ -492,6 +492,11 @@ class RobotModel:
     def first_body(self, joint: str) -> int:
         """Return the first body of a joint that moves."""
         return int(self._tree.first_body(joint))
+
+    if not TYPE_CHECKING:  # mypy would accept any attribute
+
+        def __getattr__(self, name):
+            raise attribute_error(self, name)
 
     def __repr__(self) -> str:
         return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
