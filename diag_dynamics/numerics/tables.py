@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from diag_dynamics.numerics.kernel import array_kernel, kernel
+from diag_dynamics.numerics.kernel import array_kernel, kernel, linking
 
 
 @functools.cache
@@ -63,8 +63,8 @@ class Table:
     """Declaration of a table: Python writes it and kernels read it by the same names.
 
     Its fields are :class:`int`, :class:`float` or an :func:`array`; numba distinguishes types of
-    tables by `name`. The kernel `opened` of the address of a table returns a named tuple. Only
-    those fields are read that are used.
+    tables by `name`. The kernel `opened` of the address of a table returns the table, with its
+    fields as attributes. Only those fields are read that are used.
     """
 
     def __init__(self, name, /, **fields):
@@ -77,11 +77,22 @@ class Table:
                 for field, kind in fields.items()
             ]
         )
-        self.opened = _reader(name, fields, self.dtype)
+        self.opened = (_reader if linking is None else _lazy_reader)(name, fields, self.dtype)
+
+
+def _lazy_reader(name, fields, dtype):
+    """Kernel (address) that returns a table whose fields are compiled where they are used."""
+    places = {}
+    for field, kind in fields.items():
+        number = numba.from_dtype(np.dtype(kind.dtype if isinstance(kind, Array) else kind))
+        is_array = isinstance(kind, Array)
+        field_type = types.Array(number, kind.ndim, "C") if is_array else number
+        places[field] = field_type, dtype.fields[field][1]
+    return linking.table_at(name, places)
 
 
 def _reader(name, fields, dtype):
-    """Kernel (address) that returns a table as a named tuple.
+    """Kernel (address) that returns a table as a named tuple, for a numba without :mod:`linking`.
 
     Its source is generated, because numba compiles a composition of one kernel for each field
     twenty times slower.
