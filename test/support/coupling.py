@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupled joints (URDF mimic tags) without the library: their structure, an oracle, named robots and random ones.
+"""Coupled joints (URDF mimic tags) without the library: their tags, an oracle, named and random robots.
 
-`Coupling` reads the tags and says who follows whom and which joints form one aggregate. `Coupled` is an oracle with
-the interface of `oracles.Oracle`, in independent coordinates: Pinocchio's model with every joint independent,
-projected by q̇_full = G q̇. Imports nothing of diag_dynamics.
+`Coupling` reads the tags: which joint follows which, and what stands still. `Coupled` is an oracle
+with the interface of `oracles.Oracle`, in independent coordinates: Pinocchio's model with every
+joint independent, projected by q̇_full = G q̇. Imports nothing of diag_dynamics.
 """
 
 import xml.etree.ElementTree as ET
@@ -34,7 +34,7 @@ class Mimic(NamedTuple):
 
 
 class Coupling:
-    """Who follows whom, what stands still, and what moves as one, by the tags of a URDF.
+    """Which joints follow others, and what stands still, by the tags of a URDF.
 
     Attributes
     ----------
@@ -43,19 +43,14 @@ class Coupling:
     mimics : dict
         `Mimic` of each follower that moves, by name.
     locked : dict
-        Positions of the joints that are held and of the followers that therefore, or by a multiplier of 0, stand still.
+        Positions of locked joints, and of followers that stand still for them or by a multiplier of 0.
     moving : list
-        Names of the joints that move, followers included, base to tip.
-    inboard : dict
-        Of each moving joint the next moving joint inboard, None at the root.
-    aggregates : list of lists
-        The joints of each aggregate, base to tip.
+        Names of the joints that move, followers included.
     """
 
     def __init__(self, xml: ET.Element, locked: Mapping[str, float]):
         """Read the tags."""
         self.joints = {element.get("name"): element for element in xml.findall("joint")}
-        self.links = [element.get("name") for element in xml.findall("link")]
         self._held = dict(locked)
         self.mimics, self.locked = {}, dict(locked)
         for name, element in self.joints.items():
@@ -69,8 +64,7 @@ class Coupling:
                     self.locked[name] = offset
                 else:
                     self.mimics[name] = Mimic(leader, multiplier, offset)
-        self._walk()
-        self.aggregates = self._merged([self._paths(members) for members in self.groups.values()])
+        self.moving = [name for name in self.joints if self._moves(name)]
 
     def kind(self, name: str) -> str:
         """Return the type of a joint."""
@@ -91,91 +85,13 @@ class Coupling:
         factor *= multiplier
         return (leader if factor else None), factor, offset
 
-    def _walk(self) -> None:
-        children = {}
-        for name in sorted(self.joints):
-            children.setdefault(self.joints[name].find("parent").get("link"), []).append(name)
-        carried = {self.joints[name].find("child").get("link") for name in self.joints}
-        (self.root,) = (name for name in self.links if name not in carried)
-        self.moving, self.inboard = [], {}
-        stack = [(name, None) for name in reversed(children.get(self.root, []))]
-        while stack:
-            name, mover = stack.pop()
-            if self._moves(name):
-                self.moving.append(name)
-                self.inboard[name] = mover
-                mover = name
-            outboard = children.get(self.joints[name].find("child").get("link"), [])
-            stack.extend((other, mover) for other in reversed(outboard))
-
     def _moves(self, name: str) -> bool:
         return self.kind(name) != "fixed" and name not in self.locked
 
     @property
     def independent(self) -> list[str]:
-        """Return the names of the moving joints that follow no other, base to tip in the tree of joints."""
+        """Return the names of the moving joints that follow no other."""
         return [name for name in self.moving if name not in self.mimics]
-
-    @property
-    def groups(self) -> dict[str, list[str]]:
-        """Return the members of each coupled group, leader first, by leader."""
-        found = {}
-        for name, mimic in self.mimics.items():
-            found.setdefault(mimic.leader, [mimic.leader]).append(name)
-        return found
-
-    def path(self, name: str | None) -> list[str]:
-        """Return the moving joints from the root to a joint, itself included."""
-        found = []
-        while name is not None:
-            found.append(name)
-            name = self.inboard[name]
-        return found[::-1]
-
-    def carries(self, a: str, b: str) -> bool:
-        """Whether joint a is strictly inboard of joint b."""
-        return a != b and a in self.path(b)
-
-    def _paths(self, members: list[str]) -> set[str]:
-        """Return the joints from the lowest body that carries all members, exclusive, down to them."""
-        paths = [self.path(name) for name in members]
-        shared = 0  # joints that strictly carry all members
-        while all(len(path) > shared + 1 and path[shared] == paths[0][shared] for path in paths):
-            shared += 1
-        return {name for path in paths for name in path[shared:]}
-
-    def _merged(self, sets: list[set[str]]) -> list[list[str]]:
-        """Return the unions of sets that overlap, base to tip."""
-        found = []
-        for joints in sets:
-            for other in [other for other in found if other & joints]:
-                found.remove(other)
-                joints = joints | other
-            found.append(joints)
-        ordered = [[name for name in self.moving if name in joints] for joints in found]
-        return sorted(ordered, key=lambda joints: self.moving.index(joints[0]))
-
-    def node(self, name: str) -> tuple[str, ...]:
-        """Return what moves as one with a joint: its aggregate, or itself alone."""
-        return next((tuple(joints) for joints in self.aggregates if name in joints), (name,))
-
-    def node_inboard(self, node: tuple[str, ...]) -> tuple[str, ...] | None:
-        """Return the node that carries a node; None at the root."""
-        parents = {self.inboard[name] for name in node} - set(node)
-        (parent,) = parents  # one body carries the whole aggregate
-        return None if parent is None else self.node(parent)
-
-    @property
-    def nodes(self) -> list[tuple[str, ...]]:
-        """Return all nodes, base to tip."""
-        left, found = list(dict.fromkeys(self.node(name) for name in self.moving)), []
-        while left:
-            node = next(
-                n for n in left if self.node_inboard(n) is None or self.node_inboard(n) in found
-            )
-            left.remove(node)
-            found.append(node)
-        return found
 
 
 # --- the oracle
@@ -223,7 +139,7 @@ class Coupled:
         locked_joints: Mapping[str, float] | None = None,
         payloads: Mapping[str, tuple] | None = None,
     ):
-        """Build it from URDF text; `dof_names` are the independent dofs, base to tip, in the caller's order."""
+        """Build it from URDF text; `dof_names` are the independent dofs in the caller's order."""
         self.xml, self._payloads = ET.fromstring(urdf), dict(payloads or {})
         self.coupling = coupling = Coupling(self.xml, dict(locked_joints or {}))
         moved = {
@@ -235,10 +151,8 @@ class Coupled:
         for k, name in enumerate(full.dof_names):
             own.setdefault(full.model.names[full._joint[k]], []).append(name)
         assert set(own) - {ROOT} == set(coupling.moving)
-        ordered = [ROOT] * floating_base
-        ordered += [name for node in coupling.nodes for name in node if name not in coupling.mimics]
-        natural = tuple(name for joint in ordered for name in own[joint])
-        self.dof_names = natural if dof_names is None else tuple(dof_names)
+        natural = [name for joint in own if joint not in coupling.mimics for name in own[joint]]
+        self.dof_names = tuple(natural if dof_names is None else dof_names)
         if sorted(self.dof_names) != sorted(natural):
             raise ValueError(f"dofs {sorted(self.dof_names)} are not {sorted(natural)}")
         self.nv = len(self.dof_names)
@@ -269,48 +183,9 @@ class Coupled:
 
     # --- structure
 
-    def _node(self, k: int) -> tuple[str, ...]:
-        name = self.joint_of_dof[k]
-        return (ROOT,) if name == ROOT else self.coupling.node(name)
-
-    @cached_property
-    def _nodes_inboard(self) -> dict[tuple[str, ...], set[tuple[str, ...]]]:
-        """Return of each node those strictly inboard of it."""
-        found = {(ROOT,): set()}
-        for node in self.coupling.nodes:
-            parent = self.coupling.node_inboard(node)
-            base = {(ROOT,)} if ROOT in self.joint_names else set()
-            found[node] = base if parent is None else found[parent] | {parent}
-        return found
-
-    @cached_property
-    def _ancestors(self) -> list[frozenset[int]]:
-        nodes = [self._node(k) for k in range(self.nv)]
-        inboard = [self._nodes_inboard[node] for node in nodes]
-        return [
-            frozenset(
-                j
-                for j in range(self.nv)
-                if nodes[j] in inboard[k] or (nodes[j] == nodes[k] and j < k)
-            )
-            for k in range(self.nv)
-        ]
-
-    def ancestors(self, k: int) -> frozenset[int]:
-        """Return the dofs of the nodes strictly inboard of that of dof k, and those of its own that come before it."""
-        return self._ancestors[k]
-
-    def descendants(self, k: int) -> set[int]:
-        """Return the dofs of which k is an ancestor."""
-        return {j for j in range(self.nv) if k in self._ancestors[j]}
-
     def joint_mates(self, k: int) -> set[int]:
-        """Return all dofs of the node of dof k."""
-        return {j for j in range(self.nv) if self._node(j) == self._node(k)}
-
-    def is_coupled(self, k: int) -> bool:
-        """Whether dof k belongs to an aggregate."""
-        return self.joint_of_dof[k] != ROOT and list(self._node(k)) in self.coupling.aggregates
+        """Return all dofs of the joint of dof k."""
+        return {j for j in range(self.nv) if self.joint_of_dof[j] == self.joint_of_dof[k]}
 
     @property
     def mass(self) -> float:
@@ -347,8 +222,6 @@ class Coupled:
         )
 
     # --- dynamics
-
-    derivative = Oracle.derivative
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """Return M = GᵀM_full G."""
@@ -615,35 +488,6 @@ NAMED = {
             massless=("c", "d"),
         ),
         tree(
-            "continuous leader",
-            ("base", "a", C),
-            ("a", "b", C),
-            ("b", "c", C, "b", -2.0),
-            ("b", "d", C, "a"),
-        ),
-        tree(
-            "one freedom",
-            ("base", "a", R),
-            ("a", "b", R, "a"),
-            ("b", "c", R, "a", 0.5),
-            ("a", "d", P, "a", 0.2),
-        ),
-        tree(
-            "massless leader link",
-            *(("base", "a", R), ("a", "b", R), ("a", "c", R, "b", -0.8), ("c", "d", R)),
-            massless=("b",),
-        ),
-        tree(
-            "massless on the way",
-            *(
-                ("base", "a", R),
-                ("a", "b", R, "a", 0.5),
-                ("b", "c", R, "a", 0.4),
-                ("c", "d", R, "a", 0.3),
-            ),
-            massless=("a", "b", "c"),
-        ),
-        tree(
             "leader is fixed",
             *(
                 ("base", "a", R),
@@ -652,13 +496,6 @@ NAMED = {
                 ("b", "c", R, "b", 3.0),
             ),
             *(("c", "d", R), ("d", "e", R, "d", 0.5)),
-        ),
-        tree(
-            "snake of two",
-            *(
-                (str(k - 1) if k else "base", str(k), R, *((str(k % 2), 0.9**k) if k > 1 else ()))
-                for k in range(10)
-            ),
         ),
         tree(
             "nested three deep",
@@ -674,79 +511,4 @@ NAMED = {
         _parallel_gripper(),
     )
 }
-"""Robots of one feature each, by name; random trees have the others."""
-
-
-def coupled_tree(seed: int) -> Robot:
-    """Return a tree of mixed joints with random groups of them coupled, geared at random."""
-    rng = np.random.default_rng([seed, 77])
-    count = int(rng.integers(5, 15))
-    kinds = rng.choice([R, C, P, "planar", "floating"], count, p=(0.35, 0.15, 0.3, 0.12, 0.08))
-    names = [f"{chr(ord('a') + int(rng.integers(26)))}_{k}" for k in range(count)]
-    hub, bushy = (
-        int(rng.integers(-1, 3)),
-        float(rng.choice([0.1, 0.3, 0.7])),
-    )  # one link has many children
-    parents = []
-    for k in range(count):
-        draw = rng.random()
-        parents.append(
-            min(hub, k - 1) if draw < bushy else int(rng.integers(-1, k)) if draw > 0.85 else k - 1
-        )
-    mimics = _random_groups(rng, [k for k in range(count) if kinds[k] in SINGLE], parents)
-    elements = [_body("base", rng)]
-    for k in range(count):
-        parent = f"link_{parents[k]}" if parents[k] >= 0 else "base"
-        if rng.random() < 0.15:
-            elements.append(
-                joint(f"weld_{k}", "fixed", parent, f"plate_{k}", xyz=rng.uniform(-0.2, 0.2, 3))
-            )
-            elements.append(_body(f"plate_{k}", rng) if rng.random() < 0.5 else link(f"plate_{k}"))
-            parent = f"plate_{k}"
-        element = _crooked(names[k], str(kinds[k]), parent, f"link_{k}", rng)
-        if k in mimics:
-            leader, *numbers = mimics[k]
-            element = mimicking(element, names[leader], *numbers)
-        elements.append(element)
-        bare = k in mimics and rng.random() < 0.3
-        elements.append(link(f"link_{k}") if bare else _body(f"link_{k}", rng))
-    armature = {
-        names[k]: float(rng.uniform(0.01, 0.5))
-        for k in range(count)
-        if kinds[k] in SINGLE and rng.random() < 0.4
-    }
-    return Robot(f"coupled_tree_{seed}", description(f"coupled_tree_{seed}", *elements), armature)
-
-
-def _random_groups(
-    rng: np.random.Generator, single: list[int], parents: list[int]
-) -> dict[int, tuple]:
-    """Return leader, multiplier and offset by follower: groups of joints that are near each other, mostly."""
-
-    def path(k):
-        return [] if k < 0 else [*path(parents[k]), k]
-
-    mimics, free = {}, list(single)
-    for _ in range(int(rng.integers(1, 5))):
-        if len(free) < 2:
-            break
-        first = int(rng.choice(free))
-        near = sorted(
-            (len(set(path(first)) ^ set(path(k))) + rng.uniform(0, 4), k)
-            for k in free
-            if k != first
-        )
-        members = [first, *(k for _, k in near[: int(rng.choice([1, 1, 2, 3]))])]
-        rng.shuffle(members)
-        for i, k in enumerate(members[1:], start=1):
-            leader = members[int(rng.integers(i)) if rng.random() < 0.4 else 0]
-            multiplier = (
-                0.0 if rng.random() < 0.08 else float(rng.choice([-1, 1]) * rng.uniform(0.3, 1.5))
-            )
-            mimics[k] = (
-                leader,
-                multiplier,
-                float(rng.uniform(-1, 1)) if rng.random() < 0.5 else None,
-            )
-        free = [k for k in free if k not in members]
-    return mimics
+"""Robots of one feature each, by name; random trees of test_mimic.py have the others."""
