@@ -77,37 +77,6 @@ def test_jacobian_and_motion_of_links(one):
                 )
 
 
-def test_point_of_a_link():
-    """At a point: v + ω × p of the link, the row that a unit force there lifts, and the reflected inertia's factor."""
-    model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(1)
-    q, qd, point = model.random(rng), rng.normal(size=model.nv), (0.1, -0.2, 0.3)
-    at_origin, at_point = (dyn.link_velocity(q, "panda_hand", qd, p) for p in ((0, 0, 0), point))
-    close(at_point, np.r_[at_origin[:3] + np.cross(at_origin[3:], point), at_origin[3:]])
-    for frame in FRAMES:
-        J = dyn.jacobian(q, "panda_hand", point, frame=frame)
-        close(dyn.factors(q).l @ J.T, dyn.wrench_factor(q, "panda_hand", point, frame))
-
-
-def test_a_follower_moves_its_leaders_column():
-    """Of an embedded mimic: the Jacobian of a link beyond it is that of differences of its place."""
-    urdf = description(
-        "gripper",
-        link("base"),
-        link("a", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
-        link("b", 1.0, inertia=(1, 0, 0, 1, 0, 1)),
-        joint("leader", "revolute", "base", "a", (0, 0, 1), (0.1, 0, 0)),
-        joint("follower", "prismatic", "a", "b", (1, 0, 0), (0, 0.2, 0)).replace(
-            "</joint>", '<mimic joint="leader" multiplier="-2" offset="0.3"/></joint>'
-        ),
-    )
-    dyn = dd.DiagonalDynamics(dd.load_urdf(urdf))
-    assert dyn.model.nv == 1
-    h, q = 1e-6, np.array([0.4])
-    by_difference = (dyn.placement(q + h, "b")[:3, 3] - dyn.placement(q - h, "b")[:3, 3]) / (2 * h)
-    np.testing.assert_allclose(dyn.jacobian(q, "b", frame="world")[:3, 0], by_difference, rtol=1e-8)
-
-
 @pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
 def test_integrate_and_difference(one):
     """Both are Pinocchio's, each undoes the other, and a configuration is nothing from itself."""
@@ -232,13 +201,3 @@ def test_quaternions_near_unit_length_are_normalized(squared):
     else:
         with pytest.raises(dd.InputError):
             dyn.nu_from_qd(scaled, qd)
-
-
-@pytest.mark.parametrize("change", [-1, 1])
-@pytest.mark.parametrize("name", ["q", "qd", "tau"])
-def test_vectors_of_another_length_are_named(name, change):
-    dyn = dd.DiagonalDynamics(dd.load_robot("panda"))
-    arguments = {key: np.zeros(dyn.model.nv + change * (key == name)) for key in ("q", "qd", "tau")}
-    for call in (dyn.evaluate, dyn.forward_dynamics):
-        with pytest.raises(dd.InputError, match=f"^{name} has shape"):
-            call(**arguments)

@@ -17,11 +17,6 @@ def tolerance(truth) -> float:
     return max(1e-12, 100 * EPS * truth.scaled_condition)
 
 
-def tolerance_of_differences(truth) -> float:
-    """Return it where the oracle takes differences along a motion: they are good to 4e-11 (see `oracles.STEP`)."""
-    return max(1e-10, tolerance(truth))
-
-
 def assert_close(actual, expected, tolerance, scale=None):
     """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
     actual, expected = np.asarray(actual), np.asarray(expected)

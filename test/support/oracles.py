@@ -18,12 +18,6 @@ import pinocchio as pin
 
 EARTH = (0.0, 0.0, -9.81)
 
-# Step of the differences, as the largest joint movement [rad] or [m]. Richardson on fourth-order differences
-# leaves a truncation error that goes with STEP⁶, and a rounding error near eps/STEP. Against the exact route,
-# relative to |ℓc| + |ṁᵀq̇|, over all robots and samples, the error of ṁᵀq̇ is at most 4e-11 (median 2e-13) at
-# 1e-3; at 2e-3 truncation already shows (2e-10), at 4e-3 it is 1e-8.
-STEP = 1e-3
-
 
 # Names of the degrees of freedom, and numbers of position coordinates, of joints that have several.
 PLANAR = ("v_x", "v_y", "w_z")
@@ -149,10 +143,6 @@ class Oracle:
         """Whether dof k is a continuous joint, which Pinocchio parametrizes by (cos, sin)."""
         return self.model.nqs[self._joint[k]] == 2
 
-    def is_coupled(self, k: int) -> bool:
-        """Whether dof k moves several joints: never here, see `coupling.Coupled`."""
-        return False
-
     @property
     def joint_of_dof(self) -> list[str]:
         """Return the joint's name of each dof."""
@@ -262,16 +252,6 @@ class Oracle:
         )
 
     # --- along a motion
-
-    def derivative(self, function, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Return d/dt of function(q) along q̇: two fourth-order central differences and Richardson."""
-
-        def central(h: float) -> np.ndarray:
-            f1, f2, f_1, f_2 = (function(self.moved(q, s * h * qd)) for s in (1, 2, -1, -2))
-            return (8 * (f1 - f_1) - (f2 - f_2)) / (12 * h)
-
-        h = STEP / max(np.abs(qd).max(), 1e-12)
-        return (16 * central(h) - central(2 * h)) / 15
 
     def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Return c(q, q̇), the velocity terms of M q̈ + c + g = τ."""
@@ -478,19 +458,9 @@ class State:
         return o.from_pin(m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A))))
 
     @cached_property
-    def mdot_by_difference(self) -> np.ndarray:
-        """Return ṁ from differences of Pinocchio's factor along q̇."""
-        return self.oracle.derivative(self.oracle.factor, self.q, self.qd)
-
-    @cached_property
     def coriolis(self) -> np.ndarray:
         """Return C = ℓc − ṁᵀq̇, exact to rounding."""
         return np.linalg.solve(self.m, self.c) - self.mdot.T @ self.qd
-
-    @cached_property
-    def coriolis_by_difference(self) -> np.ndarray:
-        """Return C = ℓc − ṁᵀq̇ with ṁ from differences: no Coriolis matrix, no recursion."""
-        return np.linalg.solve(self.m, self.c) - self.mdot_by_difference.T @ self.qd
 
     @cached_property
     def coriolis_scale(self) -> float:

@@ -174,23 +174,6 @@ class Operators:
         """Return P' in the body's own axes: Σ ψ λ̇ ψ* over the bodies carried (6.4)."""
         return self.diagonal(self.E_psi @ self.rate @ self.E_psi.T)
 
-    @cached_property
-    def Omega(self) -> np.ndarray:
-        """Return Ω = diag(ω~, ω~) of each body (6.2)."""
-        return stacked([np.kron(np.eye(2), tilde(self.V[self.at(k)][:3])) for k in range(self.n)])
-
-    def sensitivity(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return H_δ^i and H_<^i: H~(i) at body i, and at all bodies outboard of it."""
-        own, outboard = np.zeros_like(self.M), np.zeros_like(self.M)
-        turn = cross(self.H[i, self.at(i)])
-        own[self.at(i), self.at(i)] = turn
-        carried = {i}
-        for k in range(i + 1, self.n):
-            if self.parents[k] in carried:
-                carried.add(k)
-                outboard[self.at(k), self.at(k)] = turn
-        return own, outboard
-
     def partial_rate(self, i: int) -> np.ndarray:
         """Return λ_i of (A.16): 0 outboard of i, H~P − PH~ at i, ψλ_iψ* inboard."""
         turn = cross(self.H[i, self.at(i)])

@@ -239,39 +239,6 @@ class TwoLinkArm(NamedTuple):
             joint("elbow", "revolute", "upper", "lower", xyz=(self.a1, 0, 0)),
         )
 
-    @property
-    def _constants(self) -> tuple[float, float, float]:
-        alpha = self.I1 + self.m1 * self.r1**2 + self.m2 * self.a1**2
-        return alpha, self.m2 * self.a1 * self.r2, self.I2 + self.m2 * self.r2**2
-
-    def mass_matrix(self, q) -> np.ndarray:
-        """Return M: α + 2β cos q₂ + γ, γ + β cos q₂, γ."""
-        alpha, beta, gamma = self._constants
-        b = beta * np.cos(q[1])
-        return np.array([[alpha + 2 * b + gamma, gamma + b], [gamma + b, gamma]])
-
-    def coriolis_torque(self, q, qd) -> np.ndarray:
-        """Return c: −β s q̇₂(2q̇₁ + q̇₂), β s q̇₁², with s = sin q₂."""
-        s = self._constants[1] * np.sin(q[1])
-        return np.array([-s * qd[1] * (2 * qd[0] + qd[1]), s * qd[0] ** 2])
-
-    def factor(self, q) -> tuple[np.ndarray, np.ndarray]:
-        """Return U and D: u = M₁₂/M₂₂, D₁ = M₁₁ − M₁₂²/M₂₂, D₂ = M₂₂."""
-        M = self.mass_matrix(q)
-        u = M[0, 1] / M[1, 1]
-        return np.array([[1, u], [0, 1]]), np.array([M[0, 0] - u * M[0, 1], M[1, 1]])
-
-    def coriolis(self, q, qd) -> np.ndarray:
-        """Return C = β s (q̇₁ + q̇₂) [−ξ₂/√D₁, q̇₁/√D₂] with ξ₂ = q̇₂ + u q̇₁.
-
-        C₂ = (c₂ − √D₂ d(u√D₂)/dt q̇₁)/√D₂ with D₂ constant and u̇ = −β s q̇₂/D₂; C₁ follows from
-        ν₁C₁ + ν₂C₂ = 0 with ν₁ = √D₁ q̇₁, ν₂ = √D₂ ξ₂.
-        """
-        unit, D = self.factor(q)
-        s = self._constants[1] * np.sin(q[1])
-        xi_2 = qd[1] + unit[0, 1] * qd[0]
-        return s * (qd[0] + qd[1]) * np.array([-xi_2, qd[0]]) / np.sqrt(D)
-
 
 PENDULUM = description(
     "pendulum",
