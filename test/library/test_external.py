@@ -12,9 +12,8 @@ import pytest
 import diag_dynamics as dd
 import robots
 from coupling import NAMED, oracle_of
-from derivative_oracles import carriers, jacobian, link_placement
+from derivative_oracles import jacobian
 from diag_dynamics.exceptions import InputError
-from examples import shortened
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
@@ -173,25 +172,6 @@ def test_force_alone(case):
         )
 
 
-def test_axes_and_units():
-    """World axes rotate the result of link axes; a unit of torque scales wrench, deviation and max_deviation alike."""
-    case = Case(UR5)
-    link = case.links[-1]
-    own, world = (
-        case.dyn.wrench(case.q, link, case.tau, case.covariance, frame=f) for f in ("link", "world")
-    )
-    R = np.kron(np.eye(2), link_placement(case.oracle, case.q, link).rotation)
-    np.testing.assert_allclose(world.wrench, R @ own.wrench, rtol=1e-9, atol=1e-9)
-    along = [(w.deviation[:, None] * w.directions)[w.observed] for w in (own, world)]
-    np.testing.assert_allclose(along[1].T @ along[1], R @ along[0].T @ along[0] @ R.T, atol=1e-8)
-    assert 0 < own.observed.sum() < 6
-    scaled = case.dyn.wrench(
-        case.q, link, 1e3 * case.tau, 1e6 * case.covariance, max_deviation=(1e4, 1e3)
-    )
-    np.testing.assert_allclose(scaled.wrench, 1e3 * own.wrench, rtol=1e-9)
-    np.testing.assert_allclose(scaled.deviation, own.deviation, rtol=1e-9)
-
-
 @pytest.mark.parametrize("robot", [UR5, ARM], ids=["six joints", "seven joints"])
 def test_without_covariance(robot):
     """Six joints have J⁻ᵀτ, seven the least squares of τ̂ − Jᵀf̂, at any deviation."""
@@ -280,14 +260,6 @@ def test_errors_of_touched_link(change, message):
     arguments = {"q": case.q, "external_torque": case.tau, "covariance": case.covariance}
     with pytest.raises(InputError, match=message):
         case.dyn.touched_link(**arguments | change)
-
-
-def test_a_robot_without_joints():
-    model = dd.load_urdf(
-        robots.description("post", robots.link("base", 1.0, inertia=(1, 0, 0, 1, 0, 1)))
-    )
-    with pytest.raises(InputError, match="robot 'post' has no moving joint"):
-        dd.DiagonalDynamics(model).wrench([], "base", [])
 
 
 # --- Touched link
@@ -404,181 +376,3 @@ def test_confidence_is_a_probability():
 
 
 # --- Simulated contacts, against KDL's estimator
-
-PANDA_DEVIATION = (0.30, 0.54, 0.32, 0.34, 0.11, 0.09, 0.065)
-"""Deviations of m r [N m] on the Panda of ../shared/recordings without contact, observed at 25 1/s, friction removed."""
-
-PANDA_CORRELATION = np.array(
-    [
-        [1.0, -0.15, 0.66, -0.01, 0.02, 0.0, 0.0],
-        [-0.15, 1.0, -0.2, -0.65, -0.05, 0.12, 0.12],
-        [0.66, -0.2, 1.0, 0.12, 0.09, 0.0, -0.04],
-        [-0.01, -0.65, 0.12, 1.0, -0.1, -0.06, -0.21],
-        [0.02, -0.05, 0.09, -0.1, 1.0, 0.34, -0.2],
-        [0.0, 0.12, 0.0, -0.06, 0.34, 1.0, -0.07],
-        [0.0, 0.12, -0.04, -0.21, -0.2, -0.07, 1.0],
-    ]
-)
-
-UR5_DEVIATION = (1.5, 2.5, 1.5, 0.5, 0.4, 0.3)
-"""As motor currents of a geared arm of this size have them."""
-
-
-def kdl_wrench(J, carriers, tau):
-    """What KDL's ChainExternalWrenchEstimator makes of external torque: the pseudo-inverse of Jᵀ of the chain."""
-    U, s, Vt = np.linalg.svd(J[:, carriers].T, full_matrices=False)
-    return Vt.T @ ((U.T @ tau[carriers]) * np.divide(1.0, s, where=s >= 1e-5, out=np.zeros_like(s)))
-
-
-class Contacts:
-    """Contacts of 5 to 40 N at random points of the meshes of each link, in random poses, with noise of Σ."""
-
-    def __init__(self, one, deviation, count, seed=0):
-        self.case, rng = Case(one), np.random.default_rng(seed)
-        model, n, oracle = self.case.model, len(deviation), self.case.oracle
-        self.covariance = PANDA_CORRELATION[:n, :n] * np.outer(deviation, deviation)
-        L = np.linalg.cholesky(self.covariance)
-        shapes = {
-            p.link: np.atleast_2d(p.points)
-            for p in dd.link_geometry(model, one.source, "meshes").points
-        }
-        self.links, self.rows = list(candidates(model, oracle)), []
-        for link in self.links:
-            bodies = [
-                name
-                for name in shapes
-                if model.placement_in_body(name)[0] == model.placement_in_body(link)[0]
-            ]
-            for _ in range(count):
-                q, force = model.random(rng), rng.normal(size=3)
-                force *= np.exp(rng.uniform(*np.log([5.0, 40.0]))) / np.linalg.norm(force)
-                touched = str(rng.choice(bodies))
-                point = rng.choice(shapes[touched])
-                own, at = (link_placement(oracle, q, name) for name in (link, touched))
-                r = (own.inverse() * at).act(point)
-                J = jacobian(oracle, q, link)
-                wrench = np.r_[force, np.cross(r, force)]
-                tau = J.T @ wrench + L @ rng.normal(size=n)
-                self.rows.append((link, q, wrench, tau, J))
-        self.true = np.array([row[0] for row in self.rows])
-        self.alike = np.eye(n) * np.trace(self.covariance) / n
-
-    def wrenches(self, covariance):
-        """f̂ at each link's origin, and its deviation, in the order of the contacts."""
-        rows = {link: [row for row in self.rows if row[0] == link] for link in self.links}
-        return [
-            self.case.dyn.wrench(
-                np.array([r[1] for r in some]), link, np.array([r[3] for r in some]), covariance
-            )
-            for link, some in rows.items()
-        ]
-
-    def force_errors(self, wrenches):
-        """Median |f̂ − f| of each link [N]; `wrenches` in the order of the contacts."""
-        errors = np.linalg.norm(
-            np.array(wrenches)[:, :3] - np.array([row[2][:3] for row in self.rows]), axis=1
-        )
-        return {link: float(np.median(errors[self.true == link])) for link in self.links}
-
-
-@pytest.fixture(scope="module", params=["panda", "ur5"])
-def contacts(request):
-    one, deviation = {"panda": (ARM, PANDA_DEVIATION), "ur5": (UR5, UR5_DEVIATION)}[request.param]
-    return Contacts(one, deviation, shortened(400, 150))
-
-
-def test_force_against_kdl(contacts):
-    """Median error of the force at each link by KDL's estimator, with equal weights, and weighted by Σ."""
-    c = contacts
-    kdl = [
-        kdl_wrench(J, sorted(carriers(c.case.oracle, link)), tau) for link, _, _, tau, J in c.rows
-    ]
-    plain, weighted = (
-        np.concatenate([w.wrench for w in c.wrenches(x)]) for x in (c.alike, c.covariance)
-    )
-    errors = [c.force_errors(wrenches) for wrenches in (kdl, plain, weighted)]
-    for link in c.links:
-        print(c.case.model.name, link, *(round(x[link], 2) for x in errors))
-    kdl, plain, weighted = (np.array(list(x.values())) for x in errors)
-    # One and two joints feel one and two numbers, whatever their weights.
-    assert (weighted[3:] < 0.95 * kdl[3:]).all()
-    assert (weighted[2:] < 1.1 * plain[2:]).all() and weighted[-1] < 0.97 * plain[-1]
-
-
-def test_force_at_a_known_point(contacts):
-    """Median error of a force of 20 N at a known point: Σ as a weight beats equal weights, and never loses much."""
-    c, rng, ratios = contacts, np.random.default_rng(4), []
-    L = np.linalg.cholesky(c.covariance)
-    for link in c.links[3:]:
-        some = [row for row in c.rows if row[0] == link]
-        force = rng.normal(size=(len(some), 3))
-        force *= 20.0 / np.linalg.norm(force, axis=1, keepdims=True)
-        J = [jacobian(c.case.oracle, row[1], link, POINT)[:3] for row in some]
-        TAU = np.einsum("tan,ta->tn", J, force) + rng.normal(size=(len(some), len(L))) @ L.T
-        options = {"point": POINT, "force_only": True, "max_deviation": WIDE}
-        plain, weighted = (
-            np.median(
-                np.linalg.norm(
-                    c.case.dyn.wrench(
-                        np.array([row[1] for row in some]), link, TAU, x, **options
-                    ).wrench[:, :3]
-                    - force,
-                    axis=1,
-                )
-            )
-            for x in (c.alike, c.covariance)
-        )
-        print(c.case.model.name, link, plain.round(2), weighted.round(2))
-        ratios.append(weighted / plain)
-    assert max(ratios) < 1.05 and np.mean(ratios) < 0.9
-
-
-def test_deviations_are_honest(contacts):
-    """Errors along observed directions are within one deviation in 68 % of all cases."""
-    c, parts, first = contacts, [], 0
-    S = np.repeat([10.0, 1.0], 3)
-    for found in c.wrenches(c.covariance):
-        some = c.rows[first : first + len(found.wrench)]
-        first += len(some)
-        error = (found.wrench - np.array([row[2] for row in some])) / S
-        along = np.einsum("tka,ta->tk", found.directions / S, error)
-        with np.errstate(invalid="ignore"):
-            parts.append(np.where(found.observed, along / found.deviation, np.nan))
-    along = np.concatenate(parts)
-    for part in (along, *along.T):
-        part = part[np.isfinite(part)]
-        if len(part) > 150:
-            assert (np.abs(part) < 1.0).mean() == pytest.approx(
-                0.683, abs=max(0.05, 1.5 / len(part) ** 0.5)
-            )
-            assert part.std() == pytest.approx(1.0, abs=max(0.05, 2.5 / len(part) ** 0.5))
-    # From all six directions, as a covariance: the Mahalanobis distance has the mean 6.
-    last, rows = c.wrenches(c.covariance)[-1], c.rows[-len(parts[-1]) :]
-    distances = [
-        (w - row[2]) @ np.linalg.solve(C, w - row[2])
-        for w, C, seen, row in zip(last.wrench, last.covariance, last.observed, rows, strict=True)
-        if seen.all()
-    ]
-    assert len(distances) < 20 or np.mean(distances) == pytest.approx(
-        6.0, abs=12.0 / len(distances) ** 0.5
-    )
-
-
-def test_share_of_right_links(contacts):
-    """More links are right than by thresholds of three deviations, and the confidence is about their share."""
-    c, order = contacts, np.array(contacts.links)
-    Q, TAU = np.array([row[1] for row in c.rows]), np.array([row[3] for row in c.rows])
-    found = c.case.dyn.touched_link(Q, TAU, c.covariance)
-    high = np.abs(TAU) > 3.0 * np.sqrt(np.diag(c.covariance))
-    last = np.array([max(np.flatnonzero(row), default=0) for row in high])
-    stands_out = found.link != ""
-    right, confidence = (found.link == c.true)[stands_out], found.confidence[stands_out]
-    by_thresholds = (order[last] == c.true)[stands_out]
-    print(
-        c.case.model.name,
-        *(round(float(x.mean()), 3) for x in (stands_out, by_thresholds, right, confidence)),
-    )
-    assert right.mean() > by_thresholds.mean() + 0.1
-    assert right.mean() > {"panda": 0.6, "ur5": 0.42}[c.case.model.name.removesuffix("_robot")]
-    assert right.mean() == pytest.approx(confidence.mean(), abs=0.12)
-    assert right[confidence > 0.9].mean() > 0.85 and right[confidence < 0.5].mean() < 0.5

@@ -5,7 +5,6 @@
 
 import pickle
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -251,19 +250,6 @@ def test_points(arm, seed):
     compare(evaluation, oracle)
 
 
-def test_batch_and_motion(arm):
-    """Rows have the results of single states, and forward dynamics is the inverse of inverse dynamics."""
-    rng, d = np.random.default_rng(2), dd.DiagonalDynamics(arm)
-    q, qd, tau = (np.array([arm.random(rng) for _ in range(3)]) for _ in range(3))
-    rows = d.evaluate(q, qd, tau)
-    for k in range(3):
-        one = d.evaluate(q[k], qd[k], tau[k])
-        assert np.abs(rows.nu[k] - one.nu).max() < 1e-13 * np.abs(one.nu).max()
-        assert np.abs(rows.coriolis[k] - one.coriolis).max() < 1e-12 * np.abs(one.coriolis).max()
-        qdd = d.forward_dynamics(q[k], qd[k], tau[k])
-        assert np.abs(d.inverse_dynamics(q[k], qd[k], qdd) - tau[k]).max() < 1e-9
-
-
 def test_modes_held(arm):
     """With all modes at zero the arm is the rigid one of the same URDF."""
     held = dict.fromkeys((mode for link in arm.flexible_links.values() for mode in link.modes), 0.0)
@@ -447,36 +433,6 @@ def test_static_deflection(payload):
     )
 
 
-@pytest.mark.parametrize(("spin", "exact"), [(6.0, 7.3604), (12.0, 13.1702)])
-@pytest.mark.parametrize("count", [4, 6])
-def test_spinning_beam(spin, exact, count):
-    """The first frequencies of a beam that spins: of flap those of the rotating beam, in the plane less Ω²."""
-    for plane in (0, 1):
-        modes = [0, 0, 0]
-        modes[plane] = count
-        model = beam(modes, hub="0 0 1")
-        d, [link] = dd.DiagonalDynamics(model), model.flexible_links.values()
-        rate = spin * UNIT * (1.0 if plane == 0 else np.sqrt(2.0))
-        still, step = np.zeros(count + 1), 1e-5
-
-        def effort(eta, d=d, still=still, rate=rate):
-            qd = still.copy()
-            qd[0] = rate
-            return d.inverse_dynamics(np.concatenate([[0.0], eta]), qd, still)[1:]
-
-        K = np.diag(link.frequencies**2)
-        for k in range(count):
-            K[:, k] += (effort(step * np.eye(count)[k]) - effort(-step * np.eye(count)[k])) / (
-                2.0 * step
-            )
-        M = d.mass_matrix(still)[1:, 1:]
-        found = np.sqrt(eigh(0.5 * (K + K.T), M, eigvals_only=True))[0] / rate * spin
-        expected = exact if plane == 1 else np.sqrt(exact**2 - spin**2)
-        assert abs(found / expected - 1.0) < (
-            2e-3 if count == 4 and plane else 8e-3 if count == 4 else 2e-4
-        )
-
-
 def test_large_bending():
     """The strain energy is that of an inextensible curve to eighth order, and efforts are its gradient."""
     [link] = beam([3, 2, 1]).flexible_links.values()
@@ -532,23 +488,6 @@ def test_energy_in_motion(arm):
     assert abs(sim.audit.residual) < 1e-2 * -sim.audit.loss
 
 
-def test_rest(arm):
-    """A damped arm comes to rest where stiffness carries gravity; modes pull from either side."""
-    entry = {
-        name: one | {"damping_ratio": [0.7] * len(arm.flexible_links[name].modes)}
-        for name, one in LINKS.items()
-    }
-    model = dd.load_urdf(ARM, loops={"flexible_links": entry}, gravity=G)
-    model = model.with_locked_joints({"j1": 0.3, "j2": -0.4, "j3": 0.5, "k": 0.0})
-    sim = dd.Simulation(model, step=1e-2)
-    sim.advance(steps=2000)
-    still = np.zeros(model.nv)
-    missing = dd.DiagonalDynamics(model).gravity_torque(sim.q) - model.modal_effort(sim.q, still)
-    assert np.abs(sim.qd).max() < 1e-9
-    assert np.abs(missing).max() < 1e-8
-    assert sim.q.min() < 0.0 < sim.q.max()
-
-
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.9])
 def test_decay(ratio):
     """A small mode moves as a damped oscillator through zero and back, and the audit has its loss."""
@@ -586,53 +525,6 @@ def test_steep_tip(arm):
         sim.advance(steps=1)
 
 
-def mujoco_chain(segments, time, torque, step=2.5e-5):
-    """Return the angle of a hub and the sine of the slope at the payload, of a chain that springs hold together."""
-    h, density = LENGTH / segments, MASS / LENGTH
-    lengths = [0.5 * h, *[h] * (segments - 1), 0.5 * h]
-
-    def rod(length):
-        m = density * length
-        return f'<inertial pos="{length / 2} 0 0" mass="{m}" diaginertia="1e-9 {m * length**2 / 12} {m * length**2 / 12}"/>'
-
-    inner = f'<body pos="{lengths[-1]} 0 0"><inertial pos="0 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/></body>'
-    for k in range(segments - 1, -1, -1):
-        spring = f'<joint type="hinge" axis="0 0 1" stiffness="{EI / h}"/>'
-        inner = f'<body pos="{lengths[k]} 0 0">{spring}{rod(lengths[k + 1])}{inner}</body>'
-    hub = f'<body><joint type="hinge" axis="0 0 1" armature="0.3"/>{rod(lengths[0])}{inner}</body>'
-    option = f'<option timestep="{step}" integrator="RK4" gravity="0 0 0"/>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco>{option}<worldbody>{hub}</worldbody></mujoco>")
-    data, rows = mujoco.MjData(model), []
-    for k in range(round(time / step)):
-        data.qfrc_applied[0] = torque((k + 0.5) * step)
-        mujoco.mj_step(model, data)
-        if (k + 1) % round(0.02 / step) == 0:
-            rows.append((data.qpos[0], np.sin(data.qpos[1:].sum())))
-    return np.array(rows)
-
-
-@pytest.mark.full
-def test_chain_of_segments():
-    """A hub, a link and a payload move as chains of 20 and 40 segments extrapolate to, at slopes of 0.19 rad."""
-
-    def torque(t):
-        return 12.0 * np.sin(2.0 * np.pi * t)
-
-    model = beam([5, 0, 0], 0.5, "0 0 1", polar=0.0).with_parameters(
-        {"joints": {"hub": {"armature": 0.3}}}
-    )
-    slope = model.flexible_links["beam"].tips["end"].slope[2]
-    sim, rows, tau = dd.Simulation(model, step=5e-4), [], np.zeros(6)
-    for k in range(2000):
-        tau[0] = torque(sim.time + 2.5e-4)
-        sim.advance(tau)
-        if (k + 1) % 40 == 0:
-            rows.append((sim.q[0], slope @ sim.q[1:]))
-    coarse, fine = mujoco_chain(20, 1.0, torque), mujoco_chain(40, 1.0, torque)
-    assert np.abs(fine[:, 1]).max() > 0.19
-    assert np.abs(np.array(rows) - fine - (fine - coarse) / 3.0).max() < 1e-4
-
-
 # --- Input ----------------------------------------------------------------------------------------------------------
 
 NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
@@ -640,17 +532,10 @@ WRONG = [
     ({"ghost": {}}, "'ghost' is not a link"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
     ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff', expected one of tip"),
-    (
-        {"a": LINKS["a"] | {"tip": "j3"}},
-        "tip 'j3' is not a joint of this link; its joints are j2, k",
-    ),
     ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),
     ({"a": LINKS["a"] | {"modes": [7, 0, 0]}}, "modes are"),
-    ({"a": LINKS["a"] | {"modes": [0, 0, 0]}}, "modes are"),
-    ({"a": LINKS["a"] | {"modes": [1.5, 0, 0]}}, "modes are"),
     ({"a": LINKS["a"] | {"EI": [1.0, -1.0]}}, "two numbers > 0"),
     ({"a": LINKS["a"] | {"EI": 60.0}}, "EI is 60.0, expected two numbers"),
-    ({"a": LINKS["a"] | {"GJ": 0.0}}, "GJ"),
     ({"a": LINKS["a"] | {"damping_ratio": -0.1}}, "damping_ratio"),
     (
         {"a": LINKS["a"] | {"mass": 2.0}},
@@ -661,15 +546,8 @@ WRONG = [
         "Give the mass of the beam",
     ),
     ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
-    ({"a": {"nodes": [NODE], "frequencies": [-1.0], "tips": {"j2": {}}}}, "frequencies [-1.0]"),
     ({"a": {"nodes": 3, "frequencies": [1.0], "tips": {"j2": {}}}}, "a list of nodes"),
-    ({"a": {"nodes": [NODE], "frequencies": "low", "tips": {"j2": {}}}}, "frequencies"),
-    ({"a": LINKS["a"] | {"damping_ratio": [0.1, 0.1, 0.1, 0.1, -0.1]}}, "damping_ratio"),
     ({"a": {"nodes": [NODE], "frequencies": [1.0, 2.0], "tips": {"j2": {}}}}, "shape of node 0"),
-    (
-        {"a": {"nodes": [NODE | {"m": 1}], "frequencies": [1.0], "tips": {"j2": {}}}},
-        "node 0 has 'm', expected one of mass",
-    ),
     (
         {"a": {"nodes": [NODE | {"slope": [[0, 0, 1]]}], "frequencies": [1.0], "tips": {"j2": {}}}},
         "node 0 has 'slope'",

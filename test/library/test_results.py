@@ -87,16 +87,6 @@ def test_copies_are_permanent(dyn, way):
         assert_equal(twin, result)
 
 
-def test_rates_are_those_of_forward_dynamics(dyn):
-    """ν̇ is the rate of mᵀq̇ along forward dynamics, with wrenches and friction."""
-    q, qd, tau = state(dyn)
-    wrench = {dyn.model.link_names[-1]: np.arange(1.0, 7.0)}
-    qdd = dyn.forward_dynamics(q, qd, tau, wrench, friction=True)
-    expected = dyn.nu_from_qd(q, qdd) + dyn.m_rate_transposed_times(q, qd, qd)
-    found = dyn.evaluate(q, qd, tau, wrench, friction=True).nu_dot
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
-
-
 def test_stored_terms_are_those_of_the_equations(dyn):
     for kind, result in every_kind(dyn).items():
         s = result[0] if "batch" in kind else result
