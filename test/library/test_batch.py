@@ -197,6 +197,8 @@ FAST = [[1e140, 0.0]]
 NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
 
 WRONG = {
+    "first moment": (lambda d: d.potential_energy(NAN), "state 0: q of joint 'elbow' is nan"),
+    "accelerations": (lambda d: d.regressor(STATE, STATE, NAN), "state 0: qdd of joint 'elbow'"),
     "one state": (lambda d: d.evaluate([0, 0], STATE), "qd has shape (1, 2), expected (2,)"),
     "columns": (
         lambda d: d.evaluate([[0, 0, 0]], STATE),

@@ -98,17 +98,10 @@ WRONG = [
         lambda d: d.evaluate([0.0], Z),
         "q has shape (1,), expected (2,): one entry for each of shoulder",
     ),
-    (lambda d: d.evaluate(0.0, Z), "q has shape ()"),
-    (lambda d: d.evaluate([[1], 2], Z), "q is not a vector of numbers"),
     (lambda d: d.evaluate([np.inf, 0], Z), "q of joint 'shoulder' is inf"),
-    (lambda d: d.evaluate(Z, NAN), "qd of joint 'elbow' is nan"),
     (lambda d: d.evaluate(Z, Z, [0, -np.inf]), "tau of joint 'elbow' is -inf"),
     (lambda d: d.evaluate(Z, LARGE), "too large"),
-    (lambda d: d.evaluate(Z, [1e150, 0], LARGE), "too large"),  # the power
-    (
-        lambda d: d.evaluate([Z] * 9, [[0, 1e150]] * 9, [[0, 1e200]] * 9),
-        "state 0: q, qd, tau are too large",
-    ),
+    # the power
     (
         lambda d: d.evaluate(Z, [1e150, 0], f_ext={"upper": [0, 1e200, 0, 0, 0, 1e200]}),
         "power overflows",
@@ -116,37 +109,23 @@ WRONG = [
     (lambda d: d.evaluate(Z, Z, f_ext={"lower": [1.7e308] * 6}), "f_ext is too large"),
     (lambda d: d.operational_inverse_inertia(Z, "lower", [1e200, 0, 0]), "is too far away"),
     (lambda d: d.evaluate(Z, Z, f_ext={"hand": [0] * 6}), "f_ext: 'hand'"),
-    (lambda d: d.evaluate(Z, Z, f_ext={"upper": [0] * 5}), "f_ext on link 'upper'"),
     (lambda d: d.evaluate(Z, Z, f_ext=np.zeros(6)), "expected a dict by name"),
-    (lambda d: d.evaluate(Z, Z, frame="body"), "frame is 'body'"),
     (lambda d: d.forward_dynamics(Z, LARGE, Z), "too large"),
     (lambda d: d.forward_dynamics(Z, Z, NAN), "tau of joint 'elbow' is nan"),
-    (lambda d: d.inverse_dynamics(Z, LARGE, Z), "too large"),
-    (lambda d: d.inverse_dynamics(Z, Z, NAN), "qdd of joint 'elbow' is nan"),
-    (lambda d: d.factors(NAN), "q of joint 'elbow' is nan"),
-    (lambda d: d.mass_matrix(NAN), "q of joint 'elbow' is nan"),
-    (lambda d: d.gravity_torque(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.potential_energy(NAN), "q of joint 'elbow' is nan"),
     (lambda d: d.regressor(Z, Z, NAN), "qdd of joint 'elbow' is nan"),
-    (lambda d: d.coriolis_torque(Z, NAN), "qd of joint 'elbow' is nan"),
-    (lambda d: d.momentum(Z, NAN), "qd of joint 'elbow' is nan"),
-    (lambda d: d.nu_from_qd(Z, NAN), "qd of joint 'elbow' is nan"),
-    (lambda d: d.qd_from_nu(Z, NAN), "nu of joint 'elbow' is nan"),
     (lambda d: d.epsilon_from_tau(Z, NAN), "tau of joint 'elbow' is nan"),
     (lambda d: d.tau_from_epsilon(Z, [Z]), "epsilon has shape (1, 2)"),
     (lambda d: dd.DiagonalDynamics("arm.urdf"), "RobotModel"),
     # by name
     (lambda d: d.mass_matrix({"shoulder": 0.0}), "q has nothing for elbow"),
     (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": 0.0, "elbwo": 0.0}), "is 'elbow' meant"),
-    (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": np.nan}), "q of joint 'elbow' is nan"),
-    (lambda d: d.mass_matrix({"shoulder": 0.0, "elbow": "x"}), "q is not a vector of numbers"),
     (
         lambda d: d.evaluate({"shoulder": Z, "elbow": [0]}, [Z, Z]),
         "q has not as many entries",
     ),
     # masked entries
     (lambda d: d.mass_matrix(masked(Z)), "q has 1 masked entries"),
-    (lambda d: d.evaluate(masked(Z), Z), "q has 1 masked entries"),
     (lambda d: d.evaluate(masked([Z]), [Z]), "q has 1 masked entries"),
 ]
 
@@ -170,22 +149,6 @@ def test_robot_without_mass_has_no_centre():
     model = dd.load_urdf(description("r", link("a"), link("b"), moved), armature={"j": 0.1})
     with pytest.raises(dd.InputError, match="total_mass of robot 'r' is 0"):
         dd.DiagonalDynamics(model).center_of_mass([0.0])
-
-
-def test_mass_along_an_axis_is_infinite():
-    """What moves along the axis of a joint is rounding alone."""
-    axis, body = (
-        (0.3, -0.7, 0.2),
-        link("arm", 2.0, (0.1, 0.2, 0.3), (0.1, 0.0, 0.0, 0.2, 0.0, 0.25)),
-    )
-    turns = joint("shoulder", "revolute", "base", "arm", axis=axis)
-    dyn = dd.DiagonalDynamics(dd.load_urdf(description("arm", link("base"), body, turns)))
-    points = np.random.default_rng(0).normal(size=(10, 3))
-    assert any(
-        (dyn.wrench_factor([0.3], "arm", point)[:, :3] @ axis).any() for point in points
-    )  # rounding
-    assert all(dyn.reflected_mass([0.3], "arm", axis, point) == np.inf for point in points)
-    assert np.isfinite(dyn.reflected_mass([0.3], "arm", (1.0, 0.0, 0.0), (0.7, 0.1, 0.4)))
 
 
 def test_methods_of_a_link_have_one_order_of_arguments():
@@ -287,27 +250,3 @@ def test_series_and_frames(dyn, state):
     np.testing.assert_array_equal(dyn.evaluate(positions, rates).nu, [expected.nu] * 3)
     with pytest.raises(dd.InputError, match="q has a name twice: panda_joint1"):
         dyn.mass_matrix(pandas.Series(np.zeros(dyn.model.nv), [names[0]] * dyn.model.nv))
-
-
-def test_names_in_simulations_and_observers(dyn, state):
-    """Efforts, damping and gains by name equal those by position."""
-    (q, qd, tau), named = state, [by_name(dyn, x) for x in state]
-    damping = np.arange(1.0, dyn.model.nv + 1)
-    one, other = (
-        dd.Simulation(dyn.model, q=q, qd=qd),
-        dd.Simulation(dyn.model, q=named[0], qd=named[1]),
-    )
-    one.damping, other.damping = damping, by_name(dyn, damping)
-    one.advance(tau, steps=3)
-    other.advance(named[2], steps=3)
-    np.testing.assert_array_equal(one.q, other.q)
-    np.testing.assert_array_equal(one.nu, other.nu)
-    observers = [
-        dd.DisturbanceObserver(dyn, gain=gain, effort="held")
-        for gain in (damping, by_name(dyn, damping))
-    ]
-    for k in range(3):
-        a, b = (observers[i].update(0.01 * k, *vectors) for i, vectors in enumerate((state, named)))
-    np.testing.assert_array_equal(a.external_torque, b.external_torque)
-    with pytest.raises(dd.InputError, match="damping"):
-        one.damping = {f"x{k}": 1.0 for k in range(dyn.model.nv)}

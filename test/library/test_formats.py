@@ -461,11 +461,6 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
         '<joint name="other" stiffness="3" springref="20"/>',
         ["spring of joint 'other'"],
     ),
-    "springdamper": (
-        OTHER,
-        '<joint name="other" springdamper="0.2 1"/>',
-        ["spring of joint 'other'"],
-    ),
     "two springs": (
         OTHER,
         '<joint name="other" stiffness="3"/><joint name="r" stiffness="2" type="slide"/>',
@@ -473,11 +468,6 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
     ),
     "tendon": (END, TENDON + END, ["tendon 'wire'"]),
     "tendon of an actuator": ("<actuator>", PULL + 'gear="4"/>', ["tendon 'wire'"]),
-    "tendon with forces": (
-        END,
-        with_tendon('stiffness="5" damping="2" frictionloss="0.4" limited="true" range="0 0.1"'),
-        ["tendon 'wire'"],
-    ),
     "spatial tendon": (
         END,
         with_tendon('stiffness="5" springlength="0.1"', "spatial"),
@@ -488,23 +478,12 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
         '<body name="c" gravcomp="1"',
         ["gravity compensation of body 'c'"],
     ),
-    "more than gravity": (TOOL, 'gravcomp="1.5" ' + TOOL, ["gravity compensation of body 'tool'"]),
     "density": (
         "<option gravity",
         '<option density="1.2" wind="0 3 0" gravity',
         ["fluid (density 1.2, viscosity 0)"],
     ),
-    "viscosity": (
-        "<option gravity",
-        '<option viscosity="0.1" gravity',
-        ["fluid (density 0, viscosity 0.1)"],
-    ),
     "marker": ("</worldbody>", MARKER + "</worldbody>", ["mocap body 'target'"]),
-    "marker without geometry": (
-        "<worldbody>",
-        '<worldbody><body name="target" mocap="true"/>',
-        ["mocap body 'target'"],
-    ),
     "welded marker": (
         "</worldbody>",
         f'{MARKER}</worldbody><equality><weld body1="target"/><weld body1="c" body2="tool" active="false"/></equality>',
@@ -515,13 +494,6 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
         f'<body name="base" mocap="true" pos="0.1 0 1" euler="0.3 0 0.2"><geom size="0.2"/>{BODY_C}</body>',
         ["mocap body 'base'"],
     ),
-    "all": (
-        END,
-        with_tendon('stiffness="5"').replace(
-            "<tendon>", f"<worldbody>{MARKER}</worldbody><tendon>"
-        ),
-        ["mocap body 'target'", "tendon 'wire'"],
-    ),
 }
 
 OMITTED_SINCE_3_4 = {
@@ -529,11 +501,6 @@ OMITTED_SINCE_3_4 = {
         OTHER,
         '<joint name="other" stiffness="0 3"/>',
         ["spring of joint 'other'"],
-    ),
-    "polynomial of damping": (
-        OTHER,
-        '<joint name="other" damping="0 0 3"/>',
-        ["nonlinear damping of joint 'other'"],
     ),
     "polynomial of an actuator": (
         "<motor ",
@@ -648,13 +615,9 @@ PID = '<pid joint="{}" input="pos vel ff" kp="1" kv="1" gear="7"/>'
 
 GEARED = {
     "joint": '<motor joint="turn" gear="3" armature="0.1" damping="0.2"/>',
-    "in parent": '<motor jointinparent="turn" gear="-3" armature="0.1" damping="0.2"/>',
     "two": '<motor joint="turn" gear="3" armature="0.1"/><motor joint="turn" gear="2" armature="0.3" damping="0.4"/>',
-    "second": '<motor joint="turn" gear="5"/><motor joint="shift" gear="2" armature="0.3" damping="0.4"/>',
     "several controls": PID.format("turn") + '<motor joint="shift" gear="2" armature="0.3"/>',
     "no gear": '<motor joint="turn" gear="0" armature="0.1" damping="0.2"/>',
-    "several outputs": '<orientation site="tip" refsite="stand" kp="1"/>'
-    '<motor joint="shift" gear="3" armature="0.1" damping="0.2"/>',
 }
 
 
@@ -714,10 +677,7 @@ EFFORTS = {  # actuators, attributes of the joint, its limit
         "",
         7.0,
     ),
-    "one without": ('<motor joint="turn" forcerange="-3 3"/><motor joint="turn"/>', "", np.inf),
-    "in parent": ('<motor jointinparent="turn" gear="2" forcerange="-3 3"/>', "", 6.0),
     "control range": ('<motor joint="turn" gear="-3" ctrlrange="-1 2"/>', "", 6.0),
-    "gain": ('<general joint="turn" gear="3" gainprm="-4" ctrlrange="-1 2"/>', "", 24.0),
     "both": ('<motor joint="turn" gear="3" ctrlrange="-1 2" forcerange="-1 1"/>', "", 3.0),
     "position": ('<position joint="turn" kp="2" ctrlrange="-1 1"/>', "", np.inf),
     "activation": (
@@ -726,11 +686,6 @@ EFFORTS = {  # actuators, attributes of the joint, its limit
         np.inf,
     ),
     "no gear": ('<motor joint="turn" gear="0"/>', "", 0.0),
-    "no gear, and another": (
-        '<motor joint="turn" gear="0"/><motor joint="turn" ctrlrange="-1 1"/>',
-        "",
-        1.0,
-    ),
     "of the joint": ('<motor joint="turn"/>', OF_JOINT, 5.0),
     "of the joint is less": ('<motor joint="turn" forcerange="-9 9"/>', OF_JOINT, 5.0),
     "after several controls": (
@@ -772,18 +727,6 @@ def test_effort_limits(mujoco, case):
     found = largest_effort(mujoco, text)
     assert effort_limit(text) == limit
     assert found == pytest.approx(limit) if np.isfinite(limit) else found > 1e8
-
-
-def test_effort_limits_of_disabled_actuators(mujoco):
-    limited = with_actuators('<motor joint="turn" ctrlrange="-2 2"/>')
-    grouped = changed("<motor", '<motor joint="turn" group="3"/><motor', limited)
-    assert effort_limit(grouped) == np.inf
-    enabled = changed('-9.5"/>', '-9.5" actuatorgroupdisable="3"/>', grouped)
-    assert effort_limit(enabled) == largest_effort(mujoco, enabled) == 2.0
-    assert effort_limit(changed('-9.5"/>', '-9.5" actuatorgroupdisable="0"/>', limited)) == np.inf
-    unclamped, off = with_flags(limited, "clampctrl"), with_flags(limited, "actuation")
-    assert effort_limit(unclamped) == effort_limit(off) == np.inf
-    assert largest_effort(mujoco, unclamped) > 1e8 and largest_effort(mujoco, off) == 0.0
 
 
 def test_recording_of_an_mjcf(mujoco, tmp_path):
@@ -887,13 +830,6 @@ def test_other_elements_stay():
     assert rest(before) == rest(after)
     assert after.count("written by diag_dynamics, a- -b, 2026-11-24") == 3 + 2
     assert "diag_dynamics" not in urdf_with(before, dd.Parameters())
-
-
-def test_lines_behind_an_inertia_stay():
-    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
-    text = f'<robot name="r"><link name="a">\n  <visual/>\n  {inertial}\n\n  <collision/>\n</link></robot>'
-    after = urdf_with(text, dd.Parameters(links={"a": dd.Payload(2.0)}))
-    assert after.endswith("\n\n  <collision/>\n</link></robot>") and after.count("<inertial>") == 1
 
 
 def test_robots_without_a_place_for_parameters():

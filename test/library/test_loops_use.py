@@ -18,7 +18,6 @@ from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.joint_states.assembler import Accepted, Rejected, StateAssembler
-from diag_dynamics.joint_states.decoding import JointStates
 from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import Layout, tree_of
@@ -436,17 +435,6 @@ def test_joint_states_of_an_open_loop():
     assert found[1].text.startswith("loop 'five' (p1, p2, r1, r2) cannot be closed")
 
 
-def test_joint_states_on_a_floating_base():
-    """The base's coordinates come before those of the loop."""
-    model = dd.load_urdf(four_bar(), loops=[FOUR_BAR], floating_base=True)
-    assembler = StateAssembler(joints_of(model), Options(mimic_tolerance=0.01))
-    accepted = send(assembler, 0.9, effort=(2.0, 0.3, -1.0, 4.0))
-    np.testing.assert_allclose(
-        accepted.state.effort, [2.0 + rates_of(0.9) @ [-1.0, 4.0], 0.3], atol=1e-8
-    )
-    assert not assembler.counts["mimic disagreement"]
-
-
 def test_energy_that_breaks_a_loop(bar):
     """It is the least energy, by Pinocchio's M of the cut tree, from the measured rates to those with a closed loop."""
     tree = pin.buildModelFromXML(four_bar())
@@ -537,23 +525,3 @@ def test_files(tmp_path):
     assert dict(model.followers) == {"coupler": ("crank",), "rocker": ("crank",)}
     with pytest.raises(dd.InputError, match="parameter 'loops_file'"):
         require_as_made(values)
-
-
-@pytest.mark.parametrize("listed", [True, False])
-def test_many_joint_states(bar, listed):
-    """A batch of messages, as recordings are read, may have followers: efforts are reflected at each state."""
-    crank, count = np.linspace(-1.0, 1.0, 50), 4 if listed else 2
-    names = ("crank", "arm", "coupler", "rocker")[:count]
-    position = np.column_stack([crank, 0.0 * crank, [four_bar_followers(x) for x in crank]])[
-        :, :count
-    ]
-    stamps = np.arange(1, 51)
-    part = JointStates(
-        stamps - 1, names, stamps, 0 * stamps, position, 0.0 * position, 0.0 * position + 2.0
-    )
-    assembler = StateAssembler(joints_of(bar), Options(timeouts={"*": 5.0}, mimic_tolerance=0.01))
-    found = assembler.assemble([part], stamps * 10**9)
-    assert (found.outcome["code"] == 0).all() and not assembler.counts["mimic disagreement"]
-    expected = 2.0 + 2.0 * np.array([rates_of(x).sum() for x in crank]) * listed
-    np.testing.assert_allclose(found.effort[:, 0], expected, atol=1e-6)
-    np.testing.assert_array_equal(found.effort[:, 1], 2.0)

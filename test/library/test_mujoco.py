@@ -1,91 +1,29 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MuJoCo as a second oracle, with another algorithm and another reader of URDFs, and motions by three engines.
+"""MuJoCo judges loops, mimic joints and flexible joints, and with Pinocchio the simulated motions."""
 
-MuJoCo factors M = LᵀDL, so that ν = √D L q̇ and ε = √D⁻¹ L⁻ᵀ τ.
-"""
+import warnings
 
+import mujoco
 import numpy as np
 import pytest
+from test_flexible import FLEXIBLE, NAMES, URDF, inertias, model, state, with_rotors
+from test_loops import ratios
 
 import diag_dynamics as dd
-import robots
-from accuracy import assert_close, norm, tolerance
+from accuracy import assert_close
 from engines import SCENES, Mujoco, by_mujoco, by_pinocchio, distance, ours, scene
-from oracles import Oracle
+from examples import some_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-FIXED = (
-    "panda_description/urdf/panda.urdf",
-    "ur_description/urdf/ur5_robot.urdf",
-    "talos_data/robots/talos_reduced.urdf",
-)
-FLYING = (
-    "go2_description/urdf/go2.urdf",
-    "solo_description/robots/solo12.urdf",
-    "talos_data/robots/talos_reduced.urdf",
-)
 
-
-def load(id, floating_base=False):
-    """Return library, MuJoCo and Pinocchio; the last for states and tolerance only."""
-    robot = robots.robot(id)
-    dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, mimic="free", floating_base=floating_base))
-    other = Mujoco(robot.urdf, dyn.model.dof_names, floating_base)
-    return dyn, other, Oracle(robot.urdf, dyn.model.dof_names, floating_base=floating_base)
-
-
-@pytest.mark.parametrize("id", FIXED)
-def test_nu_and_epsilon(id):
-    """ν of mj_mulM2, ε of mj_solveM2."""
-    dyn, other, oracle = load(id)
-    for q, qd, tau, _ in robots.samples(id, oracle):
-        other.place(q)
-        s, t = dyn.evaluate(q, qd, tau), oracle.at(q, qd, tau)
-        assert_close(s.nu, other.mul_m2(qd), tolerance(t))
-        assert_close(s.epsilon, other.solve_m2(tau), tolerance(t))
-        assert_close(dyn.nu_from_qd(q, qd), other.mul_m2(qd), tolerance(t))
-        assert_close(dyn.epsilon_from_tau(q, tau), other.solve_m2(tau), tolerance(t))
-
-
-@pytest.mark.parametrize("id", FLYING)
-def test_floating_base(id):
-    """MuJoCo has the base's linear velocity in the world's axes, so the base turned aside has the same energy, no more.
-
-    All other ν, and with the base upright every one, are the same.
-    """
-    dyn, other, oracle = load(id, floating_base=True)
-    for q, qd, tau, _ in robots.samples(id, oracle):
-        t = oracle.at(q, qd, tau)
-        upright = q.copy()
-        upright[3:7] = 0, 0, 0, 1
-        other.place(upright)
-        s = dyn.evaluate(upright, qd, tau)
-        assert_close(s.nu, other.mul_m2(qd), tolerance(t))
-        assert_close(s.epsilon, other.solve_m2(tau), tolerance(t))
-        other.place(q)
-        s, R = dyn.evaluate(q, qd, tau), rotation(q[3:7])
-        in_world, force = qd.copy(), tau.copy()
-        in_world[:3], force[:3] = R @ qd[:3], R @ tau[:3]
-        nu, epsilon = other.mul_m2(in_world), other.solve_m2(force)
-        assert_close(s.nu[6:], nu[6:], tolerance(t))
-        assert_close(s.epsilon[6:], epsilon[6:], tolerance(t))
-        assert_close(s.base_energy, 0.5 * nu[:6] @ nu[:6], tolerance(t))
-        assert_close(norm(s.epsilon[:6]), norm(epsilon[:6]), tolerance(t))
-        assert norm(s.nu[:3] - nu[:3]) > 1e-6 * norm(nu)
-
-
-def rotation(quaternion):
-    """Return the rotation matrix of x y z w, by Rodrigues' formula."""
-    v, w = quaternion[:3], quaternion[3]
-    K = np.cross(np.eye(3), v)  # K x = v × x
-    return np.eye(3) + 2 * w * K + 2 * K @ K
+# --- motions
 
 
 @pytest.mark.parametrize("referee", [by_pinocchio, by_mujoco])
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", some_of(SCENES, 3))
 def test_motion(name, referee):
     """Ours is where theirs is, to a millionth of the way; each force and the payload matter a thousand times as much."""
     it = scene(name)
@@ -97,3 +35,156 @@ def test_motion(name, referee):
     unloaded = it._replace(model=it.model.with_payload(it.link, 0.0))
     for other in (it._replace(tau=0 * it.tau), it._replace(damping=0 * it.damping), unloaded):
         assert distance(it.oracle, ours(other, 0.1), x, qd) > 1e3 * error
+
+
+# --- flexible joints
+
+
+@pytest.fixture(scope="module")
+def twin():
+    """Return a flexible Panda, and it in MuJoCo: hinges of links and rotors, with springs between them as tendons."""
+    panda = dd.FlexibleDynamics(model())
+
+    def add_springs(spec):
+        spec.option.gravity = panda.model.gravity
+        for name, B in inertias(panda).items():
+            spec.joint(name).armature = B
+            tendon = spec.add_tendon()
+            tendon.wrap_joint(name, 1.0)
+            tendon.wrap_joint(name.removesuffix("_rotor"), -1.0)
+            own = FLEXIBLE[name.removesuffix("_rotor")]
+            tendon.stiffness[0], tendon.damping[0], tendon.springlength = (
+                own["stiffness"],
+                own["damping"],
+                [0.0, 0.0],
+            )
+
+    names = *panda.model.dof_names, *inertias(panda)
+    return panda, Mujoco(with_rotors(URDF, NAMES), names, change=add_springs)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_flexible_joints(twin, seed):
+    """Two hinges with a spring between them have the accelerations of link and motor."""
+    panda, other = twin
+    q, theta, qd, thetad, tau = state(panda, seed)
+    motors = np.isin(panda.model.dof_names, NAMES)
+    other.data.qvel[other.dof] = np.append(qd, thetad)
+    other.data.qfrc_applied[other.dof] = np.append(np.where(motors, 0.0, tau), tau[motors])
+    other.place(np.append(q, theta))
+    qdd, thetadd = panda.accelerations(q, theta, qd, thetad, tau)
+    expected = other.data.qacc[other.dof]
+    assert_close(qdd, expected[: len(q)], 1e-11)
+    assert_close(thetadd, expected[len(q) :], 1e-11)
+    assert_close(
+        panda.evaluate(q, theta, qd, thetad, tau).nu, other.mul_m2(np.append(qd, thetad)), 1e-12
+    )
+
+
+# --- loops, mimic joints and ball joints
+
+
+MJCF = """<mujoco><compiler angle="radian"/><option jacobian="dense"/><worldbody>
+<body name="crank"><joint name="j1" axis="0 1 0" ref="0.1"/>
+<geom size="0.02" type="capsule" fromto="0 0 0 0.2 0 0"/><body name="coupler" pos="0.2 0 0" euler="0 -0.8 0">
+<joint name="j2" axis="0 1 0"/><geom size="0.02" type="capsule" fromto="0 0 0 0.5 0.05 0"/>
+<site name="a" pos="0.5 0 0"/></body></body>
+<body name="rocker" pos="0.5 0 0" euler="0 -1.4 0"><joint name="j3" axis="0 1 0"/>
+<geom size="0.02" type="capsule" fromto="0 0 0 0.4 0 0"/>
+<body name="extra" pos="0 0 0.2"><joint name="j4" axis="1 0 0" ref="-0.2"/><geom size="0.05" pos="0.1 0.2 0"/></body>
+<body name="end" pos="0.3 0 0"><joint name="j5" axis="0 1 0"/><geom size="0.03" pos="0 0 0.1"/></body></body></worldbody>
+<equality>EQUALITY</equality><actuator><motor joint="j3"/></actuator></mujoco>"""
+
+
+EQUALITIES = {  # and the degrees of freedom
+    "connect": ('<connect name="e" body1="coupler" body2="rocker" anchor="0.5 0 0"/>', 3),
+    "weld": ('<weld name="e" body1="end" body2="coupler" anchor="0.5 0 0.1"/>', 2),
+    "polynomial": ('<joint joint1="j4" joint2="j1" polycoef="0.1 0.5 0.2 0.1 -0.3"/>', 4),
+    "both": (
+        '<connect body1="coupler" body2="rocker" anchor="0.5 0 0"/><joint joint1="j4" joint2="j1" polycoef="0 0.5 0.2 0 0"/>',
+        2,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EQUALITIES)
+def test_equalities(name):
+    """MuJoCo's equalities hold where ours do, and their Jacobian vanishes along G."""
+    equality, count = EQUALITIES[name]
+    text = MJCF.replace("EQUALITY", equality)
+    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    assert model.nv == count and "j3" in model.dof_names
+    d, names = mujoco.MjData(m), [m.joint(k).name for k in range(m.njnt)]
+    for q in model.start + np.random.default_rng(2).uniform(-0.2, 0.2, (4, model.nq)):
+        G, at = ratios(model, q)
+        d.qpos[:] = [at[joint_name] for joint_name in names]
+        mujoco.mj_forward(m, d)
+        rows = np.reshape(d.efc_J, (-1, m.nv))[: d.ne]
+        assert d.ne >= 1 and np.abs(d.efc_pos[: d.ne]).max() <= 1e-12
+        assert (
+            np.abs(rows @ np.array([G[joint_name] for joint_name in names])).max()
+            <= 1e-13 * np.abs(rows).max()
+        )
+
+
+RODS = """<mujoco><compiler angle="radian"/><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .2 0 0"/><body name="rod" pos=".2 0 0">
+<joint name="rod" type="ball" pos=".01 0 0"/><geom type="capsule" size=".01" fromto="0 0 0 .4 .05 0"/></body></body>
+<body name="rocker" pos=".6 0 .1"><joint name="rocker" axis="0 1 .2"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>
+</body></worldbody>EQUALITY</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("equality", "count"),
+    [
+        ("", 5),
+        ('<equality><connect body1="rod" body2="rocker" anchor=".4 .05 0"/></equality>', 2),
+    ],
+)
+def test_ball_joints(equality, count):
+    """Energy and gravity are MuJoCo's at velocities that its quaternions have by differences."""
+    text = RODS.replace("EQUALITY", equality)
+    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    dynamics, d, other = dd.DiagonalDynamics(model), mujoco.MjData(m), mujoco.MjData(m)
+    assert model.nv == count
+
+    def configuration(q):
+        _, at = ratios(model, q)
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
+            turn, product = np.zeros((2, 4))
+            mujoco.mju_axisAngle2Quat(turn, axis, at[f"rod_{letter}"])
+            mujoco.mju_mulQuat(product, quaternion, turn)
+            quaternion = product
+        return np.array([at["motor"], *quaternion, at["rocker"]])
+
+    rng, step = np.random.default_rng(0), 1e-6
+    for q in model.start + rng.uniform(-0.3, 0.3, (20, model.nq)):
+        d.qpos[:], qd = configuration(q), rng.normal(size=model.nv)
+        ahead, behind = (configuration(q + sign * step * qd) for sign in (1, -1))
+        mujoco.mj_differentiatePos(m, d.qvel, 2.0 * step, behind, ahead)
+        mujoco.mj_forward(m, d)
+        Mv = np.zeros(m.nv)
+        mujoco.mj_mulM(m, d, Mv, d.qvel)
+        assert dynamics.evaluate(q, qd).kinetic_energy == pytest.approx(0.5 * d.qvel @ Mv, rel=1e-7)
+        other.qpos[:] = d.qpos
+        mujoco.mj_forward(m, other)
+        power = other.qfrc_bias @ d.qvel
+        assert dynamics.gravity_torque(q) @ qd == pytest.approx(power, rel=1e-7, abs=1e-7)
+
+
+PARALLEL = """<mujoco><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/><geom type="capsule" size=".02"
+fromto="0 0 0 0 0 .2"/><body name="rod" pos="0 0 .2"><joint name="rod" type="ball"/><geom type="capsule" size=".01"
+fromto="0 0 0 .4 0 0"/></body></body><body name="rocker" pos=".4 0 0"><joint name="rocker" axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 0 0 .2"/></body></worldbody>
+<equality><connect name="bar" body1="rod" body2="rocker" anchor=".4 0 0"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(("angle", "is_near"), [(1.45, True), (1.35, False)])
+def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near):
+    """The rod of a parallelogram stays level while the crank turns."""
+    start = {"motor": -angle, "rod_y": angle, "rocker": -angle}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
+    assert ["singular at ±90°" in str(one.message) for one in caught] == [True] * is_near

@@ -3,11 +3,9 @@
 
 """Compiled kernels: exceptions, first calls, sine and cosine, and a cache that detects damage and other sources."""
 
-import errno
 import logging
 import math
 import os
-import pickle
 import shutil
 import subprocess
 import sys
@@ -18,7 +16,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from numba.core.caching import IndexDataCacheFile
 
 import diag_dynamics as dd
 from diag_dynamics.numerics import cache, linking, progress, tables
@@ -30,7 +27,6 @@ from diag_dynamics.numerics.kernel import (
     entry_kernel,
     kernel,
     large_kernel,
-    precompile,
 )
 from diag_dynamics.sweeps.spatial import MAX_ANGLE, reduced_angle, sine_and_cosine
 
@@ -233,18 +229,6 @@ def test_an_index_that_cannot_be_read(folder, caplog):
     assert compile_small() == 0 and "cannot be used" in caplog.text
 
 
-def test_full_disk(folder, caplog, monkeypatch):
-    def fail(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with monkeypatch.context() as context:
-        context.setattr(IndexDataCacheFile, "_open_for_write", fail)
-        assert compile_small() == 0
-    assert "cannot be used" in caplog.text
-    assert (compile_small(), compile_small()) == (0, 1)
-    assert list(folder.rglob("*tripled*.nbc"))
-
-
 def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
     """Each state of the sources has a folder of its own, and each copy of the package a stamp."""
     monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
@@ -366,16 +350,6 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
 # --- Progress of compilation
 
 
-def test_hash_depends_on_numba_and_on_the_module(monkeypatch):
-    """Another numba, or other kernels, have another folder."""
-    modules = "diag_dynamics.sweeps.evaluation", "diag_dynamics.simulation.steps"
-    folders = {cache.code_folder(module) for module in modules}
-    assert len(folders) == 2 and None not in folders
-    before = cache.source_hash(modules[0])
-    monkeypatch.setattr(cache.numba, "__version__", "0.0")
-    assert cache.source_hash.__wrapped__(modules[0]) != before
-
-
 def test_messages_while_compiling(monkeypatch, capsys):
     """The first one after 2 s, with the rule, at most one in 5 s; kernels in a row share the 2 s."""
     sender, messages = progress.Progress(), []
@@ -391,19 +365,6 @@ def test_messages_while_compiling(monkeypatch, capsys):
     progress.set_progress_callback()
     sender.send("mass_matrix", 30.0, 32.0)
     assert capsys.readouterr().err.startswith("diag_dynamics: compiling mass_matrix")
-
-
-def test_precompile(monkeypatch):
-    """All entries of a module or package."""
-    compiled = []
-    monkeypatch.setattr(kernels.Entry, "compile", lambda entry: compiled.append(entry))
-
-    @entry_kernel(NUMBER)
-    def small(x):
-        return x
-
-    precompile(__name__)
-    assert small in compiled and {entry.__module__ for entry in compiled} == {__name__}
 
 
 # --- Processes with an empty cache
@@ -492,122 +453,3 @@ def test_next_process_loads_from_the_cache(copy, tmp_path):
     assert text.count(before) == 1
     spatial.write_text(text.replace(before, before.replace("w[2]", "2.0 * w[2]")))
     assert run(copy, cache)[:2] == (26.0, 0)
-
-
-@pytest.mark.full
-@pytest.mark.skipif(
-    os.uname().machine != "x86_64", reason="the other processor is a kind of x86-64"
-)
-def test_processes_share_a_cache(copy, tmp_path):
-    """They may compile together; each processor finds its own code."""
-    cache, other = tmp_path / "cache", {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
-    with ThreadPoolExecutor(3) as pool:
-        for D, _, errors in pool.map(lambda more: run(copy, cache, **more), ({}, {}, other)):
-            assert D == 13.0 and "unreadable" not in errors and "cannot be used" not in errors
-    run(copy, cache)
-    run(copy, cache, **other)
-    for processor in ({}, other):
-        D, hits, _ = run(copy, cache, **processor)
-        assert D == 13.0 and hits >= 1
-
-
-# Loads an entry without the private parts of numba, calls it and a kernel, and prints what happened.
-WITHOUT_LINKING = """
-import sys
-sys.modules["diag_dynamics.numerics.linking"] = None
-import numpy as np
-from diag_dynamics.numerics import kernel, progress
-
-progress.DELAY = 0.0
-progress.set_progress_callback(print)
-
-@kernel.large_kernel
-def doubled(x):
-    return 2.0 * x
-
-@kernel.entry_kernel(kernel.VECTOR, kernel.NUMBER)
-def total(x, y):
-    return doubled(x.sum()) + y
-
-@kernel.entry_kernel(kernel.VECTOR)
-def twice(x):
-    return 2.0 * total(x, 1.0)
-
-for arguments in ((np.ones(3), "a"), (np.ones((1, 3)), 1.0), (np.ones(3, np.int64), 1.0), (np.ones(6)[::2], 1.0)):
-    try:
-        print(total(*arguments))
-    except TypeError:
-        print("TypeError")
-print(kernel.linking, total(np.ones(3), 1), twice(np.ones(3)), total.run.stats.cache_hits, len(total.run.signatures))
-"""
-
-
-def test_another_numba(tmp_path):
-    """Where `linking` cannot be imported, entries accept their types alone, report their compilation, and are cached."""
-    script = tmp_path / "script.py"
-    script.write_text(WITHOUT_LINKING, encoding="utf-8")
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
-    outputs = []
-    for _ in range(2):
-        done = subprocess.run(
-            [sys.executable, script], env=environment, capture_output=True, text=True, check=True
-        )
-        outputs.append(done.stdout.splitlines())
-    assert outputs[0][0] == f"compiling total {progress.RULE}"
-    for found, hits in zip(outputs, ("Counter()", "Counter({(Array"), strict=True):
-        assert [line for line in found if "compiling" not in line][:4] == ["TypeError"] * 4
-        assert found[-1].startswith(f"None 7.0 14.0 {hits}") and found[-1].endswith(" 1")
-
-
-# Pickles results of some robots: a floating base, coupled joints, and plain chains; and the texts of errors.
-RESULTS = """
-import pickle, sys
-import numpy as np
-import diag_dynamics as dd
-
-found = {}
-for name, options in (("ur5", {}), ("panda", {}), ("go2", {"floating_base": True})):
-    model = dd.load_robot(name, **options)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(3)
-    q, (qd, tau) = model.neutral, rng.standard_normal((2, model.nv))
-    results = dyn.evaluate(q, qd, tau), dyn.evaluate(*(np.tile(x, (11, 1)) for x in (q, qd, tau))), dyn.factors(q)
-    values = {f"{k} {key}": x for k, one in enumerate(results) for key, x in one.to_dict().items() if x is not None}
-    found[name] = values | {"M": dyn.mass_matrix(q), "forward": dyn.forward_dynamics(q, qd, tau)}
-    for k, wrong in enumerate(((q[1:], qd, tau), (q, qd, tau[None, 1:]), (q, "qd", tau), (q, np.nan * qd, tau))):
-        for method in (dyn.evaluate, dyn.forward_dynamics):
-            try:
-                method(*wrong)
-            except dd.InputError as error:
-                found[name][f"error {k} of {method.__name__}"] = str(error)
-sys.stdout.buffer.write(pickle.dumps(found))
-"""
-
-
-BREAKS = {
-    "as it is": "",
-    "missing": "import sys; sys.modules['diag_dynamics.numerics.linking'] = None\n",
-    "other": "from diag_dynamics.numerics import linking; linking.Library._optimize_functions = None\n",
-}
-
-
-@pytest.mark.full
-def test_results_without_private_parts_of_numba(tmp_path):
-    """Where `linking` cannot be imported, or numba's inside is another one, kernels give the same bits and errors."""
-    found = {}
-    for name, prefix in BREAKS.items():
-        environment = os.environ | {
-            "NUMBA_CACHE_DIR": str(tmp_path / name)
-        }  # the files have the same names
-        command = [sys.executable, "-c", prefix + RESULTS]
-        done = subprocess.run(command, env=environment, capture_output=True, check=True)
-        found[name] = pickle.loads(done.stdout)
-    assert sum("error" in quantity for quantity in found["as it is"]["ur5"]) == 8
-    for name in set(BREAKS) - {"as it is"}:
-        for robot, quantities in found[name].items():
-            assert quantities.keys() == found["as it is"][robot].keys()
-            for quantity, expected in quantities.items():
-                assert np.array_equal(found["as it is"][robot][quantity], expected), (
-                    name,
-                    robot,
-                    quantity,
-                )

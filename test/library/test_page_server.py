@@ -4,7 +4,6 @@
 """The page's server over real connections. A test waits for messages and answers, never for time to pass."""
 
 import contextlib
-import errno
 import http.client
 import itertools
 import json
@@ -169,24 +168,6 @@ def get_json_when_free(address):
     raise AssertionError("no room after a connection has closed")
 
 
-def test_errors_of_accepting_are_logged_once_a_minute(serve, arm, monkeypatch, caplog):
-    """The server accepts connections again after errors, as without free file descriptors."""
-    monkeypatch.setattr(server, "ACCEPT_RETRY_PERIOD", 0.0)
-    errors = iter(100 * [OSError(errno.EMFILE, "Too many open files")])
-    accept = socket.socket.accept
-
-    def fail(listening):
-        for error in errors:
-            raise error
-        return accept(listening)
-
-    monkeypatch.setattr(socket.socket, "accept", fail)
-    address = serve(arm.stream)
-    assert get(address, "/robots")[0] == 200
-    assert next(errors, None) is None
-    assert [record.message.count("Too many open files") for record in caplog.records] == [1]
-
-
 def test_addresses_that_cannot_be_served(address):
     assert address.startswith("http://127.0.0.1:")
     taken = int(address.split(":")[-1].strip("/"))
@@ -242,14 +223,6 @@ def test_a_robot_that_is_not_shown(serve, arm):
         assert status == 404 and text.startswith("robot is '/nothing'; ") and reason in text
 
 
-@pytest.mark.parametrize(
-    ("query", "code"), [({"robot": "/nobody"}, 4404), ({"robot": "/arm", "hz": "x"}, 4400)]
-)
-def test_streams_that_are_rejected(address, query, code):
-    found, reason = rejected(address, **query)
-    assert (found, "expected" in reason or "hz" in reason) == (code, True)
-
-
 def test_a_stream_that_fails_names_the_error(serve):
     """The page shows it as an error."""
     arm = Robot(PANDA)
@@ -297,14 +270,6 @@ def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
         assert links.get(timeout=HANG) == "panda_link4"
         stream.frames(3)
         assert links.qsize() < 9
-
-
-def test_a_robot_that_no_tab_can_push(serve, arm):
-    """The stream continues after the request."""
-    with Stream(serve(arm.stream)) as stream:
-        assert not stream.next(HEARTBEAT)["pushes"]
-        stream.send("push")
-        stream.frames(3)
 
 
 def test_a_slow_reader_gets_the_present_and_delays_nobody(serve):

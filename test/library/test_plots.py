@@ -251,9 +251,6 @@ def test_tree_has_every_freedom_with_its_inertia():
     assert indents == [0] * 5 + [1, 0, 0] * 4
 
 
-# --- Style, names and errors
-
-
 def test_style_of_matplotlib_counts_for_text():
     """Text and K have the style's colour, layers different ones; a name has no mathematics between dollars."""
     with plt.style.context("dark_background"):
@@ -264,6 +261,9 @@ def test_style_of_matplotlib_counts_for_text():
         axes.get_title(loc="left").startswith(r"\$slides\$")
         and not axes.spines["top"].get_visible()
     )
+
+
+# --- Style, names and errors
 
 
 def test_errors_name_the_argument(recording):

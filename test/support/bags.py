@@ -220,15 +220,6 @@ def odometry(stamp, link, pose, twist):
     )
 
 
-def write_floating(path, joints, bases):
-    """Write joint states (pairs of bytes and log time) and odometries (pairs of log time and bytes); return the path."""
-    sent = [(now, 0, Message("/odom", now, raw, ODOMETRY)) for now, raw in bases]
-    sent += [(now, 1, Message("/joint_states", now, raw)) for raw, now in joints]
-    return write_mcap(
-        path, [one for _, _, one in sorted(sent, key=lambda one: one[:2])], chunk_size=20_000
-    )
-
-
 def read(path, topic=None):
     """Return the numbers of the messages read, and the findings; nothing read is a finding, too.
 

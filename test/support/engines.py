@@ -72,13 +72,6 @@ class Mujoco:
         mujoco.mj_mulM2(self.model, self.data, result, vector)
         return result[self.dof]
 
-    def solve_m2(self, tau):
-        """Return √D⁻¹ L⁻ᵀ τ."""
-        result, vector = np.zeros((2, 1, self.model.nv))
-        vector[0, self.dof] = tau
-        mujoco.mj_solveM2(self.model, self.data, result, vector, np.sqrt(self.data.qLDiagInv))
-        return result[0, self.dof]
-
 
 # --- motions
 
