@@ -391,7 +391,7 @@ class Settings(NamedTuple):
     inputs: Options
     thresholds: EnergyThresholds
     observation: Observation | None
-    contact: ContactLimits | None
+    contact_limits: ContactLimits | None
     rates: Mapping
 
     @property
