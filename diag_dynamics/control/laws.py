@@ -281,7 +281,8 @@ class JointRegulation(JointLaw):
     z̈ + 2ζK̃^½ż + K̃z = 0: every mode has the damping ratio ζ in every configuration.
     V = ½|s|² + ½(q_d − q)ᵀK_q(q_d − q) falls at −sᵀcs.
 
-    The stiffness is K_q > 0 [N m/rad, N/m], the damping ratio ζ > 0; 1 is critical.
+    The stiffness is K_q > 0 [N m/rad, N/m], the damping ratio ζ > 0; 1 is critical. The attribute
+    `stiffness`, shape (nv,), may be set between commands.
 
     Example
     -------
@@ -297,18 +298,19 @@ class JointRegulation(JointLaw):
         super().__init__(dynamics, "factors")
         self.stiffness = per_name("stiffness", stiffness, dynamics.model.dof_names, STIFF)
         self.damping_ratio = positive("damping_ratio", damping_ratio, "[1]")
-        self._root = np.sqrt(self.stiffness)
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)
-        braking = modal_damping(self.dynamics.factors(q).l * self._root, s, self.damping_ratio)
+        root = self.dynamics.factors(q).l * np.sqrt(self.stiffness)
+        braking = modal_damping(root, s, self.damping_ratio)
         return self._closed(
             q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self.stiffness * error
         )
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError unless the fastest mode at q has ω·period < min(4ζ, 1/ζ)."""
-        _, frequencies, modes = np.linalg.svd(self.dynamics.factors(q).l * self._root)
+        root = self.dynamics.factors(q).l * np.sqrt(self.stiffness)
+        _, frequencies, modes = np.linalg.svd(root)
         k = int(np.argmax(np.abs(modes[0])))  # the joint with most of the mode
         largest = (
             self.stiffness[k]

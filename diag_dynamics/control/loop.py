@@ -182,6 +182,7 @@ class ControlLoop:
 
     def _unstable(self, mode):
         """Return why the gains of a mode are unstable at the measured rate of the states; empty if they are not."""
+        mode.adapt(self.state.position, self._period)
         try:
             mode.law.require_stable(self.state.position, self._period)
         except InputError as error:

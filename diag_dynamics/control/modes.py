@@ -15,6 +15,7 @@ from diag_dynamics.control.laws import (
     PoseError,
     PoseRegulation,
     RateDamping,
+    largest_frequency,
     rotation_of,
 )
 from diag_dynamics.control.references import PoseTarget, SetPoint, Trajectory, at_rest, nearest
@@ -47,6 +48,9 @@ AT_REST = 1e-3
 ARRIVED, PATIENCE = 0.01, 2.0
 """Distance at which a target is reached [rad, m], and time until one that rests has to be [s]."""
 
+FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
+"""Error at which springs overcome Coulomb friction [rad, m], and fraction of it compensated at rest."""
+
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
 
@@ -61,7 +65,8 @@ class Mode:
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
-    targets = ()  # topics: take_pose accepts "target", take_trajectory "trajectory", take_set_point "set_point"
+    targets = ()  # topics of take_pose, take_trajectory and take_set_point
+    desired = None  # motion of the last command, in the modes of joints
     _moving = False  # whether the target of the last command moves, and V with it
 
     def __init__(self, law, values):
@@ -89,6 +94,9 @@ class Mode:
 
     def _stay(self, state):
         """Make the position of a state the target."""
+
+    def adapt(self, position, period):
+        """Adapt automatic gains to a position [rad, m] and the measured period of states [s]."""
 
     def follow(self, state):
         """Return the command, and why the position replaced the target; empty if it did not."""
@@ -125,6 +133,11 @@ class Mode:
     def forget_rate(self):
         """Measure no rate from the last command to the next one."""
         self._last = None  # V and time of the last command for the present target
+
+
+def _coulomb_friction(model, gravity_torque):
+    """Return the Coulomb friction of the joints [N m, N], shape (nv,), under a gravity torque."""
+    return model.friction + model.load_friction * np.abs(gravity_torque)
 
 
 def _gains(dynamics, values, name):
@@ -220,6 +233,7 @@ class JointMode(Mode):
     """Mode with set-points and trajectories, whose law follows a desired motion of the joints."""
 
     targets = ("trajectory", "set_point")
+    _spring = 0.0  # stiffness at rest, where friction is compensated [N m/rad, N/m]
 
     def __init__(self, law, approach, values):
         super().__init__(law, values)
@@ -227,7 +241,7 @@ class JointMode(Mode):
         self._approach = approach  # final decay rates of the distance to a set-point [1/s]
         self._speed = values["set_point_speed"] * self.max_speed
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
-        self.desired = None  # motion of the last command
+        self._rubs = values["friction_compensation"] and model.has_friction
 
     def _stay(self, state):
         self.desired = at_rest(state.position)
@@ -331,7 +345,22 @@ class JointMode(Mode):
     def command(self, state):
         """Return the command towards the desired motion of now."""
         self.desired = self._target.sample(state.newest, self._lag)
-        return self.law.command(state.position, state.velocity, *self.desired)
+        command = self.law.command(state.position, state.velocity, *self.desired)
+        return self._with_friction(state.position, command) if self._rubs else command
+
+    def _with_friction(self, q, command):
+        """Add the friction of the model at the desired velocity and, at rest, a part of it.
+
+        At rest this is the spring once more, at most FRICTION_SHARE of Coulomb friction: it alone
+        does not move a joint.
+        """
+        model, velocity = self._model, self.desired.velocity
+        moving = np.minimum(np.abs(velocity) / max(model.friction_velocity, AT_REST), 1.0)
+        bound = FRICTION_SHARE * _coulomb_friction(model, command.gravity_torque)
+        effort = self.law.dynamics.friction_torque(velocity, q)
+        effort += (1.0 - moving) * np.clip(self._spring * command.error, -bound, bound)
+        added = self.law.dynamics.epsilon_from_tau(q, effort)
+        return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 
 
 class TrackingMode(JointMode):
@@ -348,14 +377,55 @@ class TrackingMode(JointMode):
 
 
 class RegulationMode(JointMode):
-    """Joint springs with one damping ratio."""
+    """Joint springs with one damping ratio.
+
+    Joints without a stiffness of their own are as stiff as tracking, whose torque at an error e is
+    Te, T = m K mᵀΛ: k = Σ_j |T_kj|. Under a load no joint then ends further off than the furthest
+    one by tracking. Stiffness beyond that overcomes Coulomb friction at FRICTION_ERROR. Together
+    they are at most half of the largest stiffness that is stable.
+    """
 
     name = "regulation"
 
     def __init__(self, dynamics, values):
-        stiffness = _gains(dynamics, values, "regulation_stiffness")
-        law = JointRegulation(dynamics, stiffness, values["regulation_damping_ratio"])
-        super().__init__(law, np.full(dynamics.model.nv, APPROACH_RATE), values)
+        names = dynamics.model.dof_names
+        automatic = np.full(len(names), np.inf)
+        self._chosen = by_dof(
+            "regulation_stiffness", values["regulation_stiffness"], names, automatic
+        )
+        self._gain = _gains(dynamics, values, "tracking_gain")
+        self._convergence = _gains(dynamics, values, "tracking_convergence")
+        self._period = values["max_state_age"]
+        law = JointRegulation(dynamics, 1.0, values["regulation_damping_ratio"])
+        super().__init__(law, np.full(len(names), APPROACH_RATE), values)
+
+    def _stay(self, state):
+        super()._stay(state)
+        self.adapt(state.position, self._period)
+
+    def adapt(self, position, period):
+        """Set the stiffness for a position [rad, m] and a period [s]."""
+        self._period, law = period, self.law
+        factors, dynamics = law.dynamics.factors(position), law.dynamics
+        largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
+        tracking = np.abs(factors.m * self._gain @ factors.m.T * self._convergence).sum(axis=1)
+        square = _largest_square(factors.l, tracking)
+        friction = _coulomb_friction(self._model, dynamics.gravity_torque(position))
+        inertia = 1.0 / np.square(factors.l).sum(axis=0)
+        remaining = max(largest - square, 0.0) / _largest_square(factors.l, inertia)
+        missing = np.maximum(friction / FRICTION_ERROR - tracking, 0.0)
+        stiffness = min(largest / square, 1.0) * tracking
+        stiffness += np.minimum(missing, remaining * inertia)
+        law.stiffness = np.where(np.isinf(self._chosen), stiffness, self._chosen)
+
+    @property
+    def _spring(self):
+        return self.law.stiffness
+
+
+def _largest_square(inverse, stiffness):
+    """Return the square of the largest frequency ω² [1/s²] of joint springs, by ℓ."""
+    return np.linalg.norm(inverse * np.sqrt(stiffness), 2) ** 2
 
 
 _MODES = GravityCompensationMode, DampingMode, PoseMode, TrackingMode, RegulationMode

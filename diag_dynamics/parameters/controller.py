@@ -4,7 +4,7 @@
 """Parameters of the controller."""
 
 from diag_dynamics.control.loop import require_consistent
-from diag_dynamics.control.modes import MODES, TRACKING
+from diag_dynamics.control.modes import MODES, REGULATION
 from diag_dynamics.entries import assignments
 from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact_limits import limits_of
@@ -46,7 +46,7 @@ _WHILE_UNCONFIGURED = {
         0.0,
         60.0,
     ),
-    "initial_mode": Spec(TRACKING, "Mode on activation.", choices=MODES),
+    "initial_mode": Spec(REGULATION, "Mode on activation.", choices=MODES),
     # laws
     "damping": Spec(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),
     "controlled_link": Spec("", "Link whose pose is regulated; empty: no mode pose."),
@@ -56,8 +56,9 @@ _WHILE_UNCONFIGURED = {
         1.0, "Damping ratio of all modes of pose regulation; 1: critical.", 1e-3, 100.0
     ),
     "regulation_stiffness": Spec(
-        ["*=50.0"],
-        "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m].",
+        [""],
+        "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m]. "
+        "By default those of tracking, or enough to overcome Coulomb friction at 0.02 rad.",
     ),
     "regulation_damping_ratio": Spec(
         1.0, "Damping ratio of all modes of regulation; 1: critical.", 1e-3, 100.0
@@ -70,6 +71,9 @@ _WHILE_UNCONFIGURED = {
     ),
     "tracking_bound": Spec(
         0.0, "Bound rho on disturbances that tracking rejects [J^0.5/s]; 0: none.", 0.0
+    ),
+    "friction_compensation": Spec(
+        True, "Whether regulation and tracking compensate the friction of the model."
     ),
     "set_point_speed": Spec(
         0.25,

@@ -10,6 +10,7 @@ import scipy.linalg
 import diag_dynamics as dd
 from described import MS, UR5, S, robot
 from diag_dynamics.control.loop import ControlLoop
+from diag_dynamics.control.modes import TRACKING
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.parameters.controller import PARAMETERS
@@ -96,9 +97,10 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
 
 
 def loop_of(arm, compensated=False, **values):
-    """Return a loop with the default parameters but for `values`."""
+    """Return a loop in mode tracking with the default parameters but for `values`."""
     defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    return ControlLoop(arm, defaults | {"controlled_link": "tool0"} | values, compensated)
+    defaults |= {"controlled_link": "tool0", "initial_mode": TRACKING}
+    return ControlLoop(arm, defaults | values, compensated)
 
 
 class Closed:

@@ -51,7 +51,7 @@ class Controller:
         self.set_point = peer.publisher(JointState, f"{namespace}/set_point")
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)
-        self._parameters = {"check_time": 0.0} | parameters
+        self._parameters = {"check_time": 0.0, "initial_mode": "tracking"} | parameters
         self.start()
 
     def start(self):

@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Controllers with default parameters arrive: arms with friction and loads, sampled at 125 to 1000 Hz, by Pinocchio."""
+
+import numpy as np
+import pytest
+
+import diag_dynamics as dd
+from diag_dynamics.control.modes import REGULATION, TRACKING
+from examples import shortened, some_of
+from rubbing import ARMS, Closed
+
+RATES = 125, 250, 500, 1000
+CASES = some_of([(*arm, rate) for arm in ARMS for rate in RATES], 7)
+MIN_EFFORT = 1e-3
+"""Effort that has a sign [N m]."""
+ROTOR = 0.1
+"""Rotor inertia of all joints [kg m²]."""
+
+
+def goal_of(q):
+    """Return a set-point 0.4 rad away in each joint."""
+    return q + 0.4 * np.where(np.arange(len(q)) % 2, 1.0, -1.0)
+
+
+def ids(value):
+    return getattr(value, "id", str(value) if isinstance(value, (int, str)) else "")
+
+
+@pytest.mark.parametrize("rotor", some_of([0.0, ROTOR], 2))
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+def test_each_joint_arrives(robot, q, link, rate, rotor):
+    names = dd.load_urdf(robot.source, **robot.options).dof_names
+    robot = robot._replace(armature=dict.fromkeys(names, rotor)) if rotor else robot
+    closed = Closed(robot, q, link, rate)
+    assert closed.go(goal_of(q)).max() < 0.01
+    assert closed.loop.mode == REGULATION and closed.loop.shortfall == ""
+
+
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, rate):
+    """The load of 2 kg is unknown; the bound is the joint that tracking leaves furthest off."""
+    distances = [
+        Closed(robot, q, link, rate, load=2.0, **values).go(goal_of(q)).max()
+        for values in ({}, {"initial_mode": TRACKING, "friction_compensation": False})
+    ]
+    assert distances[0] < distances[1]
+
+
+@pytest.mark.parametrize("friction", [0.7, 1.3])
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+def test_wrong_friction_causes_no_limit_cycle(robot, q, link, rate, friction):
+    """Efforts of an arm at rest change their signs less than once a second."""
+    closed = Closed(robot, q, link, rate, friction=friction)
+    closed.go(goal_of(q))
+    efforts = closed.run(shortened(5.0, 1.0))
+    signs = np.sign(np.where(np.abs(efforts) > MIN_EFFORT, efforts, 0.0))
+    assert (signs == signs[0]).all()
+    assert np.abs(closed.plant.qd).max() < 1e-4
