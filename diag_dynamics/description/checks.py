@@ -42,207 +42,211 @@ class Check(NamedTuple):
 
 
 LINKS = {
-    "negative D": (
+    "negative D": Check(
         "error",
         "kg m²",
         "negative principal moments of inertia; the smallest",
         "Correct the inertia in the URDF.",
     ),
-    "rejected": ("error", "", "{}", ""),
-    "omitted": (
+    "rejected": Check("error", "", "{}", ""),
+    "omitted": Check(
         "note",
         "",
         "forward and inverse dynamics omit: {}",
         "M, C, ν and K do not depend on it.",
     ),
-    "negative": (
+    "negative": Check(
         "warning",
         "kg m²",
         "negative principal moments of inertia; the smallest",
         "Correct the inertia in the URDF.",
     ),
-    "triangle": (
+    "triangle": Check(
         "warning",
         "%",
         f"inertias of no rigid body: {EXCESS}",
         "Give it about the centre of mass, in kg m², in the inertial's axes.",
     ),
-    "rounded": (
+    "rounded": Check(
         "note",
         "%",
         f"inertias of negligible mass or few digits: {EXCESS}",
         "No effect on results. Give more digits, or remove the <inertial>.",
     ),
-    "massless": ("error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE),
-    "moving": ("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
-    "lumped": (
+    "massless": Check(
+        "error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE
+    ),
+    "moving": Check("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
+    "lumped": Check(
         "note",
         "",
         "geometry without <inertial>, attached to links with mass",
         "Fine if that mass includes theirs.",
     ),
-    "base": (
+    "base": Check(
         "note",
         "",
         "the base has geometry but no <inertial>",
         "Matters only if the base moves.",
     ),
-    "point": (
+    "point": Check(
         "warning",
         "kg",
         "mass with an inertia of zero: a point mass, which rotates without effort",
         "Give the moments of inertia.",
     ),
-    "attached": (
+    "attached": Check(
         "note",
         "kg",
         "mass with an inertia of zero, attached to links with inertia",
         "Give the moments of inertia.",
     ),
-    "no mass": ("warning", "", "inertia without mass, which is impossible", "Give the mass."),
-    "bodiless": (
+    "no mass": Check("warning", "", "inertia without mass, which is impossible", "Give the mass."),
+    "bodiless": Check(
         "note",
         "kg",
         "mass without geometry: its density is unknown",
         "Fine if intended.",
     ),
-    "impossible": ("warning", "kg/m³", "denser than any material", SIZES),
-    "dense": ("note", "kg/m³", "denser than solid copper", SIZES),
-    "light": ("note", "kg/m³", "lighter than foam", SIZES, True),
-    "steel": (
+    "impossible": Check("warning", "kg/m³", "denser than any material", SIZES),
+    "dense": Check("note", "kg/m³", "denser than solid copper", SIZES),
+    "light": Check("note", "kg/m³", "lighter than foam", SIZES, True),
+    "steel": Check(
         "warning",
         "kg/m³",
         "density of steel, the default of CAD: probably too heavy",
         "Weigh the links, or set each part's material in CAD and export again.",
     ),
-    "uniform": (
+    "uniform": Check(
         "note",
         "kg/m³",
         "one density of all links: masses are computed, not measured",
         "Fine for first trials. Weigh the links, or identify them from a recording.",
     ),
-    "outside": (
+    "outside": Check(
         "warning",
         "m",
         "centre of mass outside of the geometry's bounding box, by",
         "Is the inertial's origin in the link's axes, and are visuals where the link is?",
     ),
-    "large": ("warning", "1", f"inertia too large for the geometry: {RATIO}", UNITS),
-    "idle": (
+    "large": Check("warning", "1", f"inertia too large for the geometry: {RATIO}", UNITS),
+    "idle": Check(
         "note",
         "1",
         f"inertia too large for the geometry, no effect on a fixed base: {RATIO}",
         "Usual for identified parameters. A floating base needs correct inertias.",
     ),
-    "small": ("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
-    "turned": (
+    "small": Check("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
+    "turned": Check(
         "warning",
         "",
         "inertia about the wrong axis of a bar or a disc",
         "Turn the <inertial>'s origin as the geometry's, or exchange ixx, iyy and izz.",
     ),
-    "identity": (
+    "identity": Check(
         "warning",
         "m",
         "placeholder of 1 kg m² about all axes, that of a ball of diameter",
         ESTIMATE,
     ),
-    "copied": (
+    "copied": Check(
         "note",
         "",
         "the same inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
         "Fine for one motor in different housings.",
     ),
-    "uneven": ("note", "kg", "left and right differ in mass", "Fine if built differently."),
-    "missing": (
+    "uneven": Check("note", "kg", "left and right differ in mass", "Fine if built differently."),
+    "missing": Check(
         "warning",
         "",
         "missing meshes: {}",
         "Put them where the URDF says, or their package into ROS_PACKAGE_PATH.",
     ),
-    "unmeasured": ("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
+    "unmeasured": Check("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
 }
 
 JOINTS = {
-    "rotor": (
+    "rotor": Check(
         "note",
         "kg m², kg",
         "rotor inertia N²J of <transmission>, part of the model",
         "Other readers ignore it. The option armature, or that of a file, replaces it.",
     ),
-    "repeated": (
+    "repeated": Check(
         "warning",
         "",
         "more than one <{}>; the first one counts",
         "Remove the other.",
     ),
-    "axis": ("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
-    "unlimited": (
+    "axis": Check("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
+    "unlimited": Check(
         "warning",
         "",
         "no position limits, which URDF requires: unlimited here",
         "Give <limit lower= upper=>, or make the joint continuous.",
     ),
-    "shut": (
+    "shut": Check(
         "warning",
         "rad, m",
         "lower limit = upper limit: the joint cannot move",
         "Correct the limits, or make the joint fixed.",
     ),
-    "wide": ("warning", "rad", "limits beyond three turns", "Are they in degrees?"),
-    "long": ("note", "m", "limits beyond 10 m", "Are they in mm?"),
-    "continuous": (
+    "wide": Check("warning", "rad", "limits beyond three turns", "Are they in degrees?"),
+    "long": Check("note", "m", "limits beyond 10 m", "Are they in mm?"),
+    "continuous": Check(
         "note",
         "",
         "position limits at a continuous joint: ignored",
         "Make it revolute if they hold.",
     ),
-    "no limit": ("note", "", "no {} limit: treated as unlimited", "Give that of the data sheet."),
-    "zero": (
+    "no limit": Check(
+        "note", "", "no {} limit: treated as unlimited", "Give that of the data sheet."
+    ),
+    "zero": Check(
         "warning",
         "",
         "{} limit of zero: no controller moves the joint",
         "Give that of the data sheet.",
     ),
-    "strong": (
+    "strong": Check(
         "note",
         "N m, N",
         "effort limit above that of any drive",
         "Placeholder or wrong unit?",
     ),
-    "fast": (
+    "fast": Check(
         "note",
         "rad/s, m/s",
         "velocity limit above that of any drive",
         "Placeholder or wrong unit?",
     ),
-    "short": (
+    "short": Check(
         "note",
         "rad, m",
         "mimic joints with narrower limits than their source joint, by",
         "Limit the source joint to the range of the mimic joint.",
     ),
-    "slow": (
+    "slow": Check(
         "note",
         "1",
         "mimic joints driven above their velocity limit by their source joint, by the factor",
         "Limit the source joint to the velocity of the mimic joint.",
     ),
-    "singular": (
+    "singular": Check(
         "error",
         "kg m², kg",
         "joints that move no inertia make the mass matrix singular; with D",
         "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o "
         "new.urdf), or lock the joints (massless: lock), as is done for the other checks.",
     ),
-    "mimic": (
+    "mimic": Check(
         "error",
         "",
         "{}",
         "Correct <mimic>, or take the joint as independent (mimic: free), as is done for the "
         "other checks.",
     ),
-    "quick": (
+    "quick": Check(
         "note",
         "ms",
         "no rotor inertia: the effort limit accelerates the joint to its velocity limit "
@@ -250,16 +254,16 @@ JOINTS = {
         "Give the joint its armature n² J_rotor, or the drive's effort limit.",
         True,
     ),
-    "heavy": (
+    "heavy": Check(
         "warning",
         "1",
         GRAVITY,
         "Are masses in kg, and effort limits those of the joint, not of the motor?",
     ),
-    "balanced": ("note", "1", GRAVITY, "Fine with springs or counterweights."),
-    "few digits": ("note", "kg m², kg", CONDITION, LIGHT, True),
-    "no digits": ("warning", "kg m², kg", CONDITION, LIGHT, True),
-    "rapid": (
+    "balanced": Check("note", "1", GRAVITY, "Fine with springs or counterweights."),
+    "few digits": Check("note", "kg m², kg", CONDITION, LIGHT, True),
+    "no digits": Check("warning", "kg m², kg", CONDITION, LIGHT, True),
+    "rapid": Check(
         "warning",
         "rad/s, m/s",
         "at its velocity limits the robot's mass moves at {:.3g} m/s on average; limits with "
@@ -269,34 +273,36 @@ JOINTS = {
 }
 
 WARNED = {  # mistakes of elements, of links, joints or the robot
-    "attribute": ("warning", "", "<{}> has the unknown attribute {}, ignored", "Is it misspelt?"),
-    "angle": ("warning", "rad", "<{} {}> is beyond 2π", "Is it in degrees? URDF has radians."),
-    "element": ("warning", "", "<{}> within <{}> is ignored", "Is it misspelt or misplaced?"),
-    "no axis": (
+    "attribute": Check(
+        "warning", "", "<{}> has the unknown attribute {}, ignored", "Is it misspelt?"
+    ),
+    "angle": Check("warning", "rad", "<{} {}> is beyond 2π", "Is it in degrees? URDF has radians."),
+    "element": Check("warning", "", "<{}> within <{}> is ignored", "Is it misspelt or misplaced?"),
+    "no axis": Check(
         "warning",
         "",
         "<axis> has no xyz, so the axis is 1 0 0",
         'Give <axis xyz="…">.',
     ),
-    "simulated": (
+    "simulated": Check(
         "warning",
         "",
         "<joint> of <gazebo> is ignored: the model is the open tree without it",
         "Forward dynamics lacks its forces.",
     ),
-    "plugin": (
+    "plugin": Check(
         "warning",
         "",
         "plugin {} of <gazebo> couples links or joints and is not modelled",
         "Describe it by <loop_joint>, loops, <mimic> or payloads.",
     ),
-    "mimic parameter": (
+    "mimic parameter": Check(
         "warning",
         "",
         "parameter 'mimic' of <ros2_control> is not modelled",
         "Give the joint a <mimic>.",
     ),
-    "ignored rotor": (
+    "ignored rotor": Check(
         "warning",
         "",
         "the rotor inertia of {} is ignored: it is not that of one actuator at one moving joint",
@@ -304,9 +310,9 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
     ),
 }
 
-CHECKS = {name: Check(*row) for name, row in LINKS.items()}
-CHECKS |= {name: Check(*row)._replace(warns=True) for name, row in WARNED.items()}
-CHECKS |= {name: Check(*row)._replace(kind="joints") for name, row in JOINTS.items()}
+CHECKS = dict(LINKS)
+CHECKS |= {name: check._replace(warns=True) for name, check in WARNED.items()}
+CHECKS |= {name: check._replace(kind="joints") for name, check in JOINTS.items()}
 
 
 def warn_of_inertias(description: Description, ignored: Sequence[str]) -> None:

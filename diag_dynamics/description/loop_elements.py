@@ -78,7 +78,8 @@ def _loop(element: Any, name: str) -> Loop:
         if link is None or link.get("link") is None:
             raise UrdfError(f"{shown} is not supported: it lacks <{tag} link=…>.")
         place = np.eye(4) if frame is None else placement_of(frame, shown)
-        axes.append((1.0, 0.0, 0.0) if along is None else numbers_of(along, "xyz", 3, shown))
+        numbers = [1.0, 0.0, 0.0] if along is None else numbers_of(along, "xyz", 3, shown)
+        axes.append(np.array(numbers))
         if not np.linalg.norm(axes[-1]) > 0.0:
             raise UrdfError(f"{shown}: <{axis}> has no direction.")
         turn = place[:3, :3] @ rotations.frame_about(axes[-1]) @ rotations.frame_about(axes[0]).T
@@ -88,4 +89,6 @@ def _loop(element: Any, name: str) -> Loop:
         for one in element.findall("start")
     }
     independent = tuple(one.get("joint") for one in element.findall("independent"))
-    return Loop(element.get("name", name), *ends, TYPES[kind], tuple(axes[0]), independent, start)
+    first, second = ends
+    name, kind = element.get("name", name), TYPES[kind]
+    return Loop(name, first, second, kind, tuple(axes[0]), independent, start)

@@ -67,10 +67,10 @@ def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop
     independent = (independent,) if isinstance(independent, str) else independent
     if not isinstance(independent, list | tuple):
         raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
-    ends = (_end(f"{where}: {key}", given[key]) for key in ("a", "b"))
     return Loop(
         str(given.get("name", number_)),
-        *ends,
+        _end(f"{where}: a", given["a"]),
+        _end(f"{where}: b", given["b"]),
         kind,
         tuple(axis.tolist()),
         tuple(map(str, independent)),
@@ -109,8 +109,13 @@ def _curve(where: str, given: Any) -> Curve:
             source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
         )
     table = array_of(given["table"])
-    is_table = table is not None and table.ndim == 2 and table.shape[1] == 2 and len(table) > 1
-    if not is_table or not np.isfinite(table).all() or not (np.diff(table[:, 0]) > 0.0).all():
+    if (
+        table is None
+        or (table.ndim, table.shape[1:]) != (2, (2,))
+        or len(table) < 2
+        or not np.isfinite(table).all()
+        or not (np.diff(table[:, 0]) > 0.0).all()
+    ):
         raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
     return Curve(source, _spline(*table.T))
 

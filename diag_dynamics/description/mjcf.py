@@ -24,6 +24,7 @@ from diag_dynamics.description.records import (
     Loop,
     LoopEnd,
     Mimic,
+    translation,
 )
 from diag_dynamics.description.urdf import MAX_JOINTS, checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
@@ -111,7 +112,8 @@ class _Compiled:
 
     def _with_actuators(self, name: str) -> Array:
         """Return damping or armature by degree of freedom, with that of actuators, which MuJoCo adds at run time."""
-        m, values = self.m, getattr(self.m, f"dof_{name}").copy()
+        m = self.m
+        values: Array = getattr(m, f"dof_{name}").copy()
         for a in self.nonzero(self.actuated, f"actuator_{name}"):
             values[m.jnt_dofadr[self.actuated[a]]] += (
                 getattr(m, f"actuator_{name}")[a] * self.gear(a) ** 2
@@ -303,7 +305,8 @@ def _effort_limits(c: _Compiled) -> Array:
     own = np.where(
         c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf
     )
-    return np.minimum(limits, own)
+    smallest: Array = np.minimum(limits, own)
+    return smallest
 
 
 def _largest_force(c: _Compiled, a: int) -> float:
@@ -348,11 +351,12 @@ class _Reader:
     def loop(self, e: int) -> Loop:
         """Return a connect or weld; its joints begin where the file has them."""
         c, kind = self._c, {"connect": "point", "weld": "weld"}[self._c.equality_kinds[e]]
-        ends = []
-        for b, place, turn in c.ends(e):
-            ends.append(LoopEnd(c.name("body", b), tuple(place.tolist()), rotations.to_rpy(turn)))
+        first, second = (
+            LoopEnd(c.name("body", b), tuple(place.tolist()), rotations.to_rpy(turn))
+            for b, place, turn in c.ends(e)
+        )
         start = {c.name("joint", j): c.reference(j) for j in c.single if c.reference(j)}
-        return Loop(c.name("equality", e), *ends, kind, (1.0, 0.0, 0.0), (), start)
+        return Loop(c.name("equality", e), first, second, kind, (1.0, 0.0, 0.0), (), start)
 
     def _add_link(self, name: str, inertial: Inertial | None = None) -> None:
         if name in self.links:
@@ -374,7 +378,7 @@ class _Reader:
         if m.body_mass[b] > 0.0:
             turn = c.rotation(m.body_iquat[b])
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
-            inertial = Inertial(float(m.body_mass[b]), _placement(m.body_ipos[b]), inertia)
+            inertial = Inertial(float(m.body_mass[b]), translation(m.body_ipos[b]), inertia)
         self._add_link(name, inertial)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
         if any(j in c.free for j in joints):
@@ -392,7 +396,7 @@ class _Reader:
                 for letter, axis in zip("xyz", np.eye(3), strict=True):
                     child, hinge = f"{name}/{joint}_{letter}", f"{joint}_{letter}"
                     self._add_link(child)
-                    origin = _placement(place, turn)
+                    origin = _placed(place, turn)
                     self._add_joint(hinge, "continuous", parent, child, origin, axis=axis)
                     parent, place, turn = child, np.zeros(3), np.eye(3)
                 continue
@@ -403,10 +407,10 @@ class _Reader:
             else:
                 turn = turn @ rotations.about_axis(m.jnt_axis[j], -c.reference(j))
             kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
-            origin = _placement(place, turn)
+            origin = _placed(place, turn)
             self._add_joint(joint, kind, parent, child, origin, **self._fields(j))
             parent, place, turn = child, np.zeros(3), np.eye(3)
-        origin = _placement(place - turn @ anchor, turn)
+        origin = _placed(place - turn @ anchor, turn)
         self._add_joint(f"{name}/fixed", "fixed", parent, name, origin)
 
     def _fields(self, j: int) -> dict[str, Any]:
@@ -434,9 +438,7 @@ class _Reader:
         return fields
 
 
-def _placement(position: Array, rotation: Array | None = None) -> Array:
-    placement = np.eye(4)
-    placement[:3, 3] = position
-    if rotation is not None:
-        placement[:3, :3] = rotation
+def _placed(position: Array, rotation: Array) -> Array:
+    placement = translation(position)
+    placement[:3, :3] = rotation
     return placement

@@ -24,7 +24,6 @@ from diag_dynamics.description.records import (
     Coupling,
     Description,
     FlexibleJoint,
-    Inertial,
     Joint,
     Link,
     Payload,
@@ -301,13 +300,12 @@ def with_parameters(description: Description, parameters: Parameters) -> Descrip
             )
         joints[name] = Joint(**{**joints[name]._asdict(), **entry.known})
     for name, body in parameters.links.items():
-        links[name] = _link(name, body)
+        links[name] = Link(name, body.inertial)
     for name, payload in parameters.payloads.items():
         inertial = links[name].inertial
         if payload.mass != 0.0:
-            links[name] = _link(
-                name, payload if inertial is None else _union(inertial.body, payload, name)
-            )
+            body = payload if inertial is None else _union(inertial.body, payload, name)
+            links[name] = Link(name, body.inertial)
     velocity = parameters.friction_velocity
     return description._replace(
         joints=joints,
@@ -339,13 +337,6 @@ def _reject_inflexible(name: str, description: Description) -> None:
     kind = description.joints[name].type
     if kind not in SINGLE:
         raise InputError(f"flexible_joints: '{name}' is {kind}, expected one degree of freedom.")
-
-
-def _link(name: str, body: Payload) -> Link:
-    """Return a link with this inertia."""
-    placement = np.eye(4)
-    placement[:3, 3] = np.asarray(body.com, float)
-    return Link(name, Inertial(body.mass, placement, np.array(body.inertia, float)))
 
 
 def _plain(value: Any) -> Any:
@@ -384,7 +375,7 @@ def perturbed(description: Description, part: float, rng: np.random.Generator) -
         stretch = np.eye(3) + 0.25 * part * (random + random.T)
         moments = heavier * stretch @ moments @ stretch
         inertia = np.trace(moments) * np.eye(3) - moments
-        links[name] = _link(name, Payload(heavier * body.mass, centre, inertia))
+        links[name] = Link(name, Payload(heavier * body.mass, centre, inertia).inertial)
     return description._replace(links=links)
 
 
@@ -456,7 +447,7 @@ def urdf_with(text: str, parameters: Parameters) -> str:
             name: repr(x) for name, x in given.items() if name in ("damping", "friction")
         }:
             _set_dynamics(joint, numbers, source)
-    return etree.tostring(element.getroottree(), encoding="unicode")
+    return str(etree.tostring(element.getroottree(), encoding="unicode"))
 
 
 def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:

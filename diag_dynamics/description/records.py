@@ -26,6 +26,13 @@ LOOP_TYPES = {"point": 1, "revolute": 2, "weld": 3}
 """Pairs of points that coincide, by the type of a loop."""
 
 
+def translation(vector: VectorLike) -> Array:
+    """Return the placement (4, 4) of axes at a point [m]."""
+    placement = np.eye(4)
+    placement[:3, 3] = np.asarray(vector, float)
+    return placement
+
+
 class Payload(NamedTuple):
     """A rigid body attached to a link, in the link's axes.
 
@@ -41,6 +48,11 @@ class Payload(NamedTuple):
     def body(self) -> RigidBody:
         """The same as a :class:`RigidBody`."""
         return RigidBody(self.mass, np.asarray(self.com, float), np.asarray(self.inertia, float))
+
+    @property
+    def inertial(self) -> Inertial:
+        """The same as an :class:`Inertial`."""
+        return Inertial(self.mass, translation(self.com), np.array(self.inertia, float))
 
 
 class FlexibleJoint(NamedTuple):

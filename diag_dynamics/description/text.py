@@ -80,7 +80,7 @@ def urdf_text(source: Any) -> str:
     return _corrected(text)
 
 
-def _read(source: Any) -> str | bytes | bytearray:
+def _read(source: Any) -> Any:
     """Return the contents of a source, up to a byte more than are accepted."""
     if isinstance(source, (bytes, bytearray)) or (isinstance(source, str) and not _is_path(source)):
         return source

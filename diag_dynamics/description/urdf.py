@@ -8,11 +8,16 @@ reads a reduced copy with the elements that dynamics needs, so broken visuals an
 do not matter.
 """
 
+from __future__ import annotations
+
 import io
+from collections.abc import Container, Iterable, Mapping
+from typing import Any, NoReturn
 
 import numpy as np
 from lxml import etree
 
+from diag_dynamics.arrays import Array
 from diag_dynamics.checks import listed
 from diag_dynamics.description.elements import (
     is_xacro,
@@ -30,7 +35,7 @@ from diag_dynamics.description.records import (
     Link,
     Mimic,
 )
-from diag_dynamics.description.remarks import remarks_of, warn_of_remarks
+from diag_dynamics.description.remarks import Remark, remarks_of, warn_of_remarks
 from diag_dynamics.description.text import DEFINITIONS, NO_CALL
 from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
@@ -69,7 +74,7 @@ JOINT = {
 READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
-def describe_urdf(text, max_joints=MAX_JOINTS):
+def describe_urdf(text: str, max_joints: int = MAX_JOINTS) -> Description:
     """Return the description of the text of a URDF, and warn of its probable mistakes."""
     element = parse_urdf(text)
     description, remarks = read_urdf(element, max_joints)
@@ -77,7 +82,7 @@ def describe_urdf(text, max_joints=MAX_JOINTS):
     return description
 
 
-def read_urdf(element, max_joints=MAX_JOINTS):
+def read_urdf(element: Any, max_joints: int = MAX_JOINTS) -> tuple[Description, list[Remark]]:
     """Return the description of a parsed <robot> element, and remarks on transmissions that are ignored."""
     loops, curves = loops_of(element), curves_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
@@ -121,7 +126,7 @@ def checked_joint(joint: Joint) -> Joint:
     return joint
 
 
-def _read(reduced):
+def _read(reduced: Any) -> Any:
     """Return the links and joints of a checked <robot> element; importing yourdfpy takes a second."""
     try:
         import yourdfpy
@@ -132,7 +137,7 @@ def _read(reduced):
     return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
 
-def _link(link, placements):
+def _link(link: Any, placements: Mapping[str, Array]) -> Link:
     """Return the record of a link of yourdfpy."""
     if link.inertial is None:
         return Link(link.name)
@@ -140,9 +145,9 @@ def _link(link, placements):
     return Link(link.name, Inertial(link.inertial.mass, placement, link.inertial.inertia))
 
 
-def _joint(joint, origins, armature):
+def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, float]) -> Joint:
     """Return the record of a joint of yourdfpy."""
-    fields = {}
+    fields: dict[str, Any] = {}
     for part, names in READ.items():
         for name in names:
             value = getattr(getattr(joint, part), name, None)
@@ -159,7 +164,7 @@ def _joint(joint, origins, armature):
     return checked_joint(Joint(joint.name, joint.type, *ends, origin, joint.axis, **fields))
 
 
-def _reject_loops(robot):
+def _reject_loops(robot: Any) -> None:
     """Reject elements of dialects of URDF that change dynamics, but for loops that can be closed."""
     for element in robot.iter(etree.Element):
         parent, tag = element.getparent(), local_name(element)
@@ -173,7 +178,7 @@ def _reject_loops(robot):
             raise UrdfError(f"<{shown}{name}> is not supported; {TREE}")
 
 
-def parse_urdf(text, comments=False):
+def parse_urdf(text: str, comments: bool = False) -> Any:
     """Return the <robot> element of XML text, without unexpanded xacro and entities; nothing else is checked."""
     parser = etree.XMLParser(
         resolve_entities=False,
@@ -210,7 +215,7 @@ def parse_urdf(text, comments=False):
     return robot
 
 
-def _reject_xacro(robot):
+def _reject_xacro(robot: Any) -> None:
     """Reject unexpanded xacro; definitions that nothing uses have no effect."""
     stack = [robot]
     while stack:
@@ -221,13 +226,13 @@ def _reject_xacro(robot):
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
-def _reject_no_links(robot):
+def _reject_no_links(robot: Any) -> NoReturn:
     if any(map(is_xacro, robot.iterchildren(etree.Element))):  # definitions: _reject_xacro
         raise UrdfError(NO_CALL)
     raise UrdfError("The URDF has no <link>. Is the file an SRDF of MoveIt?")
 
 
-def _expanded(value, where):
+def _expanded(value: str | None, where: str) -> str | None:
     """Return a name or type, which xacro must have expanded."""
     if value and ("${" in value or "$(" in value):
         raise UrdfError(
@@ -236,9 +241,9 @@ def _expanded(value, where):
     return value
 
 
-def _add_links(robot, reduced):
+def _add_links(robot: Any, reduced: Any) -> dict[str, Array]:
     """Copy the links; return the placements of inertials that have an origin, by the link's name."""
-    names, placements = set(), {}
+    names, placements = set[str](), dict[str, Array]()
     for link in robot.findall("link"):
         where = f"link '{_name(link, names)}'"
         name = link.get("name")
@@ -264,10 +269,12 @@ def _add_links(robot, reduced):
     return placements
 
 
-def _add_joints(robot, reduced):
+def _add_joints(robot: Any, reduced: Any) -> tuple[dict[str, Array], str]:
     """Copy the joints; return the placements of those that have an origin, by name, and the root link."""
-    links = dict.fromkeys(link.get("name") for link in reduced)
-    names, parents, placements = set(), {}, {}
+    links = dict.fromkeys(str(link.get("name")) for link in reduced)
+    names, placements = set[str](), dict[str, Array]()
+    parents: dict[str, str] = {}
+    carriers: dict[str, str] = {}  # joint of each link that has a parent
     for joint in robot.findall("joint"):
         name = _name(joint, names)
         where = f"joint '{name}'"
@@ -277,37 +284,37 @@ def _add_joints(robot, reduced):
                 f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}."
             )
         copy = etree.SubElement(reduced, "joint", name=name, type=kind)
-        for end in ("parent", "child"):
-            elements = joint.findall(end)
-            if len(elements) > 1:
-                raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
-            link = _expanded(elements[0].get("link"), f"{where}: {end} link") if elements else None
-            if link not in links:
-                raise UrdfError(f"{where}: {end} link {short(link)} is not a link of this URDF.")
-            etree.SubElement(copy, end, link=link)
-        if link in parents:
+        parent, child = (_end_link(joint, copy, end, links) for end in ("parent", "child"))
+        if child in parents:
             raise UrdfError(
-                f"link '{link}' is the child of two joints, '{parents[link].get('name')}' "
-                f"and '{name}'; "
+                f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}'; "
                 f"{TREE} Remove the joint that closes it."
             )
-        parents[link] = copy
+        parents[child], carriers[child] = parent, name
         _copy_numbers(joint, copy, JOINT, where)
         if joint.find("origin") is not None:
             placements[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
-        if kind == "planar" and copy.find("axis") is None:
-            etree.SubElement(
-                copy, "axis", xyz="0 0 1"
-            )  # as everybody takes it, whatever the default of other joints
-    return placements, _root_link(
-        links, {link: copy.find("parent").get("link") for link, copy in parents.items()}
-    )
+        if kind == "planar" and copy.find("axis") is None:  # whatever the default of other joints
+            etree.SubElement(copy, "axis", xyz="0 0 1")
+    return placements, _root_link(links, parents)
 
 
-def _name(element, taken):
+def _end_link(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
+    """Copy the one element of an end of a joint, and return its link."""
+    where, elements = f"joint '{copy.get('name')}'", joint.findall(end)
+    if len(elements) > 1:
+        raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
+    link = _expanded(elements[0].get("link"), f"{where}: {end} link") if elements else None
+    if link is None or link not in links:
+        raise UrdfError(f"{where}: {end} link {short(link)} is not a link of this URDF.")
+    etree.SubElement(copy, end, link=link)
+    return link
+
+
+def _name(element: Any, taken: set[str]) -> str:
     """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
     name = _expanded(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
@@ -319,7 +326,9 @@ def _name(element, taken):
     return name
 
 
-def _copy_numbers(element, copy, tags, where):
+def _copy_numbers(
+    element: Any, copy: Any, tags: Mapping[str, Mapping[str, int]], where: str
+) -> None:
     """Copy the first child of each tag, with the attributes that hold so many numbers."""
     for tag, attributes in tags.items():
         child = element.find(tag)
@@ -333,9 +342,10 @@ def _copy_numbers(element, copy, tags, where):
                 target.set(attribute, " ".join(map(repr, numbers)))
 
 
-def _root_link(links, parents):
+def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
     """Return the one link without a parent, from which all others must be reached; `parents` has that of each child."""
-    roots, children = [link for link in links if link not in parents], {}
+    roots = [link for link in links if link not in parents]
+    children: dict[str, list[str]] = {}
     if len(roots) > 1:
         shown = listed([f"'{root}'" for root in roots], 6)
         raise UrdfError(

@@ -16,11 +16,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import listed, mapping, not_negative, numbers, per_name, positive, vector
 from diag_dynamics.description.checks import warn
-from diag_dynamics.description.records import Description, Inertial, Joint, Link
+from diag_dynamics.description.records import Description, Inertial, Joint, Link, translation
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
 from diag_dynamics.rotations import from_rpy
@@ -151,7 +152,7 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
 class _Field(NamedTuple):
     """Normal modes of a clamped beam in one direction: columns of V are coefficients of powers of ξ = x/L."""
 
-    powers: Array
+    powers: npt.NDArray[np.int64]
     V: Array
     frequencies: Array
     length: float
@@ -517,9 +518,7 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
         )
     if left > 1e-6 * whole.mass:
         rest = RigidBody.union(whole, *sections)
-        origin = np.eye(4)
-        origin[:3, 3] = rest.centre
-        return Inertial(rest.mass, origin, rest.inertia)
+        return Inertial(rest.mass, translation(rest.centre), rest.inertia)
     centre = RigidBody.union(*sections).centre
     if np.linalg.norm(centre - whole.centre) > FAR * length:
         text = f"{where}: its centre of mass is at {whole.centre.tolist()} m, that of its modes at {centre.tolist()} m."

@@ -123,7 +123,9 @@ def limit_by_followers(
     Return texts on followers whose limits do not count: those of several joints, of continuous
     ones, and those that are beyond their limits at the start.
     """
-    ends = {name: [joints[name].joint.lower, joints[name].joint.upper] for name in model.followers}
+    ends = {}
+    for name in model.followers:
+        ends[name] = np.array([joints[name].joint.lower, joints[name].joint.upper])
     limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
     for leaders in set(model.followers.values()):
         own = {name: ends[name] for name, others in model.followers.items() if others == leaders}

@@ -3,9 +3,13 @@
 
 """Types of joints that a URDF may have, and the joints of a model by type."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 from diag_dynamics.sweeps.spatial import (
@@ -17,13 +21,16 @@ from diag_dynamics.sweeps.spatial import (
     LINEAR_Z,
 )
 
+if TYPE_CHECKING:
+    from diag_dynamics.model.robot import RobotModel
+
 
 class JointType(NamedTuple):
     """Kind in sweeps, suffix of the name and direction of each degree of freedom, suffixes of position coordinates."""
 
     kind: int | None
-    freedoms: tuple
-    coordinates: tuple
+    freedoms: tuple[tuple[str, int], ...]
+    coordinates: tuple[str, ...]
 
 
 _LINEAR = (("v_x", LINEAR_X), ("v_y", LINEAR_Y), ("v_z", LINEAR_Z))
@@ -40,29 +47,29 @@ JOINT_TYPES = {
 }
 
 
-def single_joints(model):
+def single_joints(model: RobotModel) -> tuple[str, ...]:
     """Return the joints of one degree of freedom, those of joint_states, in the model's order."""
     dofs = set(model.dof_names)
     return tuple(name for name in model.joint_names if name in dofs)
 
 
-def places(names, among):
+def places(names: Iterable[str], among: Iterable[str]) -> list[int]:
     """Return the index of each name among others."""
     place = {name: k for k, name in enumerate(among)}
     return [place[name] for name in names]
 
 
-def sliding_dofs(model):
+def sliding_dofs(model: RobotModel) -> list[bool]:
     """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
     bodies = model.bodies
     own = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's
     own[0] = False
     slides = np.zeros(model.nv, dtype=bool)
     slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
-    return slides.tolist()
+    return list(map(bool, slides))
 
 
-def is_angle(model):
+def is_angle(model: RobotModel) -> npt.NDArray[np.bool_]:
     """Return whether each position coordinate is an angle, as an array."""
     turning = {
         name

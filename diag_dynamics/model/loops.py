@@ -132,7 +132,8 @@ def close(
     Driven joints are independent if they can be.
     """
     loops, driven = tree.description.loops, frozenset(tree.description.driven)
-    followers = {name: (curve.source,) for name, curve in curves.items()}
+    followers: dict[str, tuple[str, ...]] = {}
+    followers |= {name: (curve.source,) for name, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     cut = _Cut(tree)
@@ -203,8 +204,11 @@ def _choose(
     values, basis = np.linalg.svd(J)[1:]
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
-    poses = [cut.close(q, names, group, set()) for q in cut.moved(start, names, basis[rank:])]
-    poses = [J for J, gap in poses if gap < 1e-9]
+    poses = []
+    for q in cut.moved(start, names, basis[rank:]):
+        J_there, gap_there = cut.close(q, names, group, set())
+        if gap_there < 1e-9:
+            poses.append(J_there)
     if any(np.linalg.matrix_rank(J, 1e-3 * values[0]) > rank for J in poses):
         raise LoopError(f"{title}: the start is singular. Give other start values.")
     if free < 1:
@@ -484,7 +488,8 @@ def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTa
     if coupled is None or not coupled.followers:
         return None
     first_body = {name: tree.first_body(name) for name in tree.moving}
-    loops, joints, closures, curves, pieces, start = [], [], [], [], [], []
+    loops, joints, start = list[tuple[int, ...]](), list[tuple[int, ...]](), list[float]()
+    closures, curves, pieces = list[tuple[object, ...]](), list[tuple[object, ...]](), list[Array]()
 
     def add_curve(curve: Curve, loop: int, *ends: int) -> None:
         curves.append(
@@ -531,11 +536,14 @@ def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTa
     table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(
         len(pieces), width
     )
-    records = zip(
-        (loops, joints, closures, curves),
-        (couplings.LOOP, couplings.JOINT, couplings.CLOSURE, couplings.CURVE),
-        strict=True,
+    forms, coefficients = form_tables(coupled.flexible.forms, first_body)
+    return couplings.CouplingTables(
+        np.array(loops, couplings.LOOP),
+        np.array(joints, couplings.JOINT),
+        np.array(closures, couplings.CLOSURE),
+        np.array(curves, couplings.CURVE),
+        table,
+        np.array(start, float),
+        forms,
+        coefficients,
     )
-    tables = (np.array(rows, kind) for rows, kind in records)
-    forms = form_tables(coupled.flexible.forms, first_body)
-    return couplings.CouplingTables(*tables, table, np.array(start, float), *forms)

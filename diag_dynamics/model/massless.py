@@ -3,9 +3,15 @@
 
 """Joints that move no inertia: the recursion finds them, they are named or locked."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+import numpy.typing as npt
 
 from diag_dynamics import rotations
+from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MasslessLinkError
 from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.sweeps import followers
@@ -13,12 +19,16 @@ from diag_dynamics.sweeps.joints import REMOTE, SINGULAR
 from diag_dynamics.sweeps.records import PLANAR, PRISMATIC, REVOLUTE, VIRTUAL
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
+if TYPE_CHECKING:
+    from diag_dynamics.model.robot import RobotModel
+    from diag_dynamics.model.tree import Tree
+
 MAX_LISTED = 50  # largest number of joints that a message lists
 
 _UPPER = np.triu_indices(3)
 
 
-def massless_freedoms(model):
+def massless_freedoms(model: RobotModel) -> tuple[npt.NDArray[np.int64], Array]:
     """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
     rng, motion = np.random.default_rng(0), FollowerMotion(model)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
@@ -35,7 +45,7 @@ def massless_freedoms(model):
 
 
 @np.errstate(all="ignore")  # numbers may be too large
-def joint_inertias(model, q, motion):
+def joint_inertias(model: RobotModel, q: Array, motion: FollowerMotion) -> tuple[Array, Array]:
     """Return D of each degree of freedom and its size, see sweeps.joints; a massless joint counts as locked.
 
     `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed.
@@ -47,7 +57,8 @@ def joint_inertias(model, q, motion):
     if model.coupling_tables is not None:
         ratios = motion.memory()
         if followers.ratios(motion.workspace.robot, q, np.zeros(model.nv), ratios) != 0:
-            return np.full((2, model.nv), np.inf)
+            unknown = np.full(model.nv, np.inf)
+            return unknown, unknown
         position = ratios[:, 0]
         ratio = ratios[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
     elif model.nq:
@@ -61,7 +72,7 @@ def joint_inertias(model, q, motion):
         group, base = range(first, last + 1), bodies["parent"][first]
         column = 6 + bodies["dof"] - bodies["start"][first]
         width = 1 + max(column[first : last + 1])
-        M, twist, rotor = np.zeros((width, width)), {base: np.eye(6, width)}, {}
+        M, twist, rotor = np.zeros((width, width)), {base: np.eye(6, width)}, dict[int, Array]()
         to_group = X[first] if first == last else np.eye(6)  # in the axes with the least rounding
         for i in group:
             twist[i] = (X[i] if first < last else np.eye(6)) @ twist[bodies["parent"][i]]
@@ -89,12 +100,14 @@ def joint_inertias(model, q, motion):
     return D, size
 
 
-def _traces(P):
+def _traces(P: Array) -> Array:
     """Return the traces of the linear and the angular part of an inertia."""
     return np.array([np.trace(P[:3, :3]), np.trace(P[3:, 3:])])
 
 
-def _placed(bodies, q, position):
+def _placed(
+    bodies: npt.NDArray[np.void], q: Array, position: Array
+) -> tuple[Array, Array, list[Array]]:
     """Return inertias of bodies, their twists by those of their parents, and their sizes by their parents'."""
     P, X, lever = np.zeros((len(bodies), 6, 6)), np.zeros((len(bodies), 6, 6)), []
     for i, body in enumerate(bodies):
@@ -110,7 +123,7 @@ def _placed(bodies, q, position):
     return P, X, lever
 
 
-def _placement(body, q, position):
+def _placement(body: np.void, q: Array, position: float) -> tuple[Array, Array]:
     """Return rotation and translation of a body that is the first one of its joint."""
     k, turn, shift = body["q"], np.eye(3), np.zeros(3)
     if body["kind"] == REVOLUTE:
@@ -125,27 +138,28 @@ def _placement(body, q, position):
     return R @ turn, body["translation"] + R @ shift
 
 
-def _cross(r):
+def _cross(r: Array) -> Array:
     """Return the matrix of the cross product with a vector from the left."""
-    return np.cross(np.eye(3), r)
+    return np.asarray(np.cross(np.eye(3), r))
 
 
-def positions_to_hold(model, found):
+def positions_to_hold(model: RobotModel, massless: npt.NDArray[np.int64]) -> dict[str, float]:
     """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
     at = {name: k for k, name in enumerate(model.coordinate_names)}
-    names = [name for name in _names_of(model, found[0]) if name in at]  # of one degree of freedom
+    names = [name for name in _names_of(model, massless) if name in at]  # of one degree of freedom
     return {
         name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names
     }
 
 
-def _names_of(model, dofs):
+def _names_of(model: RobotModel, dofs: npt.NDArray[np.int64]) -> list[str]:
     return [model.dof_names[k] for k in dofs]
 
 
-def reject_massless(model, tree, found):
+def reject_massless(
+    model: RobotModel, tree: Tree, massless: npt.NDArray[np.int64], smallest: Array
+) -> None:
     """Raise, naming all joints that move no inertia, and their cures."""
-    massless, smallest = found
     if not len(massless):
         return
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]

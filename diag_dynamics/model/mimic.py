@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping, Set
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,7 +105,7 @@ def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
 
 
 def coupled_groups(
-    mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[set[str]]
+    mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[Set[str]]
 ) -> dict[str, set[str]]:
     """Return the group of each joint that is eliminated together with others, the same set for all of its members.
 
@@ -179,7 +179,7 @@ class Followers:
         }
         self._sources |= motion.model.followers if motion else {}
         self.leaders = np.array(
-            places([mimic.leader for mimic in mimics.values()], joints), dtype=int
+            places([mimic.leader for mimic in mimics.values()], joints), dtype=np.int64
         )
         self.turns = np.array([name in continuous for name in self.names], dtype=bool)
         self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.records import Description, Joint, Mimic, Payload
+from diag_dynamics.description.records import Description, Joint, Mimic, Payload, translation
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
@@ -69,7 +69,7 @@ class Tree:
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
         carriers = {name: joint.carrier for name, joint in self.moving.items()}
-        ratios, closed = dict(mimics), list[Iterable[str]]()
+        ratios, closed = dict(mimics), list[Set[str]]()
         if coupled:
             for name, curve in coupled.curves.items():
                 ratios[name] = Mimic(curve.source, 0.0, 0.0)
@@ -248,19 +248,18 @@ class Tree:
         """Return the records of links with inertia, payloads included."""
         records = []
         for index, (link, body, placement) in enumerate(self.links):
-            parts = []
-            if link.inertial is not None:
-                centre = placement @ link.inertial.placement
-                parts.append(_about_origin(centre, link.inertial.mass, link.inertial.inertia))
+            inertials = [link.inertial] if link.inertial is not None else []
             if link.name in payloads:
-                load = payloads[link.name].body
-                centre = placement @ _translation(load.centre)
-                parts.append(_about_origin(centre, load.mass, load.inertia))
-            if parts:
-                mass = sum(part[0] for part in parts)
-                first_moment, inertia = (sum(part[k] for part in parts) for k in (1, 2))
-                if mass or np.any(inertia):
-                    records.append((body, index, mass, first_moment, inertia[_UPPER]))
+                inertials.append(payloads[link.name].inertial)
+            mass, first_moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+            for part in inertials:
+                centre = placement @ part.placement
+                R, c = centre[:3, :3], centre[:3, 3]
+                mass += part.mass
+                first_moment = first_moment + part.mass * c
+                inertia = inertia + (R @ part.inertia @ R.T + parallel_axes(part.mass, c))
+            if mass or np.any(inertia):
+                records.append((body, index, mass, first_moment, inertia[_UPPER]))
         return np.array(records, LINK)
 
 
@@ -270,23 +269,11 @@ def _reject_duplicates(kind: str, names: tuple[str, ...]) -> None:
             raise UrdfError(f"Two {kind} would have the name '{name}': rename one of the joints.")
 
 
-def _about_origin(centre: Array, mass: float, inertia: Array) -> tuple[float, Array, Array]:
-    """Return mass, first moment and inertia about the origin, given the 4x4 placement of the centre of mass."""
-    R, c = centre[:3, :3], centre[:3, 3]
-    return mass, mass * c, R @ inertia @ R.T + parallel_axes(mass, c)
-
-
-def _translation(vector: Array) -> Array:
-    placement = np.eye(4)
-    placement[:3, 3] = vector
-    return placement
-
-
 def _displacement(joint: Joint, position: float) -> Array:
     """Return the 4x4 displacement of a joint of one degree of freedom."""
     axis = joint.axis / np.linalg.norm(joint.axis)
     if joint.type == "prismatic":
-        return _translation(position * axis)
+        return translation(position * axis)
     turn = np.eye(4)
     frame = rotations.frame_about(axis)
     c, s = np.cos(position), np.sin(position)
