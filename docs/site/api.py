@@ -13,12 +13,13 @@ from sphinx.addnodes import pending_xref
 import diag_dynamics
 
 TITLES = {
+    "description": "Robot models",
     "model": "Robot models",
     "dynamics": "Dynamics",
     "results": "Dynamics",
     "simulation": "Simulation",
     "control": "Control and observation",
-    "collision": "Collision",
+    "collision": "Collision and contact limits",
     "recordings": "Recordings",
     "identification": "Identification",
     "exceptions": "Exceptions and warnings",
@@ -120,14 +121,14 @@ def link_names(app, doctree):
             link += literal
 
 
-def find_classes_by_last_name(_app, _what, _name, _object, _options, lines):
-    """Find classes of docstrings in all modules; results are in modules of their own."""
-    lines[:] = [line.replace(":class:`", ":class:`.") for line in lines]
+def find_names_in_all_modules(_app, _what, _name, _object, _options, lines):
+    """Find classes and methods of docstrings by their last names: results have modules of their own."""
+    lines[:] = [re.sub(":(class|meth):`", r":\1:`.", line) for line in lines]
 
 
 def setup(app):
     """Write pages before Sphinx looks for them."""
-    app.connect("autodoc-process-docstring", find_classes_by_last_name)
+    app.connect("autodoc-process-docstring", find_names_in_all_modules)
     app.connect("config-inited", write_pages)
     app.connect("doctree-read", link_names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
