@@ -170,7 +170,7 @@ class Balance:
         return {
             "windows": self.count,
             "length": WINDOW,
-            "says": text if is_explained else self.judgement(fault),
+            "text": text if is_explained else self.judgement(fault),
             "explained_beside_collisions": is_explained,
             "moved": self.moved,
             "partial": list(partial),

@@ -40,7 +40,7 @@ def summarize(analysis):
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
     good |= balance.is_explained_beside(analysis.collisions.found)
     fault = None if good or unmeasured or not analysis.efforts.moved else analysis.motion.fault()
-    says = fault.text if fault else ""
+    fault_text = fault.text if fault else ""
     unscaled = analysis.efforts.unscaled
     partial = np.array(analysis.model.dof_names)[~unscaled] if unscaled.any() else ()
     return {
@@ -64,8 +64,8 @@ def summarize(analysis):
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "balance": balance.summary(unmeasured or says, analysis.collisions.found, partial),
-        "efforts": {"unmeasured": unmeasured, "says": says},
+        "balance": balance.summary(unmeasured or fault_text, analysis.collisions.found, partial),
+        "efforts": {"unmeasured": unmeasured, "text": fault_text},
         "observer": {
             "gain": analysis.gain,
             "threshold": None if analysis.threshold == np.inf else analysis.threshold,
@@ -73,7 +73,7 @@ def summarize(analysis):
             "missing": list(analysis.missing),
             "observed": analysis.observed,
             "unobserved": np.array(analysis.model.dof_names)[analysis.unobserved].tolist(),
-            "says": " ".join(
+            "text": " ".join(
                 filter(
                     None,
                     (_unobserved(analysis), _unknown_contacts(analysis, quality["without_effort"])),
@@ -206,7 +206,7 @@ def describe_faults(summary):
         efforts["unmeasured"]: none and not with_efforts,
         implausible: none and "implausible effort" in causes,
         f"{unit['cause']} ({describe_ratio(unit['factor'])})" if unit else "": True,
-        efforts["says"]: True,
+        efforts["text"]: True,
     }
     return [text for text, applies in wrongs.items() if text and applies]
 
@@ -296,9 +296,9 @@ def _about_balance(summary):
     )
     if explained is None:
         none = summary["efforts"]["unmeasured"] or "no efforts"
-        yield f"No power balance: {balance['says'] if _has_efforts(summary) else none}."
-        if summary["efforts"]["says"]:
-            yield f"  {summary['efforts']['says']}"
+        yield f"No power balance: {balance['text'] if _has_efforts(summary) else none}."
+        if summary["efforts"]["text"]:
+            yield f"  {summary['efforts']['text']}"
         return
     also = "" if total is None else f" ({total:.3f} with potential energy)"
     power = summary["residual_power"]
@@ -307,7 +307,7 @@ def _about_balance(summary):
     if balance["partial"]:
         joints = listed(balance["partial"])
         yield f"  partial: of {joints} alone; the model's efforts stand for those of other joints"
-    yield f"  {balance['says']}"
+    yield f"  {balance['text']}"
     is_doubtful = explained < MIN_EXPLAINED and not balance["explained_beside_collisions"]
     if summary["collisions"] and is_doubtful:
         yield (
@@ -335,8 +335,8 @@ def _about_collisions(summary):
         yield f"  {count} with |r| above {observer['threshold']:g} J^0.5/s"
     if summary["contacts"] is not None:
         yield f"  {len(summary['contacts'])} contact{_s(len(summary['contacts']))}, by the lower thresholds"
-    if observer["says"]:
-        yield f"  {observer['says']}"
+    if observer["text"]:
+        yield f"  {observer['text']}"
     lines = [
         f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
         + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")

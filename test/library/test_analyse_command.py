@@ -558,7 +558,7 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
         "missing": [],
         "observed": COUNT - 1,
         "unobserved": [],
-        "says": "",
+        "text": "",
     }
     assert summary["observer"] == known and summary["collisions"]
     threshold = ("--set", "external_torque.threshold=0.5", "--gain", 10)

@@ -123,11 +123,11 @@ def test_balance_names_the_likely_cause(analysed, motion, gravity, fault):
     t, q, qd, tau = motion
     change, said = FAULTS[fault]
     summary, text, status = analysed(t, q, qd, change(tau, gravity))
-    assert bool(summary["efforts"]["says"]) == (said is not None)
+    assert bool(summary["efforts"]["text"]) == (said is not None)
     assert (said or "") in text and status == (said is not None)
     if fault == "none":
         assert summary["explained"] > 0.995 and summary["explained_with_potential"] > 0.995
-        assert "check" not in summary["balance"]["says"] and summary["warnings"] == []
+        assert "check" not in summary["balance"]["text"] and summary["warnings"] == []
     elif said:
         assert summary["explained"] < 0.3 and "check unit of the efforts" in text
         assert "the power balance explains less than 80 % of dK/dt" in text

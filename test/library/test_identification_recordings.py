@@ -175,7 +175,7 @@ def test_balance_of_the_panda(tmp_path, hand):
     )
     assert summary["states"] == 20544 and status == hand
     assert summary["explained"] == pytest.approx(0.29 if hand else 0.95, abs=0.02)
-    assert ("payload" in summary["balance"]["says"]) == hand
+    assert ("payload" in summary["balance"]["text"]) == hand
     if not hand:
         assert summary["explained_with_potential"] > 0.99
         assert summary["quality"]["velocity_delay"] == pytest.approx(0.005, abs=0.001)

@@ -399,7 +399,7 @@ def test_states_without_an_effort_are_counted(recording):
     html, summary = recording.analyse("gap", "--quiet", "--set", *WATCHED, **columns)
     unknown = summary["states"] - summary["observer"]["observed"]
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
-    assert f"unknown at {unknown} of 4000 states" in summary["observer"]["says"]
+    assert f"unknown at {unknown} of 4000 states" in summary["observer"]["text"]
     told, blocks = parts_of(html)
     t, found = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18

@@ -46,7 +46,7 @@ function overall({ summary, begin, layout }, act) {
   if (shares.length) rows.push(line("largest shares", shares.map(([name, value]) => `${name} ${quantity(value, "J")}`).join(", ")));
   rows.push(line("variance explained (R²)", summary.explained === null ? UNKNOWN : percent(summary.explained), summary.explained === null ? "" : ` of dK/dt; residual ${quantity(summary.residual_power, "W")} rms`));
   if (summary.explained_with_potential !== null) rows.push(line("with potential energy", percent(summary.explained_with_potential)));
-  return card("overall", `${summary.robot}: summary`, el("dl", {}, ...rows), el("p", { text: balance.says ?? "" }));
+  return card("overall", `${summary.robot}: summary`, el("dl", {}, ...rows), el("p", { text: balance.text ?? "" }));
 }
 
 // Whether collisions of a report are known, and what there is to say of their thresholds.
@@ -54,7 +54,7 @@ export function collisionNotes({ summary: { observer }, without_full_rate: witho
   const known = !observer.missing.length && observer.observed > 0;
   const judged = observer.judged.length ? `Thresholds of ${observer.judged.length} alarms` : `Threshold |r| > ${quantity(observer.threshold, "√J/s")}`;
   const texts = known ? [`${judged}; observer gain ${number(observer.gain)}/s.`] : [];
-  if (observer.says) texts.push(observer.says);
+  if (observer.text) texts.push(observer.text);
   if (observer.missing.includes(GAIN) && observer.observed) texts.push(`${GAIN} is not set; this report uses ${number(observer.gain)}/s.`);
   if (without) texts.push(`The file omits full-rate states around the ${without} weakest collisions.`);
   return [known, texts];
