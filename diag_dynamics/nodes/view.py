@@ -633,5 +633,6 @@ class ViewNode(TableNode, Node):
             "monitors": counted(sorted(self._robots)),
         }
         if text := self._missing:  # no robots
-            return [Status("page", WARN, text, shown, f"{text}; {self._looked()}")]
+            log = f"{text}; {self._looked()}"
+            return [Status("page", WARN, text, shown, log, age=SEARCH_TIMEOUT)]
         return [problem_status("page", faults, f"served at {self.address}", shown)]
