@@ -12,16 +12,19 @@ import numpy as np
 from diag_dynamics.entries import ALL, by_name
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.joint_states.stamps import nanoseconds
-from diag_dynamics.joint_states.steps import MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT
+from diag_dynamics.joint_states.steps import (
+    MAX_EFFORT,
+    MAX_POSITION,
+    MAX_STEP_TIME,
+    MAX_STEP_TIME_WITHOUT_LIMIT,
+    MAX_VELOCITY,
+)
 from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.joint_types import places, single_joints
 
 _NONE = MappingProxyType({})
 JOINT_TIMEOUT = 0.5
 """Default age limit of a joint [s]."""
-
-MAX_POSITION, MAX_VELOCITY, MAX_EFFORT = 1e8, 1e4, 1e6
-"""Bounds of plausible values of any joint [rad, m; rad/s, m/s; N m, N]."""
 
 BEYOND_EFFORT = 4.0
 """Largest plausible effort as a multiple of the URDF limit."""

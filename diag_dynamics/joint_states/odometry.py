@@ -9,7 +9,8 @@ from diag_dynamics import rotations
 from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import MAX_POSITION, MAX_VELOCITY, Joints, Options
+from diag_dynamics.joint_states.joints import Joints, Options
+from diag_dynamics.joint_states.steps import MAX_POSITION, MAX_VELOCITY
 
 
 class OdometryBase:

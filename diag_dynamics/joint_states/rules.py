@@ -13,7 +13,6 @@ import numpy as np
 from numba import types
 
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.joints import MAX_EFFORT, MAX_VELOCITY
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
     ERROR,
@@ -30,6 +29,8 @@ from diag_dynamics.joint_states.memory import (
 )
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.joint_states.steps import (
+    MAX_EFFORT,
+    MAX_VELOCITY,
     accept_step,
     judge_step,
     watch_stuck_sensors,

@@ -24,6 +24,9 @@ from diag_dynamics.numerics.kernel import kernel, large_kernel
 STATES = 3
 """Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
 
+MAX_POSITION, MAX_VELOCITY, MAX_EFFORT = 1e8, 1e4, 1e6
+"""Bounds of plausible values of any joint [rad, m; rad/s, m/s; N m, N]."""
+
 MIN_STEP_TIME, MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT = 0.01, 0.5, 0.05
 """Time between two states [s]: the shortest that counts, as stamps jitter and clocks tick; the
 longest over which a step is judged, with a velocity limit and without. Over a longer one the two
