@@ -53,7 +53,7 @@ class Limited(NamedTuple):
 class Limits:
     """Filters of the commands of one robot, in this order.
 
-    Springs before position limits, scale of a law whose efforts would change too fast, kinetic
+    Scale of a law whose efforts would change too fast, springs before position limits, kinetic
     energy, energy tank with its measurement, contact, effort limits, effort rates. Pass the effort
     of each result on to the robot, and nothing else.
 
@@ -174,9 +174,10 @@ class Limits:
         self._gravity = g = command.gravity_torque
         if self._is_new:
             self.reset(self.gravity_compensation)
+        command = self._rate.scaled(command, period)
         if self._springs:
             command = self._springs.filter(q, qd, command, h)
-        command = unlimited = self._rate.scaled(command, period)
+        unlimited = command
         if self.energy:
             command = self.energy.filter(q, qd, command, h, external)
         if self.tank:

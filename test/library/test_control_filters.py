@@ -283,6 +283,21 @@ def test_repulsion_does_not_drive_a_light_joint():
     assert 1e-3 < largest < 0.5 * 150.0 * 0.05**2
 
 
+def test_springs_are_not_scaled_with_a_fast_law():
+    """A law whose efforts change too fast is scaled; springs before position limits stay as stiff as they are."""
+    s, q, rest = arm(), READY.copy(), np.zeros(N)
+    q[3] = s.model.upper[3] - 0.05
+    command = dd.GravityCompensation(s.dyn).command(q, rest)
+    limits = dd.Limits(s.dyn, margin=0.1)
+    for sign in 20 * [1.0, -1.0]:
+        fast = command._replace(tau=command.tau + sign)
+        pushed = limits.filter(q, rest, fast, PERIOD).demand
+    stiffness = 5.0 * s.model.effort_limit  # half of the effort limit at the position limit
+    springs = dd.PositionRepulsion(s.dyn, 0.1, stiffness).filter(q, rest, command, PERIOD)
+    assert springs.tau[3] < command.tau[3] - 1.0 and np.abs(pushed - springs.tau).max() < 0.6
+    np.testing.assert_allclose(limits.filter(q, rest, command, PERIOD).demand, springs.tau)
+
+
 def test_repulsion_where_there_is_little_or_no_range():
     """Continuous joints have no springs, a margin is at most half of a range, and a joint without one is an error."""
     model = dd.load_urdf(TREE.source, **TREE.options)
