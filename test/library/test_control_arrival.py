@@ -7,6 +7,12 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from arm import waypoints
+from diag_dynamics.control.following import (
+    GOAL_TOLERANCE_VIOLATED,
+    PATH_TOLERANCE_VIOLATED,
+    SUCCESSFUL,
+)
 from diag_dynamics.control.modes import REGULATION, TRACKING
 from examples import shortened, some_of
 from rubbing import ARMS, Closed
@@ -58,3 +64,22 @@ def test_wrong_friction_causes_no_limit_cycle(robot, q, link, rate, friction):
     signs = np.sign(np.where(np.abs(efforts) > MIN_EFFORT, efforts, 0.0))
     assert (signs == signs[0]).all()
     assert np.abs(closed.plant.qd).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("load", "tolerance", "code"),
+    [
+        (0.0, "goal_tolerance", SUCCESSFUL),
+        (2.0, "goal_tolerance", GOAL_TOLERANCE_VIOLATED),
+        (2.0, "path_tolerance", PATH_TOLERANCE_VIOLATED),
+    ],
+)
+def test_tolerances_judge_the_error_that_a_load_leaves(load, tolerance, code):
+    """The load moves a joint 0.03 rad off, more than the tolerance; friction does not."""
+    robot, q, link = ARMS[0]
+    closed = Closed(robot, q, link, 125, load=load, **{tolerance: ["*=0.02"]})
+    closed.run(1.0)
+    points = waypoints([(1.0, goal_of(q), np.zeros(len(q)))])
+    closed.loop.take_trajectory(points, 0, closed.stamp)
+    closed.run(2.5)
+    assert closed.loop.following.outcome.code == code

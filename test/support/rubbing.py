@@ -112,16 +112,16 @@ class Closed:
         defaults = {name: spec.default for name, spec in PARAMETERS.items()}
         self.loop, self.lost = ControlLoop(model, defaults | values, False), []
         self.plant = RubbingArm(robot, model.dof_names, q, link, load, friction)
-        self._stamp, self._rate = S, rate
+        self.stamp, self._rate = S, rate
         self.loop.limits.reset(self.plant.gravity_torque())
 
     def run(self, seconds):
         """Run for a time [s]; return the efforts of all cycles."""
         efforts = []
         for _ in range(round(seconds * self._rate)):
-            self._stamp += S // self._rate
-            state = state_at(self._stamp, self.plant.q, self.plant.qd)
-            sent = self.loop.step(state, self._stamp)
+            self.stamp += S // self._rate
+            state = state_at(self.stamp, self.plant.q, self.plant.qd)
+            sent = self.loop.step(state, self.stamp)
             self.plant.advance(sent.effort, 1.0 / self._rate)
             efforts.append(sent.effort)
             self.lost += [sent.lost] if sent.lost else []
