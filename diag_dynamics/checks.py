@@ -15,6 +15,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import listed
 
 _FLOAT = np.dtype(np.float64)
 
@@ -167,11 +168,6 @@ def is_pandas(value: Any, kind: str) -> bool:
     pandas = sys.modules.get("pandas")
     # While another thread imports pandas, the module has no classes yet.
     return isinstance(value, getattr(pandas, kind, ()))
-
-
-def listed(names: Sequence[str], most: int = 12) -> str:
-    """Return names separated by commas, the first `most` of many."""
-    return ", ".join(names[:most]) + (", …" if len(names) > most else "")
 
 
 def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) -> Array:

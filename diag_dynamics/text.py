@@ -7,9 +7,12 @@ import math
 import sys
 import time
 import unicodedata
+from collections.abc import Iterable
 
 MAX_LENGTH = 900
 """Maximum length of an error's text: with what a log puts before it, a line is within 1,000 characters."""
+
+MAX_NAMES = 8  # names that a text has
 
 UNKNOWN = "-"
 """Text of an unknown number."""
@@ -35,6 +38,13 @@ class _Escapes(dict):
 
 
 _ESCAPES = _Escapes()
+
+
+def listed(names: Iterable[object], most: int = MAX_NAMES) -> str:
+    """Return names separated by commas, the first `most` of many and the number of others."""
+    names = list(map(str, names))
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
 
 
 def plain(text: str) -> str:

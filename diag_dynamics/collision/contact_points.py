@@ -18,11 +18,12 @@ from typing import Any, Literal
 import numpy as np
 
 from diag_dynamics.arrays import Array, PointLike, RowsLike
-from diag_dynamics.checks import array_of, choice, instance, listed, mapping, positive, unit
+from diag_dynamics.checks import array_of, choice, instance, mapping, positive, unit
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import contacts
+from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_yaml
 
 Geometry = Literal["frames", "primitives", "meshes"]

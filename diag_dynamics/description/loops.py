@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import array_of, choice, listed, mapping, number, numbers, unit
+from diag_dynamics.checks import array_of, choice, mapping, number, numbers, unit
 from diag_dynamics.description.records import LOOP_TYPES, Curve, Description, Loop, LoopEnd
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_yaml
 
 COUPLINGS = "loops", "mimics", "flexible_links"

@@ -17,7 +17,7 @@ from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.atomic_file import write_text
-from diag_dynamics.checks import choice, listed, mapping, not_negative, number, numbers, positive
+from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, positive
 from diag_dynamics.description.inertias import LARGEST, checked_body
 from diag_dynamics.description.records import (
     SINGLE,
@@ -31,6 +31,7 @@ from diag_dynamics.description.records import (
 from diag_dynamics.description.urdf import parse_urdf, read_urdf
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
+from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_text, read_yaml, yaml_text
 
 NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding

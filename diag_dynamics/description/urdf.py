@@ -18,7 +18,6 @@ import numpy as np
 from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import listed
 from diag_dynamics.description.elements import (
     is_xacro,
     local_name,
@@ -39,6 +38,7 @@ from diag_dynamics.description.remarks import Remark, remarks_of, warn_of_remark
 from diag_dynamics.description.text import DEFINITIONS, NO_CALL
 from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.text import listed
 
 MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
 

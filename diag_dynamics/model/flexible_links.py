@@ -19,14 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import listed, mapping, not_negative, numbers, per_name, positive, vector
+from diag_dynamics.checks import mapping, not_negative, numbers, per_name, positive, vector
 from diag_dynamics.description.checks import warn
 from diag_dynamics.description.records import Description, Inertial, Joint, Link, translation
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
 from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps.couplings import FORM
-from diag_dynamics.text import distinct
+from diag_dynamics.text import distinct, listed
 from diag_dynamics.yaml_files import read_yaml
 
 if TYPE_CHECKING:

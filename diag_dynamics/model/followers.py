@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import listed
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.sweeps import couplings, followers
+from diag_dynamics.text import listed
 
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel

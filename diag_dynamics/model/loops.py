@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import listed
 from diag_dynamics.description.checks import warn
 from diag_dynamics.description.records import SINGLE, Curve, Description, Loop, Mimic
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
@@ -21,6 +20,7 @@ from diag_dynamics.model.flexible_links import Flexible, form_tables
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
+from diag_dynamics.text import listed
 
 DEPENDENT = 1e-7
 """Singular value of a loop's equations, by the largest, below which they depend on each other at the start."""

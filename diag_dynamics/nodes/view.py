@@ -41,8 +41,7 @@ from diag_dynamics.parameters.monitor import observation_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.view import PARAMETERS
-from diag_dynamics.recordings.joint_names import listed
-from diag_dynamics.text import shortened
+from diag_dynamics.text import listed, shortened
 from diag_dynamics.wire.cdr import Template
 
 ROBOT_NODES = [name for node, name in NODES.items() if node != "view"]

@@ -10,12 +10,11 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
 from diag_dynamics.recordings.intake import IMPLAUSIBLE
 from diag_dynamics.recordings.joint_names import (
-    FEW,
     complete_maps,
     describe_maps,
-    listed,
 )
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
+from diag_dynamics.text import MAX_NAMES, listed
 
 SECOND_SOURCE = f"rejected: {CAUSES[INTERLEAVED]}"
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
@@ -141,5 +140,5 @@ def _name_texts(intake, counts):
 def _lock(missing):
     """Return how to lock joints that the recording lacks, as a sentence without its point."""
     entries = ",".join(f"{name}=0" for name in missing)
-    value = f"locked_joints={entries}" if len(missing) <= FEW else "'locked_joints=*'"
+    value = f"locked_joints={entries}" if len(missing) <= MAX_NAMES else "'locked_joints=*'"
     return f"Lock a joint that the recording lacks: --set {value}"

@@ -10,9 +10,9 @@ from itertools import product, takewhile
 from shlex import quote
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import listed
 
 ANY = "*"  # the same text in a name of the recording and in that of the robot
-FEW = 8  # names that a text has
 MAX_NAMES = 100  # names of each side that a proposal is sought for
 
 
@@ -106,12 +106,6 @@ def _replace(entry, other, name):
     """Return the name that `other` gives for one that fits an entry; None for one that does not."""
     match = re.fullmatch(re.escape(entry).replace(re.escape(ANY), "(.*)"), name, re.DOTALL)
     return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
-
-
-def listed(names):
-    """Return some names as a text."""
-    names = list(map(str, names))
-    return ", ".join(names[:FEW]) + (f" and {len(names) - FEW} more" if len(names) > FEW else "")
 
 
 def propose_maps(names, joints):

@@ -15,8 +15,8 @@ from diag_dynamics.recordings.findings import (
     explain_missing_efforts,
     word_for_missing,
 )
-from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.recordings.quality import describe_ratio
+from diag_dynamics.text import listed
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 FEW = 5  # joints, findings and collisions that the text lists one by one

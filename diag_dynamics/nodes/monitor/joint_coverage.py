@@ -8,7 +8,8 @@ from functools import lru_cache
 
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
-from diag_dynamics.recordings.joint_names import complete_maps, listed
+from diag_dynamics.recordings.joint_names import complete_maps
+from diag_dynamics.text import listed
 
 GRACE_PERIOD = 0.5
 """Time after the first message in which all joints may arrive [s]."""

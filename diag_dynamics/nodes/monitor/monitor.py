@@ -39,8 +39,7 @@ from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
 from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
-from diag_dynamics.recordings.joint_names import listed
-from diag_dynamics.text import shortened
+from diag_dynamics.text import listed, shortened
 
 START_PERIOD = 2.0
 """Time [s] after a start, or after a new robot, without warnings of inputs that are silent."""

@@ -10,17 +10,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, Status, StatusLog
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.text import shortened
+from diag_dynamics.text import listed, shortened
 
 PERIOD = 1.0
 
-MAX_NAMES = 8
-"""Names that a value lists at most."""
-
 
 def counted(names):
-    """Return how many names there are, and all of them if they are few."""
-    return f"{len(names)}: {', '.join(names)}" if 0 < len(names) <= MAX_NAMES else str(len(names))
+    """Return how many names there are, and the first of them."""
+    return f"{len(names)}: {listed(names)}" if names else "0"
 
 
 class Diagnostics:

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.joint_names import listed, suggest
+from diag_dynamics.recordings.joint_names import suggest
 from diag_dynamics.recordings.tables import conventions
 from diag_dynamics.recordings.tables.column_map import JOINT
 from diag_dynamics.recordings.tables.headers import QUANTITIES, factor_of, split_unit, unit_of
+from diag_dynamics.text import listed
 
 _SI = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N", "time": "s"}
 _ADVICE = "Write a column map to fill in: diag-dynamics analyse {} --urdf ROBOT --columns NEW.yaml"

@@ -10,8 +10,8 @@ one with any other word is not read.
 import re
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.joint_names import listed
 from diag_dynamics.recordings.tables.headers import QUANTITIES, split_unit
+from diag_dynamics.text import listed
 
 _WORDS = {
     "position": "positions position pos q angles angle theta",
