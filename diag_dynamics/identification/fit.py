@@ -180,14 +180,16 @@ class Layout:
     def variance(self, rows, x):
         """Return the variance of rows of each degree of freedom.
 
-        Beside a payload it is the same for any error of the gains: a small residual of a wrong gain
-        is chance.
+        Beside a payload, gains may be wrong. A small residual of a wrong gain is chance, so all
+        joints have the error of a gain that they show together, up to GAIN_DEVIATION.
         """
         efforts = np.maximum(self.mean_squares(rows, np.zeros(self.size)), 1e-12)
+        residual = self.mean_squares(rows, x)
         if self.payload:
-            residual = self.squares(rows, x, any_gain=True) / _sum_weights(rows)
-            return residual + GAIN_DEVIATION**2 * efforts
-        return np.maximum(self.mean_squares(rows, x), MIN_VARIANCE * efforts)
+            noise = self.squares(rows, x, any_gain=True) / _sum_weights(rows)
+            gain = np.mean((residual - noise) / efforts)
+            residual = noise + min(gain, GAIN_DEVIATION**2) * efforts
+        return np.maximum(residual, MIN_VARIANCE * efforts)
 
     def weighted(self, rows, variance):
         """Return A and b over all rows, b by degree of freedom."""

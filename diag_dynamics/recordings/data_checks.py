@@ -390,43 +390,51 @@ def find_effort_delay(model, runs, known):
     """Return the :class:`Delay` of efforts against positions, None if it hardly matters.
 
     `runs` are times, positions, rates and efforts without gaps; joints with efforts are `known`,
-    bool (nv,). The delay minimizes what no multiples of gravity, inertia, acceleration and friction
-    of the joint explain.
+    bool (nv,). The delay minimizes what no multiples of gravity, inertia, acceleration, friction
+    and point masses at the ends of the robot explain at the joint.
     """
     longest = longest_delay(t for t, *_ in runs)
     travel = np.max([np.ptp(q, axis=0) for _, q, *_ in runs], axis=0)
     joints = np.flatnonzero(known & (travel > DELAY_TRAVEL))
     if not len(joints):
         return None
-    columns, times, efforts = zip(*(_explain(model, longest, *run) for run in runs), strict=True)
-    bases = [_orthonormal(np.concatenate([part[k] for part in columns])) for k in joints]
-
-    def costs_of(delays):
-        """Return half the logarithm of the squares that are left, by delay and joint."""
-        costs = np.empty((len(delays), len(joints)))
-        for column, (k, basis) in enumerate(zip(joints, bases, strict=True)):
-            parts = [
-                np.interp(at[:, None] + delays, even, tau[:, k])
-                for at, (even, tau) in zip(times, efforts, strict=True)
-            ]
-            late = np.concatenate(parts)
-            rest = late - basis @ (basis.T @ late)
-            smallest = 1e-12 * (late**2).sum(axis=0) + 1e-300
-            costs[:, column] = 0.5 * np.log(np.maximum((rest**2).sum(axis=0), smallest))
-        return costs
-
-    delay = search_delay(costs_of, longest, STEP)
-    reached, without = costs_of(np.array([delay.coarse, 0.0])).mean(axis=1)
-    return delay if 1.0 - np.exp(reached - without) >= MIN_GAIN else None
+    delay = None
+    for links in ((), end_links(model)):  # an unknown payload looks like a delay
+        parts = [_explain(EffortRelation(model, links), longest, *run) for run in runs]
+        costs_of = functools.partial(_late_costs, joints, parts)
+        delay = search_delay(costs_of, longest, STEP)
+        reached, without = costs_of(np.array([delay.coarse, 0.0])).mean(axis=1)
+        if 1.0 - np.exp(reached - without) < MIN_GAIN:
+            return None
+    return delay
 
 
-def _explain(model, longest, t, q, qd, tau):
-    """Return columns of what may explain efforts, (nv, T, 8), their times, and all efforts.
+def _late_costs(joints, parts, delays):
+    """Return half the logarithm of the squares that are left, by delay and joint."""
+    costs, (columns, times, efforts) = (
+        np.empty((len(delays), len(joints))),
+        zip(*parts, strict=True),
+    )
+    for column, k in enumerate(joints):
+        basis = _orthonormal(np.concatenate([part[k] for part in columns]))
+        late = [
+            np.interp(at[:, None] + delays, even, tau[:, k])
+            for at, (even, tau) in zip(times, efforts, strict=True)
+        ]
+        late = np.concatenate(late)
+        rest = late - basis @ (basis.T @ late)
+        smallest = 1e-12 * (late**2).sum(axis=0) + 1e-300
+        costs[:, column] = 0.5 * np.log(np.maximum((rest**2).sum(axis=0), smallest))
+    return costs
+
+
+def _explain(relation, longest, t, q, qd, tau):
+    """Return columns of what may explain efforts, (nv, T, m), their times, and all efforts.
 
     These are (times, efforts), smoothed.
     """
     even = np.linspace(t[0], t[-1], len(t))
-    columns, tau = EffortRelation(model).columns(t, q, qd, tau)
+    columns, tau = relation.columns(t, q, qd, tau)
     inner = np.flatnonzero((even >= t[0] + longest) & (even <= t[-1] - longest))
     rows = inner[:: max(1, round(MIN_INTERVAL / (even[1] - even[0])))]
     return columns[:, rows], even[rows], (even, tau)

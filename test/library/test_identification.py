@@ -208,6 +208,22 @@ def test_payload(panda, known, seed):
     )
 
 
+def test_payload_without_noise_beside_a_reference(panda):
+    """The payload is no delay of efforts, and its inertia is not that of the prior."""
+    model, oracle = panda
+    start = model.perturbed(0.35, 11)
+    data, reference = (
+        recording(start, arm, seed, 6.0, 1000.0, resist=np.zeros_like)
+        for arm, seed in ((loaded(oracle), 11), (oracle, 111))
+    )
+    quality = dd.identify(data, start, "payload:panda_hand", reference=reference).quality
+    payload, (mass, centre, inertia) = quality["payload"], LOAD
+    assert quality["effort_delay"] == [0.0]
+    assert payload["mass"] == pytest.approx(mass, rel=2e-3)
+    np.testing.assert_allclose(payload["com"], centre, atol=1e-3)
+    np.testing.assert_allclose(payload["inertia"], inertia, atol=0.1 * np.trace(inertia))
+
+
 def test_a_centre_beyond_the_reach_of_the_arm_is_named(panda):
     """The Panda reaches 1.4 m."""
     model, oracle = panda
