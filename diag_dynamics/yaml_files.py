@@ -30,8 +30,11 @@ def _loader() -> Any:
             names = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
             for name, count in Counter(names).items():
                 if count > 1:
-                    problem = f"key {name!r} is there {count} times; expected once"
-                    raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+                    line = node.start_mark.line + 1
+                    raise ValueError(
+                        f"key {name!r} is there {count} times in the mapping at line {line}; "
+                        "expected once"
+                    )
             return node
 
     Loader.add_implicit_resolver(
@@ -62,10 +65,23 @@ def parsed_yaml(text: str, what: str) -> Any:
     yaml = require("yaml", what)
     try:
         return yaml.load(text, _loader())
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: an invalid date
-        is_alias = "scanning an alias" in str(error)
-        hint = ". Put a text that begins with * in quotes." if is_alias else ""
-        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}{hint}") from error
+    except yaml.YAMLError as error:
+        raise InputError(f"{what} is no YAML: {_describe(error, text)}") from error
+    except (ValueError, RecursionError) as error:  # ValueError: an invalid date, a key twice
+        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
+
+
+def _describe(error: Any, text: str) -> str:
+    """Return the line at which YAML cannot be read on, and what to do."""
+    mark, lines = getattr(error, "problem_mark", None), text.splitlines()
+    if mark is None:
+        return f"a character at position {getattr(error, 'position', 0)} is not allowed in it."
+    if mark.line >= len(lines) or not "".join(lines[mark.line :])[mark.column :].strip():
+        return f"it ends within a value at line {len(lines)}. Is the file complete?"
+    if "alias" in str(error):
+        return f"line {mark.line + 1}. Put a text that begins with * in quotes."
+    place = f"line {mark.line + 1}, column {mark.column + 1}, at '{lines[mark.line].strip():.40}'"
+    return f"{place}. Check brackets, quotes, colons and indentation there."
 
 
 def yaml_text(content: Any) -> str:

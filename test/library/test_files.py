@@ -4,6 +4,7 @@
 """Written files are whole or absent, and files of parameters that were cut are rejected."""
 
 import os
+import re
 import resource
 from contextlib import contextmanager
 
@@ -13,6 +14,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.recordings.tables.column_map import read_column_map
 from diag_dynamics.yaml_files import yaml_text
 
 # --- Writing
@@ -107,6 +109,25 @@ def test_keys_are_there_once(tmp_path, read):
     path.write_text("joints: {a: {damping: 1}}\njoints: {a: {damping: 2}}")
     with pytest.raises(dd.InputError, match=r"x\.yaml' is no YAML: key 'joints' is there 2 times"):
         read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a:\n  b: {c: 1.0, d", r"it ends within a value at line 2\. Is the file complete\?"),
+        ("a: 1\nb: 'x", "it ends within a value at line 2"),
+        ("a: 1\n b: 2\nc: 3\n", r"line 2, column 3, at 'b: 2'\. Check brackets, quotes, colons"),
+        ("a: *b", "line 1. Put a text that begins with"),
+        ("a: \x01", "a character at position 3 is not allowed"),
+    ],
+)
+def test_torn_yaml_is_described_by_file_and_line(tmp_path, text, expected):
+    """No word of the parser is in the error."""
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    with pytest.raises(dd.InputError, match=rf"x\.yaml' is no YAML: {expected}") as caught:
+        read_column_map(path)
+    assert not re.search("while (parsing|scanning)|<stream|<unicode|expected <", str(caught.value))
 
 
 def test_empty_files_are_rejected(tmp_path):
