@@ -9,6 +9,7 @@ import signal
 import sys
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 
 from diag_dynamics.entries import ARGUMENT, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -62,8 +63,19 @@ def run_command(name, about, module, arguments):
         print(f"diag-dynamics {name}: {kind}{rest}.", file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
-        print(f"diag-dynamics {name}: {shortened(str(error))}", file=sys.stderr)
+        print(
+            f"diag-dynamics {name}: {shortened(_with_robot(str(error), chosen))}", file=sys.stderr
+        )
         return FAILED
+
+
+def _with_robot(text, chosen):
+    """Return a text whose commands name the robot of this command."""
+    robot = getattr(chosen, "urdf", None)
+    if robot is None:
+        return text
+    arguments = " ".join(map(quote, [robot, *chosen.xacro_args]))
+    return text.replace("--urdf ROBOT", f"--urdf {arguments}")
 
 
 @contextmanager

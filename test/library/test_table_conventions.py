@@ -4,6 +4,7 @@
 """Tables without a map: three conventions are read, all else is an error that offers a map."""
 
 import re
+import shlex
 from functools import cache
 
 import numpy as np
@@ -36,7 +37,7 @@ WORDS = {
     "velocity": ("qd", "dq", "vel", "velocity"),
     "effort": ("tau", "torque", "EFFORT", "tau_J"),
 }
-OFFER = r"diag-dynamics analyse \S+ --urdf ROBOT --columns NEW.yaml"
+OFFER = r"diag-dynamics (analyse \S+ --urdf \S+ --columns NEW.yaml)"
 robot = cache(arm)
 
 
@@ -354,7 +355,7 @@ def rostopic(folder):
     return write(folder, columns), columns
 
 
-def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys):
+def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys, monkeypatch):
     """It has every header and first value; its proposals, with the second time, give the states."""
     path, columns = rostopic(tmp_path)
     links = [
@@ -371,7 +372,9 @@ def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys):
     new = tmp_path / "new.yaml"
     command = ["analyse", str(path), "--urdf", str(tmp_path / "arm.urdf")]
     assert main(command) == 2
-    assert re.search(OFFER, capsys.readouterr().err)
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(re.search(OFFER, capsys.readouterr().err)[1])) == 2
+    assert (tmp_path / "NEW.yaml").exists()
     assert main([*command, "--columns", str(new)]) == 2
     assert f"Wrote {new}" in capsys.readouterr().err
     text = new.read_text(encoding="utf-8")
