@@ -62,13 +62,13 @@ def _cloned(name: str) -> Path:
 
 def example_urdfs() -> dict[str, Path]:
     """Return the paths of the URDFs of this package and of example-robot-data, if installed, by their short names."""
-    own, found = {path.stem: path for path in _OWN.glob("*/*.urdf")}, {}
+    of_package, examples = {path.stem: path for path in _OWN.glob("*/*.urdf")}, {}
     with suppress(metadata.PackageNotFoundError):
         for file in metadata.files("example-robot-data") or ():
             name = file.as_posix().partition(_FOLDER)[2]
             if name.endswith(".urdf"):
-                found[name.removesuffix(".urdf")] = Path(str(file.locate())).resolve()
-    return own | dict(sorted(found.items()))
+                examples[name.removesuffix(".urdf")] = Path(str(file.locate())).resolve()
+    return of_package | dict(sorted(examples.items()))
 
 
 def find_urdf(robot: str) -> Path:
@@ -90,20 +90,20 @@ def find_urdf(robot: str) -> Path:
         raise InputError(f"robot '{robot}': no such file.")
     if partial:
         raise InputError(f"robot '{robot}' could be any of: {', '.join(partial)}.")
-    known = (
+    robots = (
         f"one of the {len(urdfs)} example robots"
         if len(urdfs) > 1
         else f"the example robot {''.join(urdfs)}"
     )
     raise InputError(
-        f"robot '{robot}' is neither a file nor {known}. All of them: diag-dynamics robots. More: pip install "
+        f"robot '{robot}' is neither a file nor {robots}. All of them: diag-dynamics robots. More: pip install "
         "example-robot-data."
     )
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
     """Return a robot's path or name, see :func:`load_robot`, as a path with xacro arguments ``NAME:=VALUE`` behind it."""
-    name, own = split_arguments(robot)
+    name, in_name = split_arguments(robot)
     path = os.path.expanduser(name)
     if os.path.isdir(path):
         raise InputError(
@@ -111,7 +111,7 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
         )
     if not os.path.isfile(path):
         path = str(robot_path(name))
-    values = own | arguments_of(arguments)
+    values = in_name | arguments_of(arguments)
     if values and not path.lower().endswith(".xacro"):
         first = next(iter(values))
         raise InputError(
@@ -128,7 +128,10 @@ def describe(source: Any, max_joints: int = MAX_JOINTS) -> Description:
 
 
 def link_elements(source: Any) -> dict[str, Any]:
-    """Return the elements of the links of a URDF, by name; empty for an MJCF, whose geometry is not read."""
+    """Return the elements of the links of a URDF, by name.
+
+    Empty for an MJCF, whose geometry is not read.
+    """
     if is_mjcf(source):
         return {}
     links = parse_urdf(read_text(source)).iterfind("link")

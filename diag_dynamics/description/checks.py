@@ -334,7 +334,10 @@ _handler: ContextVar[Callable[[str], object] | None] = ContextVar("handler", def
 
 @contextmanager
 def handle_warnings(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call `handler` with the text of each ModelWarning in this context; Python's warnings are shared by threads."""
+    """Call `handler` with the text of each ModelWarning in this context.
+
+    Python's warnings are shared by threads.
+    """
     token = _handler.set(handler)
     try:
         yield

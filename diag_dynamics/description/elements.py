@@ -35,7 +35,10 @@ def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[
 def numbers_of(
     element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False
 ) -> list[float]:
-    """Return the numbers of an attribute of an element, within ±:data:`LARGEST`; `where` is for errors."""
+    """Return the numbers of an attribute of an element, within ±:data:`LARGEST`.
+
+    `where` is for errors.
+    """
     if (text := element.get(attribute)) is None:
         raise UrdfError(f"{where}: <{element.tag}> has no {attribute}.")
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
@@ -71,25 +74,25 @@ def short(value: object) -> str:
 
 def placement_of(element: Any, where: str) -> Array:
     """Return the placement (4, 4) of an `<origin>`: xyz, then Rz(yaw) Ry(pitch) Rx(roll) or quat_xyzw, normalized."""
-    given = {
+    numbers = {
         name: numbers_of(element, name, count, where)
         for name, count in {"xyz": 3, "rpy": 3, "quat_xyzw": 4}.items()
         if element.get(name) is not None
     }
-    if "rpy" in given and "quat_xyzw" in given:
+    if "rpy" in numbers and "quat_xyzw" in numbers:
         raise UrdfError(
             f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other."
         )
     placement, turn = np.eye(4), np.eye(4)
-    placement[:3, 3] = given.get("xyz", (0.0, 0.0, 0.0))
-    if "rpy" in given:
-        turn[:3, :3] = rotations.from_rpy(*given["rpy"])
-    elif "quat_xyzw" in given:
-        largest = max(map(abs, given["quat_xyzw"]))
+    placement[:3, 3] = numbers.get("xyz", (0.0, 0.0, 0.0))
+    if "rpy" in numbers:
+        turn[:3, :3] = rotations.from_rpy(*numbers["rpy"])
+    elif "quat_xyzw" in numbers:
+        largest = max(map(abs, numbers["quat_xyzw"]))
         if largest == 0.0:
             shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
             raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
         turn[:3, :3] = rotations.from_quaternion(
-            *(number / largest for number in given["quat_xyzw"])
+            *(number / largest for number in numbers["quat_xyzw"])
         )
     return placement @ turn

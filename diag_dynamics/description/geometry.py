@@ -71,7 +71,10 @@ def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
 
 
 def shape_of(element: Any, where: str) -> Shape | None:
-    """Return the shape of one <visual> or <collision>, None without geometry; `where` is for errors."""
+    """Return the shape of one <visual> or <collision>, None without geometry.
+
+    `where` is for errors.
+    """
     shape, origin = element.find("geometry/*"), element.find("origin")
     if shape is None:
         return None
@@ -99,7 +102,10 @@ def shape_of(element: Any, where: str) -> Shape | None:
 
 
 def solid_of(shape: Shape, meshes: Meshes) -> Solid:
-    """Return the content of a shape, in the link's axes; a mesh that is not watertight counts by its convex hull."""
+    """Return the content of a shape, in the link's axes.
+
+    A mesh that is not watertight counts by its convex hull.
+    """
     solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape.kind, *shape.numbers)
     if not solid.volume > 0.0:
         raise UrdfError(f"{solid.of[0]} encloses no volume.")
@@ -145,9 +151,13 @@ def _mesh(shape: Shape, meshes: Meshes) -> Solid:
                 raise UrdfError(f"{of} encloses no volume.") from error
         elif mesh.volume < 0.0:  # all faces look inward
             mesh.invert()
-        found = mesh.mass_properties
+        properties = mesh.mass_properties
     return Solid(
-        float(found.volume), np.array(found.center_mass), np.array(found.inertia), corners, (of,)
+        float(properties.volume),
+        np.array(properties.center_mass),
+        np.array(properties.inertia),
+        corners,
+        (of,),
     )
 
 

@@ -36,7 +36,10 @@ def checked_payloads(value: object, description: Description) -> dict[str, Paylo
 def checked_body(
     body: Payload, before: str, after: str = "", may_be_negative: bool = False
 ) -> Payload:
-    """Return a body, whose mass may be negative if it is taken off; errors name a part between two texts."""
+    """Return a body, whose mass may be negative if it is taken off.
+
+    Errors name a part between two texts.
+    """
     mass_name, com_name, inertia_name = (f"{before}{part}{after}" for part in Payload._fields)
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
     mass = float(numbers(mass_name, body.mass, (), expected, LARGEST))
@@ -53,7 +56,10 @@ def checked_body(
 
 
 def negative_moments(inertia: Array, mass: float) -> str:
-    """Return the principal moments of an inertia as text if one is negative beyond rounding; else an empty text."""
+    """Return the principal moments of an inertia as text if one is negative beyond rounding.
+
+    Else an empty text.
+    """
     moments, rounding = _moments(inertia, mass)
     return _short(moments) if moments[0] < -rounding else ""
 

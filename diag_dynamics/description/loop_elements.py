@@ -42,7 +42,7 @@ def loops_of(robot: Any) -> tuple[Loop, ...]:
     elements = [element for tag in ENDS for element in robot.findall(tag)]
     loops = tuple(_loop(element, f"{element.tag}{k}") for k, element in enumerate(elements))
     for k, loop in enumerate(loops):
-        if loop.name in [one.name for one in loops[:k]]:
+        if loop.name in [earlier.name for earlier in loops[:k]]:
             raise UrdfError(f"Two loops have the name '{loop.name}'.")
     return loops
 
@@ -85,10 +85,10 @@ def _loop(element: Any, name: str) -> Loop:
         turn = place[:3, :3] @ rotations.frame_about(axes[-1]) @ rotations.frame_about(axes[0]).T
         ends.append(LoopEnd(link.get("link"), tuple(place[:3, 3].tolist()), rotations.to_rpy(turn)))
     start = {
-        one.get("joint"): numbers_of(one, "position", 1, shown)[0]
-        for one in element.findall("start")
+        part.get("joint"): numbers_of(part, "position", 1, shown)[0]
+        for part in element.findall("start")
     }
-    independent = tuple(one.get("joint") for one in element.findall("independent"))
+    independent = tuple(part.get("joint") for part in element.findall("independent"))
     first, second = ends
     name, kind = element.get("name", name), TYPES[kind]
     return Loop(name, first, second, kind, tuple(axes[0]), independent, start)

@@ -24,7 +24,9 @@ COUPLINGS = "loops", "mimics", "flexible_links"
 
 
 def with_couplings(description: Description, source: Any) -> Description:
-    """Return a description with loops and non-linear mimic joints of a YAML file or its content; a list has loops alone.
+    """Return a description with loops and non-linear mimic joints of a YAML file or its content.
+
+    A list has loops alone.
 
     Loops of a source replace those of the robot's own file, and take from one of the same name the
     fields that they lack.
@@ -52,26 +54,26 @@ def with_couplings(description: Description, source: Any) -> Description:
     return description._replace(loops=loops, curves=curves)
 
 
-def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop:
-    given = mapping(f"{source}: loop {number_}", given)
-    given = own.get(given.get("name"), {}) | dict(given)
-    where = f"{source}: loop '{given.get('name', number_)}'"
-    given = mapping(where, given, Loop._fields, ("a", "b"))
-    kind = given.get("type", "point")
+def _loop(source: str, number_: int, entry: Any, in_file: Mapping[str, Any]) -> Loop:
+    entry = mapping(f"{source}: loop {number_}", entry)
+    entry = in_file.get(entry.get("name"), {}) | dict(entry)
+    where = f"{source}: loop '{entry.get('name', number_)}'"
+    entry = mapping(where, entry, Loop._fields, ("a", "b"))
+    kind = entry.get("type", "point")
     choice(f"{where}: type", kind, LOOP_TYPES)
     start = {
         joint: number(f"{where}: start of '{joint}'", x, "a finite number [rad, m]")
-        for joint, x in mapping(f"{where}: start", given.get("start") or {}).items()
+        for joint, x in mapping(f"{where}: start", entry.get("start") or {}).items()
     }
-    axis = unit(f"{where}: axis", given.get("axis", (0.0, 0.0, 1.0)))
-    independent = given.get("independent") or ()
+    axis = unit(f"{where}: axis", entry.get("axis", (0.0, 0.0, 1.0)))
+    independent = entry.get("independent") or ()
     independent = (independent,) if isinstance(independent, str) else independent
     if not isinstance(independent, list | tuple):
         raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
     return Loop(
-        str(given.get("name", number_)),
-        _end(f"{where}: a", given["a"]),
-        _end(f"{where}: b", given["b"]),
+        str(entry.get("name", number_)),
+        _end(f"{where}: a", entry["a"]),
+        _end(f"{where}: b", entry["b"]),
         kind,
         tuple(axis.tolist()),
         tuple(map(str, independent)),
@@ -79,29 +81,29 @@ def _loop(source: str, number_: int, given: Any, own: Mapping[str, Any]) -> Loop
     )
 
 
-def _end(where: str, given: Any) -> LoopEnd:
-    if isinstance(given, str):
-        return LoopEnd(given)
-    given = mapping(where, given, LoopEnd._fields, ["link"])
+def _end(where: str, entry: Any) -> LoopEnd:
+    if isinstance(entry, str):
+        return LoopEnd(entry)
+    entry = mapping(where, entry, LoopEnd._fields, ["link"])
     vectors = (
-        numbers(f"{where}: {key}", given.get(key, (0, 0, 0)), (3,), "three numbers")
+        numbers(f"{where}: {key}", entry.get(key, (0, 0, 0)), (3,), "three numbers")
         for key in ("xyz", "rpy")
     )
-    return LoopEnd(str(given["link"]), *(tuple(one.tolist()) for one in vectors))
+    return LoopEnd(str(entry["link"]), *(tuple(vector.tolist()) for vector in vectors))
 
 
-def _curve(where: str, given: Any) -> Curve:
-    given = mapping(where, given, ("source", "polynomial", "table"), ["source"])
+def _curve(where: str, entry: Any) -> Curve:
+    entry = mapping(where, entry, ("source", "polynomial", "table"), ["source"])
     source, expected = (
-        str(given["source"]),
+        str(entry["source"]),
         "two rows or more of the source's position, ascending, and the joint's",
     )
-    if ("polynomial" in given) == ("table" in given):
+    if ("polynomial" in entry) == ("table" in entry):
         raise InputError(
-            f"{where} has {listed(list(map(repr, given)))}, expected source, and polynomial or table."
+            f"{where} has {listed(list(map(repr, entry)))}, expected source, and polynomial or table."
         )
-    if "polynomial" in given:
-        values = array_of(given["polynomial"])
+    if "polynomial" in entry:
+        values = array_of(entry["polynomial"])
         count, expected = (
             1 if values is None else max(1, values.size),
             "coefficients, the constant first",
@@ -109,7 +111,7 @@ def _curve(where: str, given: Any) -> Curve:
         return Curve(
             source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
         )
-    table = array_of(given["table"])
+    table = array_of(entry["table"])
     if (
         table is None
         or (table.ndim, table.shape[1:]) != (2, (2,))
@@ -117,7 +119,7 @@ def _curve(where: str, given: Any) -> Curve:
         or not np.isfinite(table).all()
         or not (np.diff(table[:, 0]) > 0.0).all()
     ):
-        raise InputError(f"{where}: table is {given['table']!r}, expected {expected}.")
+        raise InputError(f"{where}: table is {entry['table']!r}, expected {expected}.")
     return Curve(source, _spline(*table.T))
 
 

@@ -78,7 +78,10 @@ def read_mjcf(source: str | os.PathLike[str], max_joints: int = MAX_JOINTS) -> D
 
 
 class _Compiled:
-    """MuJoCo's model of a file or text, and questions to it; what older versions of MuJoCo lack is zero."""
+    """MuJoCo's model of a file or text, and questions to it.
+
+    What older versions of MuJoCo lack is zero.
+    """
 
     def __init__(self, source: str | os.PathLike[str]) -> None:
         self.mujoco, self.m = _compile(source)
@@ -254,10 +257,10 @@ def _reject_unsupported(c: _Compiled) -> None:
 
 def _omitted(c: _Compiled) -> Iterator[str]:
     """Yield the texts of `RobotModel.omitted`, one for each kind of object."""
-    for what, which in _omitted_objects(c):
-        if which:
-            kind = "flex" if what == "flexible body" else what.split()[-1]
-            yield f"{what} {', '.join(repr(c.name(kind, k)) for k in which)}"
+    for text, objects in _omitted_objects(c):
+        if objects:
+            kind = "flex" if text == "flexible body" else text.split()[-1]
+            yield f"{text} {', '.join(repr(c.name(kind, k)) for k in objects)}"
     opt = c.m.opt
     if (opt.density or opt.viscosity) and not (c.is_disabled("spring") and c.is_disabled("damper")):
         yield f"fluid (density {opt.density:g}, viscosity {opt.viscosity:g})"
@@ -302,10 +305,10 @@ def _effort_limits(c: _Compiled) -> Array:
             gear = abs(c.gear(a))
             sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
-    own = np.where(
+    of_joint = np.where(
         c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf
     )
-    smallest: Array = np.minimum(limits, own)
+    smallest: Array = np.minimum(limits, of_joint)
     return smallest
 
 

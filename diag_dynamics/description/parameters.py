@@ -141,7 +141,10 @@ class Parameters:
         }
 
     def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
-        """Return these parameters with another effort by reported unit, by joint; NaN if it is unknown."""
+        """Return these parameters with another effort by reported unit, by joint.
+
+        NaN if it is unknown.
+        """
         joints = dict(self.joints)
         for name, value in scale.items():
             joints[name] = joints.get(name, JointParameters())._replace(effort_scale=value)
@@ -356,8 +359,8 @@ def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
             f"parameters: the payload of {payload.mass:g} kg leaves link '{link}' without mass, and so without a centre. "
             f"To remove it, give links: {link}: {{mass: 0}}."
         )
-    both = RigidBody.union(body, payload.body)
-    return Payload(both.mass, both.centre, both.inertia)
+    whole = RigidBody.union(body, payload.body)
+    return Payload(whole.mass, whole.centre, whole.inertia)
 
 
 def perturbed(description: Description, part: float, rng: np.random.Generator) -> Description:
@@ -424,7 +427,10 @@ def _insert_first(parent: Any, element: Any) -> None:
 
 
 def urdf_with(text: str, parameters: Parameters) -> str:
-    """Return a URDF's text with inertias, payloads, damping and friction; it has no place for armature and offsets."""
+    """Return a URDF's text with inertias, payloads, damping and friction.
+
+    It has no place for armature and offsets.
+    """
     element = parse_urdf(text, comments=True)
     description, _ = read_urdf(element)
     links = with_parameters(description, parameters).links
@@ -443,9 +449,9 @@ def urdf_with(text: str, parameters: Parameters) -> str:
                     link, source, inertial.mass, inertial.placement[:3, 3], inertial.inertia
                 )
     for joint in element.findall("joint"):
-        given = parameters.joints.get(joint.get("name"), JointParameters()).known
+        entry = parameters.joints.get(joint.get("name"), JointParameters()).known
         if numbers := {
-            name: repr(x) for name, x in given.items() if name in ("damping", "friction")
+            name: repr(x) for name, x in entry.items() if name in ("damping", "friction")
         }:
             _set_dynamics(joint, numbers, source)
     return str(etree.tostring(element.getroottree(), encoding="unicode"))

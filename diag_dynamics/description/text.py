@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments; xacro, expanded."""
+"""Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments.
+
+Xacro, expanded.
+"""
 
 from __future__ import annotations
 
@@ -146,9 +149,9 @@ def _decoded(data: bytes) -> str:
 
 def _declared(data: bytes) -> str:
     """Return the encoding that XML bytes declare, UTF-8 if that does not extend ASCII."""
-    found = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", data)
+    match = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", data)
     try:
-        name = codecs.lookup(found[1].decode("ascii") if found else "utf-8").name
+        name = codecs.lookup(match[1].decode("ascii") if match else "utf-8").name
         if b"<?xml".decode(name) == "<?xml":
             return "utf-8" if name == "ascii" else name
     except (LookupError, UnicodeError):
@@ -198,15 +201,18 @@ class _Arguments(dict[str, str]):
 
 
 def expanded(source: Any, arguments: Any) -> Any:
-    """Return the text of a xacro file, a path that ends with .xacro and may have arguments behind; else the source."""
+    """Return the text of a xacro file, a path that ends with .xacro and may have arguments behind.
+
+    Else the source.
+    """
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place
     if arguments is not None and not isinstance(arguments, Mapping):
         raise InputError(f"xacro_args is {arguments!r}, expected a dict by name.")
     arguments = dict(arguments or {})
     if isinstance(source, str):
-        source, own = split_arguments(source)
-        arguments = own | arguments
+        source, in_path = split_arguments(source)
+        arguments = in_path | arguments
     if not (
         isinstance(source, (str, os.PathLike)) and os.fspath(source).lower().endswith(".xacro")
     ):

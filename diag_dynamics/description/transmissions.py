@@ -60,12 +60,12 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
             name = robot.get("name") or "robot"
             remarks.append(Remark("ignored rotor", "robot", name, (where,)))
             continue
-        known = rotors.setdefault(names[0], {})
+        actuated = rotors.setdefault(names[0], {})
         for actuator in actuators or [element]:
             J = _number([actuator, *shared], INERTIA, where)
             N = _number([actuator, *shared], REDUCTION, where) or 1.0
             name = actuator.get("name") if actuators else None
-            if J is not None and known.setdefault(name or str(number), N * N * J) != N * N * J:
+            if J is not None and actuated.setdefault(name or str(number), N * N * J) != N * N * J:
                 text = f"{where}: actuator {short(name)} has another rotor inertia in an earlier transmission."
                 raise UrdfError(text)
     armature = {joint: sum(own.values()) for joint, own in rotors.items()}
@@ -78,8 +78,11 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
 
 
 def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> float | None:
-    """Return the one size of a number that elements give under some names; a reduction of 1 gives way to another."""
-    is_inertia, given = names is INERTIA, {}
+    """Return the one size of a number that elements give under some names.
+
+    A reduction of 1 gives way to another.
+    """
+    is_inertia, values = names is INERTIA, {}
     for tag, text in _entries(elements, names):
         value = (floats(text, 1) or [math.nan])[0]
         if not (value >= 0.0 if is_inertia else abs(value) > 0.0):
@@ -87,13 +90,13 @@ def _number(elements: Iterable[Any], names: tuple[str, ...], where: str) -> floa
                 "a finite number >= 0 [kg m²]" if is_inertia else "a finite number other than 0"
             )
             raise UrdfError(f"{where}: <{tag}> is {short(text)}; expected {expected}.")
-        given[abs(value)] = tag
-    if len(given) > 1 and not is_inertia:
-        given.pop(1.0, None)
-    if len(given) > 1:
-        listed = ", ".join(f"<{tag}> {value:g}" for value, tag in given.items())
+        values[abs(value)] = tag
+    if len(values) > 1 and not is_inertia:
+        values.pop(1.0, None)
+    if len(values) > 1:
+        listed = ", ".join(f"<{tag}> {value:g}" for value, tag in values.items())
         raise UrdfError(f"{where}: {listed} contradict each other; expected one number.")
-    return next(iter(given), None)
+    return next(iter(values), None)
 
 
 def _entries(elements: Iterable[Any], names: tuple[str, ...]) -> Iterator[tuple[str, str]]:

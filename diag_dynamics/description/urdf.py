@@ -127,7 +127,10 @@ def checked_joint(joint: Joint) -> Joint:
 
 
 def _read(reduced: Any) -> Any:
-    """Return the links and joints of a checked <robot> element; importing yourdfpy takes a second."""
+    """Return the links and joints of a checked <robot> element.
+
+    Importing yourdfpy takes a second.
+    """
     try:
         import yourdfpy
     except Exception as error:  # also of a library for meshes that does not fit the NumPy
@@ -179,7 +182,10 @@ def _reject_loops(robot: Any) -> None:
 
 
 def parse_urdf(text: str, comments: bool = False) -> Any:
-    """Return the <robot> element of XML text, without unexpanded xacro and entities; nothing else is checked."""
+    """Return the <robot> element of XML text, without unexpanded xacro and entities.
+
+    Nothing else is checked.
+    """
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,
@@ -242,7 +248,10 @@ def _expanded(value: str | None, where: str) -> str | None:
 
 
 def _add_links(robot: Any, reduced: Any) -> dict[str, Array]:
-    """Copy the links; return the placements of inertials that have an origin, by the link's name."""
+    """Copy the links.
+
+    Return the placements of inertials that have an origin, by the link's name.
+    """
     names, placements = set[str](), dict[str, Array]()
     for link in robot.findall("link"):
         where = f"link '{_name(link, names)}'"
@@ -270,7 +279,10 @@ def _add_links(robot: Any, reduced: Any) -> dict[str, Array]:
 
 
 def _add_joints(robot: Any, reduced: Any) -> tuple[dict[str, Array], str]:
-    """Copy the joints; return the placements of those that have an origin, by name, and the root link."""
+    """Copy the joints.
+
+    Return the placements of those that have an origin, by name, and the root link.
+    """
     links = dict.fromkeys(str(link.get("name")) for link in reduced)
     names, placements = set[str](), dict[str, Array]()
     parents: dict[str, str] = {}
@@ -343,7 +355,10 @@ def _copy_numbers(
 
 
 def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
-    """Return the one link without a parent, from which all others must be reached; `parents` has that of each child."""
+    """Return the one link without a parent, from which all others must be reached.
+
+    `parents` has that of each child.
+    """
     roots = [link for link in links if link not in parents]
     children: dict[str, list[str]] = {}
     if len(roots) > 1:

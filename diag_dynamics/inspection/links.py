@@ -182,12 +182,12 @@ def sides(urdf: Urdf) -> Found:
     for name, link in urdf.links.items():
         for side in SIDES:
             left, right = side.split()
-            other = urdf.links.get(re.sub(left, right, name, count=1), link)
-            low, high = sorted((link.mass or 0.0, other.mass or 0.0))
-            known = link.has_inertial and other.has_inertial and not urdf.is_negligible(high)
-            if known and high - low > UNEVEN * high:
+            twin = urdf.links.get(re.sub(left, right, name, count=1), link)
+            low, high = sorted((link.mass or 0.0, twin.mass or 0.0))
+            both_known = link.has_inertial and twin.has_inertial and not urdf.is_negligible(high)
+            if both_known and high - low > UNEVEN * high:
                 yield "uneven", name, link.mass or 0.0
-                yield "uneven", other.name, other.mass or 0.0
+                yield "uneven", twin.name, twin.mass or 0.0
 
 
 def meshes(urdf: Urdf) -> Found:

@@ -46,14 +46,17 @@ class Motion:
 
 
 def too_quick(model: RobotModel, D: Array) -> dict[str, float]:
-    """Return joints whose time D q̇_max/τ_max [s] is below :data:`CURRENT_RISE`; D is (poses, nv)."""
+    """Return joints whose time D q̇_max/τ_max [s] is below :data:`CURRENT_RISE`.
+
+    D is (poses, nv).
+    """
     times = zip(
         model.dof_names, D.max(axis=0), model.velocity_limit, model.effort_limit, strict=True
     )
-    known = [
+    limited = [
         (name, d * speed / effort) for name, d, speed, effort in times if 0.0 < effort < np.inf
     ]
-    return {name: float(time) for name, time in known if 0.0 < time < CURRENT_RISE}
+    return {name: float(time) for name, time in limited if 0.0 < time < CURRENT_RISE}
 
 
 def rotor_inertia(motion: Motion) -> Found:

@@ -76,7 +76,9 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as JSON has it; numbers that are not finite are None."""
-        findings = [asdict(one) | {"values": _finite(one.values)} for one in self.findings]
+        findings = [
+            asdict(finding) | {"values": _finite(finding.values)} for finding in self.findings
+        ]
         head = {"source": self.source, "status": self.status, "facts": self.facts}
         return head | {"checks": self.checks, "findings": findings}
 
@@ -133,16 +135,16 @@ def inspect_robot(
         urdf.stands = model is not None and not model.floating_base
         rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
         rows += [("omitted", None, 0.0, text) for text in urdf.omitted]
-        found = {"loading": iter(rows)}
+        rows_of = {"loading": iter(rows)}
         for check in OF_XML:
             if not urdf.is_mjcf or check not in OF_GEOMETRY:
-                found[check.__name__] = check(urdf)
+                rows_of[check.__name__] = check(urdf)
         if poses:
-            found |= {check.__name__: check(poses) for check in OF_MOTION}
-        findings = [one for name, rows in found.items() for one in _findings(name, rows)]
+            rows_of |= {check.__name__: check(poses) for check in OF_MOTION}
+        findings = [finding for name, rows in rows_of.items() for finding in _findings(name, rows)]
         facts = _facts(urdf, model, poses)
     findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
-    checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(found, "ok")
+    checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(rows_of, "ok")
     checks |= {finding.check: finding.severity for finding in reversed(findings)}
     return Report(str(source) if is_path else "text", facts, tuple(findings), checks)
 

@@ -148,7 +148,10 @@ class Body:
 
 
 class Urdf:
-    """Links and joints of a URDF's text, of two links of one name the first; or those of an MJCF."""
+    """Links and joints of a URDF's text, of two links of one name the first.
+
+    Or those of an MJCF.
+    """
 
     def __init__(self, source: str | Description, folder: Path | None = None) -> None:
         self.remarks: list[Remark] = []

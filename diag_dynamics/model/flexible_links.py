@@ -123,10 +123,10 @@ class Form(NamedTuple):
     linear: Array
     quadratic: Array
 
-    def without(self, held: Mapping[str, float]) -> Form:
+    def without(self, locked: Mapping[str, float]) -> Form:
         """Return the form with the positions of modes that are held in its constants."""
-        eta = np.array([held.get(name, 0.0) for name in self.sources])
-        free = [k for k, name in enumerate(self.sources) if name not in held]
+        eta = np.array([locked.get(name, 0.0) for name in self.sources])
+        free = [k for k, name in enumerate(self.sources) if name not in locked]
         bent = self.quadratic @ eta
         constant = self.constant + self.linear @ eta + 0.5 * bent @ eta
         sources = tuple(self.sources[k] for k in free)
@@ -169,8 +169,8 @@ class _Field(NamedTuple):
 
     def shortening(self, xi: float) -> Array:
         """Return ∫ φ_a' φ_b' dx from 0 to ξ."""
-        p, both = self.powers, np.add.outer(self.powers, self.powers) - 1
-        return np.asarray(self.V.T @ (np.outer(p, p) * xi**both / both) @ self.V) / self.length
+        p, powers = self.powers, np.add.outer(self.powers, self.powers) - 1
+        return np.asarray(self.V.T @ (np.outer(p, p) * xi**powers / powers) @ self.V) / self.length
 
 
 def _normal_modes(
@@ -178,13 +178,13 @@ def _normal_modes(
 ) -> _Field:
     """Return modes of x^order …: of bending (order 2, EI and mass) or torsion (1, GJ and polar inertia)."""
     p = np.arange(order, order + count)
-    both, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
-    L = np.linalg.inv(np.linalg.cholesky(inertia / (both + 1.0)))
+    powers, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
+    L = np.linalg.inv(np.linalg.cholesky(inertia / (powers + 1.0)))
     K = (
         stiffness
         / length ** (2 * order - 1)
         * np.outer(derivative, derivative)
-        / (both - 2.0 * order + 1.0)
+        / (powers - 2.0 * order + 1.0)
     )
     squares, V = np.linalg.eigh(L @ K @ L.T)
     return _Field(p, L.T @ V, np.sqrt(squares), length)
@@ -326,14 +326,14 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
 
 def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
     """Return the efforts of stiffness and damping of all modes, shape (nv,)."""
-    effort, held = np.zeros(model.nv), model.locked_joints
+    effort, locked = np.zeros(model.nv), model.locked_joints
     for link in model.flexible_links.values():
-        own = link.effort(
-            _values(link, model.coordinate_names, q, held),
-            _values(link, model.dof_names, qd, dict.fromkeys(held, 0.0)),
+        values = link.effort(
+            _values(link, model.coordinate_names, q, locked),
+            _values(link, model.dof_names, qd, dict.fromkeys(locked, 0.0)),
         )
-        for name, value in zip(link.modes, own, strict=True):
-            if name not in held:
+        for name, value in zip(link.modes, values, strict=True):
+            if name not in locked:
                 effort[model.dof_names.index(name)] = value
     return effort
 
@@ -391,8 +391,8 @@ def read_flexible_links(source: Any) -> Mapping[str, Any]:
     """Return the flexible links of a YAML file or its content, by name."""
     if isinstance(source, str | os.PathLike):
         source = read_yaml(source, os.fspath(source))
-    given = source.get("flexible_links") if isinstance(source, Mapping) else None
-    return mapping("flexible_links", given or {})
+    entries = source.get("flexible_links") if isinstance(source, Mapping) else None
+    return mapping("flexible_links", entries or {})
 
 
 def with_flexible_links(
@@ -447,7 +447,10 @@ class _Builder:
         self.links[joint.child], self.joints[joint.name] = Link(joint.child), joint
 
     def _add_chain(self, parent: str, name: str, flexible: FlexibleLink, station: Station) -> str:
-        """Add joints that take a frame from the link to where the modes have it; return the link at its end."""
+        """Add joints that take a frame from the link to where the modes have it.
+
+        Return the link at its end.
+        """
         origin = np.eye(4)
         origin[:3, :3], origin[:3, 3] = flexible.axes, flexible.axes @ station.at
         n = len(flexible.modes)

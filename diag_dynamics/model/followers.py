@@ -64,19 +64,21 @@ class FollowerMotion:
         return np.zeros((len(self.model.bodies), 1 + 2 * self.model.nv))
 
     def at(self, q: Array, qd: Array | None = None) -> FollowerState:
-        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), 0 by default; LoopError without one.
+        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), 0 by default.
+
+        LoopError without one.
 
         The coordinates of a floating base may be missing.
         """
-        model, nv, own = self.model, self.model.nv, self.workspace.couplings
+        model, nv, loops = self.model, self.model.nv, self.workspace.couplings
         q = np.append(model.neutral[: model.nq - len(q)], q)
         qd = np.zeros(nv) if qd is None else qd
-        found = self.memory()
-        if status := followers.ratios(self.workspace.robot, q, qd, found):
+        ratios = self.memory()
+        if status := followers.ratios(self.workspace.robot, q, qd, ratios):
             raise loop_error(model, status)
-        rows = found[self._rows]
+        rows = ratios[self._rows]
         G = rows[:, 1 : 1 + nv]
-        singularity = tuple(own.ratio.tolist()) if own else ()
+        singularity = tuple(loops.ratio.tolist()) if loops else ()
         return FollowerState(self.names, rows[:, 0], G @ qd, G, rows[:, 1 + nv :], singularity)
 
 
@@ -128,16 +130,18 @@ def limit_by_followers(
         ends[name] = np.array([joints[name].joint.lower, joints[name].joint.upper])
     limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
     for leaders in set(model.followers.values()):
-        own = {name: ends[name] for name, others in model.followers.items() if others == leaders}
+        group = {
+            name: ends[name] for name, sources in model.followers.items() if sources == leaders
+        }
         if len(leaders) > 1 or leaders[0] in model.continuous_joints:
-            omitted |= own.keys()
-        elif own.keys() & set(limited) or any(leaders[0] in group for group in model.loop_joints):
+            omitted |= group.keys()
+        elif group.keys() & set(limited) or any(leaders[0] in names for names in model.loop_joints):
             k = model.coordinate_names.index(leaders[0])
-            found = [_end(model, k, lower[k], -1.0, own), _end(model, k, upper[k], 1.0, own)]
-            if None in found:
-                omitted |= own.keys()
+            bounds = [_end(model, k, lower[k], -1.0, group), _end(model, k, upper[k], 1.0, group)]
+            if None in bounds:
+                omitted |= group.keys()
             else:
-                lower[k], upper[k] = found
+                lower[k], upper[k] = bounds
     return [
         f"limits of joint '{name}', which follows {listed(model.followers[name])}"
         for name in limited
@@ -148,7 +152,10 @@ def limit_by_followers(
 def _end(
     model: RobotModel, k: int, limit: float, sign: float, own: Mapping[str, Array]
 ) -> float | None:
-    """Return the position up to which a joint moves toward its limit from the start; None if followers are beyond theirs."""
+    """Return the position up to which a joint moves toward its limit from the start.
+
+    None if followers are beyond theirs.
+    """
     motion, start = FollowerMotion(model), model.start
     rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))
 

@@ -62,10 +62,12 @@ def places(names: Iterable[str], among: Iterable[str]) -> list[int]:
 def sliding_dofs(model: RobotModel) -> list[bool]:
     """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
     bodies = model.bodies
-    own = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's
-    own[0] = False
+    is_independent = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's
+    is_independent[0] = False
     slides = np.zeros(model.nv, dtype=bool)
-    slides[bodies["dof"][own]] = np.isin(bodies["direction"][own], (LINEAR_X, LINEAR_Y, LINEAR_Z))
+    slides[bodies["dof"][is_independent]] = np.isin(
+        bodies["direction"][is_independent], (LINEAR_X, LINEAR_Y, LINEAR_Z)
+    )
     return list(map(bool, slides))
 
 

@@ -169,7 +169,10 @@ def build_described(
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
     loops: Couplings = None,
 ) -> RobotModel:
-    """Build the model of a description, which states the base and gravity that are not given; see :func:`load_urdf`."""
+    """Build the model of a description, which states the base and gravity that are not given.
+
+    See :func:`load_urdf`.
+    """
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     g = checked_gravity(description.gravity if gravity is None else gravity)

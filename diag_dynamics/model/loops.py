@@ -29,7 +29,10 @@ GAP, CLOSED = 1e-3, 1e-5
 """Tolerance for rounded descriptions: distance of the ends of a loop [m], and along directions in which they can part."""
 
 RANK, ROUNDED_RANK = 1e-9, 1e-4
-"""Singular values of J, by the largest, below which no step is made; axes in descriptions may be rounded to 1e-4 rad."""
+"""Singular values of J, by the largest, below which no step is made.
+
+Axes in descriptions may be rounded to 1e-4 rad.
+"""
 
 MAX_CHOICES = 500
 """Maximum number of sets of independent joints that are compared."""
@@ -164,11 +167,11 @@ def close(
 def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str], list[Loop]]]:
     """Return families that share no joint, those that did as one."""
     merged: list[tuple[set[str], list[Loop]]] = []
-    for members, own in families:
-        for other in [one for one in merged if one[0] & members]:
-            merged.remove(other)
-            members, own = members | other[0], other[1] + own
-        merged.append((members, own))
+    for members, loops in families:
+        for joined in [family for family in merged if family[0] & members]:
+            merged.remove(joined)
+            members, loops = members | joined[0], joined[1] + loops
+        merged.append((members, loops))
     return merged
 
 
@@ -186,13 +189,13 @@ def _choose(
         raise LoopError(
             f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links."
         )
-    given = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
-    if foreign := given - group.joints:
+    chosen = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
+    if foreign := chosen - group.joints:
         text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
         raise LoopError(text)
-    for held, dependent in ((given, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
+    for fixed, dependent in ((chosen, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
         start = start_values.copy()
-        J, gap = cut.close(start, names, group, held, dependent)
+        J, gap = cut.close(start, names, group, fixed, dependent)
         closures, apart = cut.closures(start, names, group, max(DEPENDENT, 10.0 * gap))
         if gap <= GAP and apart <= CLOSED:
             break
@@ -214,12 +217,12 @@ def _choose(
     if free < 1:
         text = f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
         raise LoopError(text)
-    if given and len(given) != free:
-        text = f"{title}: {len(given)} independent joints are given, {listed(sorted(given))}; it has {free}"
+    if chosen and len(chosen) != free:
+        text = f"{title}: {len(chosen)} independent joints are given, {listed(sorted(chosen))}; it has {free}"
         raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
     independent = (
-        [name for name in names if name in given]
-        if given
+        [name for name in names if name in chosen]
+        if chosen
         else _independent(title, [J, *poses], names, free, driven)
     )
     followers = [name for name in names if name not in independent]
@@ -262,12 +265,10 @@ def _independent(
     independent = max(options, key=quality)
     motors = driven & set(independent)
     for option in options:
-        others = driven & set(option)
-        if len(others) > len(motors) and max(ratios[option]) > couplings.NEARLY_SINGULAR:
+        driven_there = driven & set(option)
+        if len(driven_there) > len(motors) and max(ratios[option]) > couplings.NEARLY_SINGULAR:
             chosen = listed(sorted(set(independent) - motors))
-            text = (
-                f"{title}: the start is a dead point of motor '{min(others - motors)}', in place of"
-            )
+            text = f"{title}: the start is a dead point of motor '{min(driven_there - motors)}', in place of"
             text += f" which passive joints are independent: {chosen}. Start at another pose."
             warn(text, LoopWarning)
             break
@@ -351,14 +352,14 @@ class _Cut:
         first: dict[str, Loop] = {}
         for loop in loops:
             for name in loop.start.keys() & self._q.keys():
-                other = first.setdefault(name, loop)
-                if abs(loop.start[name] - other.start[name]) > GAP:
+                earlier = first.setdefault(name, loop)
+                if abs(loop.start[name] - earlier.start[name]) > GAP:
                     raise LoopError(
-                        f"start of '{name}' is {other.start[name]:g} in loop '{other.name}' and "
+                        f"start of '{name}' is {earlier.start[name]:g} in loop '{earlier.name}' and "
                         f"{loop.start[name]:g} in loop '{loop.name}'; expected one value. "
                         "Remove it from one of them."
                     )
-                q[self._q[name]] = other.start[name]
+                q[self._q[name]] = earlier.start[name]
         return q
 
     def moved(self, q: Array, names: list[str], directions: Array) -> list[Array]:
@@ -461,23 +462,25 @@ class _Cut:
         ]
         columns = []
         for _ in range(3):
-            other = q.copy()
-            other[self._columns(names)] += rng.uniform(-1.0, 1.0, len(names))
-            J = self._equations(other, names, group)[1][: 3 * len(pairs)]
+            moved = q.copy()
+            moved[self._columns(names)] += rng.uniform(-1.0, 1.0, len(names))
+            J = self._equations(moved, names, group)[1][: 3 * len(pairs)]
             columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
         M = np.concatenate(columns, axis=2)
         gaps = self._equations(q, names, group)[0][: 3 * len(pairs)].reshape(-1, 3) @ X[:, :3]
-        known, found, largest = np.zeros((0, M.shape[2])), [], 0.0
+        rows_before, closures, largest = np.zeros((0, M.shape[2])), [], 0.0
         for ends, rows, gap in zip(pairs, M, gaps, strict=True):
-            U, values, V = np.linalg.svd(rows - rows @ known.T @ known, full_matrices=False)
+            U, values, V = np.linalg.svd(
+                rows - rows @ rows_before.T @ rows_before, full_matrices=False
+            )
             apart = values > threshold * np.linalg.norm(M)
-            known = np.vstack([known, V[apart]])
+            rows_before = np.vstack([rows_before, V[apart]])
             of = [
                 name if (name := self._of_body[body]) in group.joints else None for body, _ in ends
             ]
-            found += [(*of, ends[0][1], ends[1][1], d) for d in U.T[apart]]
+            closures += [(*of, ends[0][1], ends[1][1], d) for d in U.T[apart]]
             largest = max(largest, *np.abs(U.T[apart] @ gap), 0.0)
-        return found, largest
+        return closures, largest
 
 
 # --- Tables for the sweeps ------------------------------------------------------------------------------------

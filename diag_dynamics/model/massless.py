@@ -46,7 +46,9 @@ def massless_freedoms(model: RobotModel) -> tuple[npt.NDArray[np.int64], Array]:
 
 @np.errstate(all="ignore")  # numbers may be too large
 def joint_inertias(model: RobotModel, q: Array, motion: FollowerMotion) -> tuple[Array, Array]:
-    """Return D of each degree of freedom and its size, see sweeps.joints; a massless joint counts as locked.
+    """Return D of each degree of freedom and its size, see sweeps.joints.
+
+    A massless joint counts as locked.
 
     `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed.
     The mass matrix of a group belongs to the twist of its carrier and the rates in the group, as in

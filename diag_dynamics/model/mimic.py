@@ -64,7 +64,10 @@ def _end_of_chain(
     joints: Mapping[str, Joint],
     resolved: dict[str, Mimic],
 ) -> Mimic:
-    """Return the coupling of a joint to the end of its chain of mimics; `resolved` has earlier ones."""
+    """Return the coupling of a joint to the end of its chain of mimics.
+
+    `resolved` has earlier ones.
+    """
     chain = [name]
     while name not in resolved and name in followers:
         _require_single(joints[name], chain)
@@ -120,10 +123,10 @@ def coupled_groups(
     for name, mimic in mimics.items():
         families.setdefault(mimic.leader, [mimic.leader]).append(name)
     groups: dict[str, set[str]] = {}
-    found = [_joints_between(family, depth, carriers) for family in families.values()]
-    for group in [*found, *map(set, closed)]:
-        for other in {id(groups[name]): groups[name] for name in group if name in groups}.values():
-            group |= other
+    lowest = [_joints_between(family, depth, carriers) for family in families.values()]
+    for group in [*lowest, *map(set, closed)]:
+        for joined in {id(groups[name]): groups[name] for name in group if name in groups}.values():
+            group |= joined
         groups.update(dict.fromkeys(group, group))
     return groups
 
@@ -194,19 +197,28 @@ class Followers:
         return cls(single_joints(model), model.mimics, tolerance, model.continuous_joints, motion)
 
     def at(self, position: Array) -> tuple[Array, Array]:
-        """Return positions of followers [rad, m] by those of independent joints, and G, (f, n); LoopError without."""
+        """Return positions of followers [rad, m] by those of independent joints, and G, (f, n).
+
+        LoopError without.
+        """
         if self.motion is None:
             return self._G @ position + self.offsets, self._G
         now = self.motion.at(position)
         return now.position, now.ratios[:, now.ratios.shape[1] - len(position) :]
 
     def reflected(self, position: Array, effort: Array, own: Array) -> Array:
-        """Return efforts of the independent joints and, through G, of the followers; those unknown are zero."""
-        found: Array = effort + np.where(np.isfinite(own), own, 0.0) @ self.at(position)[1]
-        return found
+        """Return efforts of the independent joints and, through G, of the followers.
+
+        Those unknown are zero.
+        """
+        reflected: Array = effort + np.where(np.isfinite(own), own, 0.0) @ self.at(position)[1]
+        return reflected
 
     def disagreements(self, position: Array, own: Array) -> list[str]:
-        """Texts, one for each follower further than `tolerance` from where its source puts it; NaN is not compared."""
+        """Texts, one for each follower further than `tolerance` from where its source puts it.
+
+        NaN is not compared.
+        """
         if not self.tolerance:
             return []
         expected, _ = self.at(position)

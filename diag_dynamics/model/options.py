@@ -23,7 +23,10 @@ LARGEST_GRAVITY = 1000.0  # maximum of a component [m/s²]: a value in mm/s² is
 
 
 class Options(NamedTuple):
-    """Checked arguments of :func:`load_urdf`; `held` are joints that massless="lock" locks, with positions."""
+    """Checked arguments of :func:`load_urdf`.
+
+    `held` are joints that massless="lock" locks, with positions.
+    """
 
     floating_base: bool
     gravity: Array

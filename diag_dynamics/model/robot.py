@@ -49,7 +49,9 @@ REACH = 1.0  # distance from zero of random positions without limits [m]; angles
 
 
 class RobotModel:
-    """A robot as a tree of rigid bodies; immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
+    """A robot as a tree of rigid bodies.
+
+    Immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
 
     Degrees of freedom are in Pinocchio's order: base to tip, depth first, with siblings sorted by
     joint name. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for
@@ -239,7 +241,10 @@ class RobotModel:
 
     @property
     def description(self) -> Description:
-        """Records of links and joints that the model is made of; shared by models, never change it."""
+        """Records of links and joints that the model is made of.
+
+        Shared by models, never change it.
+        """
         return self._tree.description
 
     @property
@@ -265,18 +270,23 @@ class RobotModel:
         return (
             self.has_follower_friction
             or any(kind.any() for kind in kinds)
-            or any(one.damping or one.friction for one in self.couplings.values())
+            or any(coupling.damping or coupling.friction for coupling in self.couplings.values())
         )
 
     def joint_efforts(self, efforts: Array) -> Array:
-        """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`; NaN where one is NaN."""
+        """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`.
+
+        NaN where one is NaN.
+        """
         if not self.motor_efforts:
             return efforts
         T, at = np.eye(self.nv), [self.dof_names.index(name) for name in self.couplings]
         T[at] = self.motor_rates
         unknown = np.isnan(efforts)
-        found: Array = np.where(unknown @ (T != 0.0), np.nan, np.where(unknown, 0.0, efforts) @ T)
-        return found
+        joint_efforts: Array = np.where(
+            unknown @ (T != 0.0), np.nan, np.where(unknown, 0.0, efforts) @ T
+        )
+        return joint_efforts
 
     @property
     def has_follower_friction(self) -> bool:
@@ -321,7 +331,9 @@ class RobotModel:
         return FollowerMotion(self).at(self._positions("q", q), rate)
 
     def random(self, rng: np.random.Generator | int | None = None) -> Array:
-        """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m; `rng` may be a seed.
+        """Return random positions, shape (nq,), evenly within limits, ±π or ±1 m.
+
+        `rng` may be a seed.
 
         Where loops cannot be closed, their joints are moved toward the start until they are.
         """
@@ -388,7 +400,10 @@ class RobotModel:
 
     @cached_property
     def workspace(self) -> Workspace:
-        """Arguments of sweeps; shared, so only for those that write to no memory of the workspace."""
+        """Arguments of sweeps.
+
+        Shared, so only for those that write to no memory of the workspace.
+        """
         return self.new_workspace(eliminates=False)
 
     def new_workspace(self, eliminates: bool = True) -> Workspace:
@@ -396,7 +411,10 @@ class RobotModel:
         return Workspace(self.bodies, self.gravity, self.coupling_tables, eliminates)
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
-        """Return this model with another acceleration of gravity [m/s²], shape (3,); everything else is shared."""
+        """Return this model with another acceleration of gravity [m/s²], shape (3,).
+
+        Everything else is shared.
+        """
         g = checked_gravity(gravity)
         return self._with(gravity=g, _options=self._options._replace(gravity=g))
 
@@ -458,7 +476,9 @@ class RobotModel:
         return build(description, self._options._replace(held={}))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
-        """Return this model with exactly these positions [rad, m] of locked joints, by name; empty releases all.
+        """Return this model with exactly these positions [rad, m] of locked joints, by name.
+
+        Empty releases all.
 
         Joints that other options of load_urdf lock are added.
         """
@@ -482,7 +502,10 @@ class RobotModel:
         return body, placement
 
     def cut_tree(self) -> RobotModel:
-        """Return this robot with its loops open and every joint independent; some may move no inertia."""
+        """Return this robot with its loops open and every joint independent.
+
+        Some may move no inertia.
+        """
         options = self._options._replace(
             mimic="free", flexible_links=Flexible(), locked=self._tree.locked
         )
@@ -529,7 +552,10 @@ def _restored(description: Description, options: Options) -> RobotModel:
 
 
 def flexible_joints(tree: Tree) -> dict[str, FlexibleJoint]:
-    """Return the springs of degrees of freedom, in their order; InputError names joints that cannot have one."""
+    """Return the springs of degrees of freedom, in their order.
+
+    InputError names joints that cannot have one.
+    """
     springs = {}
     for name, joint in tree.description.joints.items():
         if joint.spring is None:

@@ -97,7 +97,10 @@ class Tree:
         _reject_duplicates("positions", self.coordinate_names)
 
     def _merge_links(self) -> dict[str, tuple[str | None, Array]]:
-        """Find the moving joints; return the joint that moves each link, and the link's placement in its frame."""
+        """Find the moving joints.
+
+        Return the joint that moves each link, and the link's placement in its frame.
+        """
         joints, root = self.description.joints, self.description.root
         outboard: dict[str, list[Joint]] = {}
         # reversed, as a stack takes the last one first
