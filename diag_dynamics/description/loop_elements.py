@@ -91,4 +91,4 @@ def _loop(element: Any, name: str) -> Loop:
     independent = tuple(part.get("joint") for part in element.findall("independent"))
     first, second = ends
     name, kind = element.get("name", name), TYPES[kind]
-    return Loop(name, first, second, kind, tuple(axes[0]), independent, start)
+    return Loop(name, first, second, kind, tuple(axes[0].tolist()), independent, start)
