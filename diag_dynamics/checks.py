@@ -131,26 +131,26 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     Values of other types are returned unchanged.
     """
     if isinstance(value, Mapping):
-        given = dict(value)
+        entries = dict(value)
     elif has_names(value):
         labels = value.columns if is_pandas(value, "DataFrame") else value.index
         if labels.has_duplicates:
             twice = ", ".join(map(str, labels[labels.duplicated()]))
             raise InputError(f"{name} has a name twice: {twice}.")
-        given = dict(value.items())
+        entries = dict(value.items())
     elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries, expected none.")
     else:
         return value
-    for one in given:
-        if one not in names:
-            near = get_close_matches(str(one), names, n=1)
+    for label in entries:
+        if label not in names:
+            near = get_close_matches(str(label), names, n=1)
             meant = f"; is '{near[0]}' meant?" if near else f"; they are {listed(names)}."
-            raise InputError(f"{name} has {one!r}, which is none of this robot's names{meant}")
-    missing = [one for one in names if one not in given]
+            raise InputError(f"{name} has {label!r}, which is none of this robot's names{meant}")
+    missing = [label for label in names if label not in entries]
     if missing:
         raise InputError(f"{name} has nothing for {listed(missing)}.")
-    columns = [np.asarray(given[one]) for one in names]
+    columns = [np.asarray(entries[label]) for label in names]
     if len({column.shape for column in columns}) > 1:
         raise InputError(f"{name} has not as many entries of '{names[0]}' as of all others.")
     return np.stack(columns, axis=-1) if columns else np.empty(0)
@@ -227,9 +227,9 @@ def check_finite(name: str, values: Array, names: Sequence[str]) -> None:
     """Reject a vector, or rows, with an entry that is not finite."""
     if not np.isfinite(values).all():
         *state, k = np.argwhere(~np.isfinite(values))[0]
-        what = f"{name} of joint '{names[k]}'"
-        what = f"state {state[0]}: {what}" if state else what
-        raise InputError(f"{what} is {values[(*state, k)]}, expected a finite number.")
+        entry = f"{name} of joint '{names[k]}'"
+        entry = f"state {state[0]}: {entry}" if state else entry
+        raise InputError(f"{entry} is {values[(*state, k)]}, expected a finite number.")
 
 
 def per_name(
@@ -248,8 +248,8 @@ def per_name(
         each = f"{n} such: one for each of {', '.join(names)}"
         raise InputError(f"{name} is {value!r}, expected {expected}, or {each}.")
     array = np.array(np.broadcast_to(array, (n,)))
-    for one, x in zip(names, array, strict=True):
+    for label, x in zip(names, array, strict=True):
         if not valid(x):
-            raise InputError(f"{name} of '{one}' is {x}, expected {expected}.")
+            raise InputError(f"{name} of '{label}' is {x}, expected {expected}.")
     array.flags.writeable = False
     return array

@@ -35,15 +35,15 @@ def assignments(parameter, entries, kind=float, minimum=None):
             continue
         name, equals, text = entry.rpartition("=")
         name, value = name.strip(), _parsed(text.strip(), kind)
-        found = f"parameter '{parameter}' has {entry!r}"
+        title = f"parameter '{parameter}' has {entry!r}"
         if not equals or not name or value is None:
-            raise InputError(f"{found}, expected name={_EXPECTED[kind]}.")
+            raise InputError(f"{title}, expected name={_EXPECTED[kind]}.")
         if name in values:
             raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
         if minimum is not None and value < minimum:
-            raise InputError(f"{found}, expected no less than {minimum:g}.")
+            raise InputError(f"{title}, expected no less than {minimum:g}.")
         if kind is float and abs(value) > LARGEST:
-            raise InputError(f"{found}, expected a number within ±{LARGEST:g}.")
+            raise InputError(f"{title}, expected a number within ±{LARGEST:g}.")
         values[name] = value
     return values
 
@@ -76,8 +76,8 @@ def split_arguments(source):
     try:
         words = shlex.split(match["arguments"])
     except ValueError as error:
-        found = f"The xacro arguments are {match['arguments']!r}"
-        raise InputError(f"{found}; expected NAME:=VALUE …: {error}.") from error
+        title = f"The xacro arguments are {match['arguments']!r}"
+        raise InputError(f"{title}; expected NAME:=VALUE …: {error}.") from error
     return match["path"], arguments_of(words)
 
 
@@ -90,8 +90,8 @@ def arguments_of(words):
             raise InputError(f"The xacro argument is {word!r}; expected NAME:=VALUE.")
         name, value = match.groups()
         if values.get(name, value) != value:
-            found = f"{values[name]!r} and {value!r}"
-            raise InputError(f"The xacro argument '{name}' is {found}; expected one value.")
+            pair = f"{values[name]!r} and {value!r}"
+            raise InputError(f"The xacro argument '{name}' is {pair}; expected one value.")
         values[name] = value
     return values
 
@@ -100,8 +100,8 @@ def by_name(parameter, entries, names):
     """Return entries with :data:`ALL` replaced by all other names."""
     for name in entries:
         if name != ALL and name not in names:
-            known = ", ".join(names)
-            raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {known}.")
+            expected = ", ".join(names)
+            raise InputError(f"parameter '{parameter}' names '{name}'; expected one of {expected}.")
     if ALL in entries:
         return {name: entries.get(name, entries[ALL]) for name in names}
     return dict(entries)

@@ -18,8 +18,8 @@ EXTRAS |= {"matplotlib": "plots", "distributed": "fleet", "jinja2": "fleet"}
 """Extras of the package by the module that they install."""
 
 
-def require(module: str, what: str) -> Any:
-    """Import a module that `what` needs."""
+def require(module: str, user: str) -> Any:
+    """Import a module that `user` needs."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -30,5 +30,5 @@ def require(module: str, what: str) -> Any:
             f", or all packages of this kind: pip install 'diag_dynamics[{extra}]'" if extra else ""
         )
         raise InputError(
-            f"{what} needs the package {name}: pip install {package}{whole}."
+            f"{user} needs the package {name}: pip install {package}{whole}."
         ) from error

@@ -164,8 +164,8 @@ class Evaluation:
         """
         model, (Q, QD) = self._model, self._motion()
         energy = np.empty((len(Q), len(model.link_names)))
-        own = model.new_workspace()
-        if not evaluation.link_energies(own.robot, model.links, Q, QD, energy):
+        workspace = model.new_workspace()
+        if not evaluation.link_energies(workspace.robot, model.links, Q, QD, energy):
             raise InputError("qd is too large: the kinetic energy of a link overflows.")
         return read_only(energy[0] if self.nu.ndim == 1 else energy)
 

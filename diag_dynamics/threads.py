@@ -52,7 +52,7 @@ def run_chunks(workspaces, count, sweep, threads, width=1):
     """
     number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
     chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())
-    failures, others = [], []
+    failures, helpers = [], []
 
     def work():
         # Chunks before a failing one are all in work.
@@ -66,26 +66,26 @@ def run_chunks(workspaces, count, sweep, threads, width=1):
 
     try:
         for _ in range(min(threads, number) - 1):
-            others.append(_executor().submit(work))
+            helpers.append(_executor().submit(work))
         work()
-        for other in others:
-            if not other.cancel():
-                other.result()
+        for helper in helpers:
+            if not helper.cancel():
+                helper.result()
     finally:
         for _ in chunks:  # after an error no thread starts another chunk
             pass
-        _wait_for(others)
+        _wait_for(helpers)
     return min(failures, key=lambda states: states[0], default=range(0))
 
 
-def _wait_for(others):
+def _wait_for(helpers):
     """Wait for helpers, which write to the caller's memory, even if Ctrl-C interrupts it again."""
     try:
-        if others:
-            wait(others)
+        if helpers:
+            wait(helpers)
     finally:
-        if not all(other.done() for other in others):
-            _wait_for(others)
+        if not all(helper.done() for helper in helpers):
+            _wait_for(helpers)
 
 
 @functools.cache

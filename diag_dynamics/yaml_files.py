@@ -43,32 +43,32 @@ def _loader() -> Any:
     return Loader
 
 
-def read_yaml(path: object, what: str) -> Any:
-    """Return the contents of a YAML file; `what` names it in errors."""
-    content = parsed_yaml(read_text(path, what), what)
+def read_yaml(path: object, title: str) -> Any:
+    """Return the contents of a YAML file; `title` names it in errors."""
+    content = parsed_yaml(read_text(path, title), title)
     if content is None:
-        raise InputError(f"{what} is empty; expected YAML.")
+        raise InputError(f"{title} is empty; expected YAML.")
     return content
 
 
-def read_text(path: object, what: str) -> str:
-    """Return the text of a file; `what` names it in errors."""
+def read_text(path: object, title: str) -> str:
+    """Return the text of a file; `title` names it in errors."""
     try:
         return Path(str(path)).expanduser().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: a null in the name
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{what} cannot be read: {reason}.") from error
+        raise InputError(f"{title} cannot be read: {reason}.") from error
 
 
-def parsed_yaml(text: str, what: str) -> Any:
+def parsed_yaml(text: str, title: str) -> Any:
     """Return the contents of YAML text."""
-    yaml = require("yaml", what)
+    yaml = require("yaml", title)
     try:
         return yaml.load(text, _loader())
     except yaml.YAMLError as error:
-        raise InputError(f"{what} is no YAML: {_describe(error, text)}") from error
+        raise InputError(f"{title} is no YAML: {_describe(error, text)}") from error
     except (ValueError, RecursionError) as error:  # ValueError: an invalid date, a key twice
-        raise InputError(f"{what} is no YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{title} is no YAML: {' '.join(str(error).split())}") from error
 
 
 def _describe(error: Any, text: str) -> str:

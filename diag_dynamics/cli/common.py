@@ -130,8 +130,8 @@ def add_recording(parser, text, nargs="+"):
     )
     add_entries(parser, "--joint-names", "NAME=JOINT", text)
     add_parameters(parser)
-    for option, what in (("--start", "ignore earlier data"), ("--end", "ignore later data")):
-        text = f"{what}; seconds from the beginning of the recording"
+    for option, effect in (("--start", "ignore earlier data"), ("--end", "ignore later data")):
+        text = f"{effect}; seconds from the beginning of the recording"
         parser.add_argument(option, type=float, metavar="SECONDS", help=text)
 
 
@@ -250,10 +250,12 @@ class StreamedRecording:
 
 def stream_recordings(chosen, paths, parameters, robot, progress):
     """Return a StreamedRecording of each path; all are of the robot of the first one."""
-    options, found = reading_options(chosen) | {"parameters": parameters}, []
+    options, recordings = reading_options(chosen) | {"parameters": parameters}, []
     for path in expand_recordings(paths):
-        found.append(StreamedRecording(path, found[0].model if found else robot, options, progress))
-    return found
+        recordings.append(
+            StreamedRecording(path, recordings[0].model if recordings else robot, options, progress)
+        )
+    return recordings
 
 
 # --- Outputs
@@ -295,21 +297,21 @@ def check_outputs(chosen, outputs):
     read += [
         part for path in read if "+" in path for part in path.split("+")
     ]  # tables side by side
-    taken = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
+    files = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)
         if full is None or (full.exists() and not full.is_file() and not full.is_dir()):
             continue  # several outputs may share a pipe or /dev/null
-        for other, what in taken.items():
-            if full == other or other in full.parents:
-                raise InputError(f"{option} is '{path}', but {what}. Choose another file.")
+        for file, use in files.items():
+            if full == file or file in full.parents:
+                raise InputError(f"{option} is '{path}', but {use}. Choose another file.")
         if path.endswith("/") and not full.is_dir():
             raise InputError(
                 f"{option} is '{path}', but there is no such folder. Create it, or name a file."
             )
         if not full.parent.is_dir():
             raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
-        taken[full] = f"{option} writes this file"
+        files[full] = f"{option} writes this file"
 
 
 def _resolve(path):

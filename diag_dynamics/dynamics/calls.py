@@ -77,11 +77,13 @@ class SweepCaller:
         self._zeros = np.zeros((1, model.nv))
         friction = model.friction, model.load_friction, model.root_friction
         self._has_friction, self._depends_on_load, self._has_roots = (
-            bool(one.any()) for one in friction
+            bool(values.any()) for values in friction
         )
         self._followers = FollowerMotion(model) if model.has_follower_friction else None
         self._ratios = self._workspace.couplings.ratio if model.loops else np.zeros(0)
-        self._motors = np.array([(one.damping, one.friction) for one in model.couplings.values()]).T
+        self._motors = np.array(
+            [(motor.damping, motor.friction) for motor in model.couplings.values()]
+        ).T
 
     # --- Calls
 
@@ -134,13 +136,19 @@ class SweepCaller:
             raise InputError(f"arguments have changed while {where} were evaluated.")
 
     def _call(
-        self, one: Any, many: Any, inputs: Any, outputs: Any, at: States, single: Any
+        self,
+        single_kernel: Any,
+        batch_kernel: Any,
+        inputs: Any,
+        outputs: Any,
+        at: States,
+        single: Any,
     ) -> None:
         """Call the kernel of one state, or that of many as :meth:`_call_many` does."""
         if at.threads:
-            self._call_many(many, inputs, outputs, at, single)
+            self._call_many(batch_kernel, inputs, outputs, at, single)
         else:
-            self.check(one(self.robot, *inputs, *outputs), at)
+            self.check(single_kernel(self.robot, *inputs, *outputs), at)
 
     def check(self, status: int, at: States, problem: str = "") -> None:
         """Raise the error of a kernel's status at one state, if there is one."""

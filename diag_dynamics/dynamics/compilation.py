@@ -66,10 +66,10 @@ ROWS = {
 
 def compile_methods(*methods: str, rows: bool) -> None:
     """Compile the functions of these methods, and those for rows of states if required."""
-    known = set(" ".join(METHODS.values()).split())
+    names = set(" ".join(METHODS.values()).split())
     for name in methods:
-        if name not in known:
-            raise InputError(f"compile: {name!r} is none of {', '.join(sorted(known))}.")
+        if name not in names:
+            raise InputError(f"compile: {name!r} is none of {', '.join(sorted(names))}.")
     tables = [METHODS, ROWS] if rows or not methods else [METHODS]
     for table in tables:
         for entry, users in table.items():

@@ -326,18 +326,18 @@ class DiagonalDynamics:
         derivative of q, and that of the components in body axes for joints of several degrees of
         freedom.
         """
-        both = None
+        vectors = None
         try:
             # are_vectors has excluded mappings, which mypy does not infer.
             if are_vectors(q, qd, qd) and [*map(np.size, (q, qd))] == [self.model.nq, self._nv]:  # type: ignore[arg-type]
                 result = np.empty(2 * self._nv)
                 if not classical.momentum.run(self._robot, q, qd, result):
-                    both = result
+                    vectors = result
         except TypeError:  # as in evaluate
             pass
-        if both is None:
-            both = self._caller.vector(calls.MOMENTUM, self._arguments.states(q, threads, qd=qd))
-        return Momentum(both[..., : self._nv], both[..., self._nv :])
+        if vectors is None:
+            vectors = self._caller.vector(calls.MOMENTUM, self._arguments.states(q, threads, qd=qd))
+        return Momentum(vectors[..., : self._nv], vectors[..., self._nv :])
 
     # --- The four sweeps
 
@@ -665,14 +665,14 @@ class DiagonalDynamics:
             content = covariance.dtype.str, covariance.shape, covariance.tobytes()
         key = make, content, options
         try:
-            found = self._tables.get(key)
+            table = self._tables.get(key)
         except TypeError:  # lists have no hash
             return make(self.model, covariance, *options)
-        if found is None:
+        if table is None:
             if len(self._tables) >= MAX_TABLES:
                 self._tables.clear()
-            found = self._tables[key] = make(self.model, covariance, *options)
-        return found
+            table = self._tables[key] = make(self.model, covariance, *options)
+        return table
 
     # --- Predicted contact. It is advisory: no result is safety-rated.
 

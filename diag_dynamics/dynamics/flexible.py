@@ -153,5 +153,5 @@ class FlexibleDynamics:
         """
         rows = self.link.factors(q).l[:, self.dofs]
         rows = rows if motors_held else np.vstack([rows, -np.diag(self.rotor_inertia**-0.5)])
-        found = np.linalg.svd(rows * np.sqrt(self.stiffness), compute_uv=False)
-        return np.append(np.zeros(len(rows) - len(found)), found[::-1] ** 2)
+        frequencies = np.linalg.svd(rows * np.sqrt(self.stiffness), compute_uv=False)
+        return np.append(np.zeros(len(rows) - len(frequencies)), frequencies[::-1] ** 2)

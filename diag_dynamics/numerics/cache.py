@@ -37,16 +37,16 @@ UNUSED = 30 * 86400.0
 
 def sources(module):
     """Return the sources of a module and of all modules of this package that it imports, as bytes by name."""
-    found, waiting = {}, [module]
+    contents, waiting = {}, [module]
     while waiting:
         name = waiting.pop()
         path = source_path(name)
-        if name not in found and path.is_file():
-            found[name] = path.read_bytes()
-            for package, names in IMPORT.findall(found[name].decode()):
-                modules = [f"{package}.{one}" for one in re.findall(r"\w+", names)]
-                waiting += [one if source_path(one).is_file() else package for one in modules]
-    return found
+        if name not in contents and path.is_file():
+            contents[name] = path.read_bytes()
+            for package, names in IMPORT.findall(contents[name].decode()):
+                modules = [f"{package}.{part}" for part in re.findall(r"\w+", names)]
+                waiting += [part if source_path(part).is_file() else package for part in modules]
+    return contents
 
 
 def source_path(name):

@@ -80,8 +80,8 @@ def precompile(*modules):
     """Compile the entries in modules and packages, or load them from the cache; ``diag_dynamics.sweeps`` is one."""
     for module in modules:
         package = importlib.import_module(module)
-        for found in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{module}."):
-            importlib.import_module(found.name)
+        for submodule in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{module}."):
+            importlib.import_module(submodule.name)
     for entry in tuple(_entries):
         if any(f"{entry.__module__}.".startswith(f"{module}.") for module in modules):
             entry.compile()

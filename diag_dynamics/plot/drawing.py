@@ -110,8 +110,8 @@ class Parts(NamedTuple):
 
 def oscillates(values: Array) -> bool:
     """Return whether a curve has more than :data:`MAX_OSCILLATIONS` oscillations about its mean, shape (T,)."""
-    known = values[np.isfinite(values)]
-    above = known > known.mean() if len(known) else known
+    finite = values[np.isfinite(values)]
+    above = finite > finite.mean() if len(finite) else finite
     return int(np.count_nonzero(above[1:] != above[:-1])) > 2 * MAX_OSCILLATIONS
 
 
@@ -129,12 +129,12 @@ def parts_of(time: Array, values: Array) -> Parts:
     part = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, COUNT - 1)
     mean, minimum, maximum = np.full((3, COUNT, values.shape[1]), np.nan)
     begins = np.flatnonzero(np.diff(part, prepend=-1))
-    known = np.isfinite(values)
+    finite = np.isfinite(values)
     with np.errstate(invalid="ignore"):
-        sums = np.add.reduceat(np.where(known, values, 0.0), begins)
-        mean[part[begins]] = sums / np.add.reduceat(known, begins, dtype=int)
-    low = np.minimum.reduceat(np.where(known, values, np.inf), begins)
-    high = np.maximum.reduceat(np.where(known, values, -np.inf), begins)
+        sums = np.add.reduceat(np.where(finite, values, 0.0), begins)
+        mean[part[begins]] = sums / np.add.reduceat(finite, begins, dtype=int)
+    low = np.minimum.reduceat(np.where(finite, values, np.inf), begins)
+    high = np.maximum.reduceat(np.where(finite, values, -np.inf), begins)
     minimum[part[begins]] = np.where(np.isfinite(low), low, np.nan)
     maximum[part[begins]] = np.where(np.isfinite(high), high, np.nan)
     return Parts(0.5 * (edges[1:] + edges[:-1]), mean, minimum, maximum, float(edges[1] - edges[0]))

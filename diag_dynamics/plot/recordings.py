@@ -136,26 +136,26 @@ def balance(of: Recording) -> Any:
     whole.moved = efforts.moved
     if not len(windows.kinetic):
         raise InputError(f"there is no balance of power: {whole.judgement()}.")
-    share, total, what = whole.explained, whole.explained_total, "dK/dt"
+    share, total, rate = whole.explained, whole.explained_total, "dK/dt"
     if (share or 0.0) < power.NOTHING_EXPLAINED and (total or 0.0) >= power.MIN_EXPLAINED:
-        share, what = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
-    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {what} explained"
+        share, rate = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
+    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {rate} explained"
     middle = 0.5e-9 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0]))
     powers = (windows.kinetic, windows.kinetic - windows.residual, windows.residual)
     t, columns = drawing.insert_gaps(middle, np.column_stack(powers))
     figure = drawing.pyplot().figure(figsize=(9.0, 4.6))
-    both, rest = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    power_axes, rest_axes = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     causes = "efforts, gravity and friction" if of.model.has_friction else "efforts and gravity"
     explained = {"color": drawing.text_colour(), "label": f"explained by {causes}"}
-    both.plot(t, columns[:, 0], color=COLOURS[4], linewidth=2.6, label="dK/dt")
-    both.plot(t, columns[:, 1], linewidth=0.9, **explained)
-    rest.plot(t, columns[:, 2], color=COLOURS[3], linewidth=1.0)
-    for axes in (both, rest):
+    power_axes.plot(t, columns[:, 0], color=COLOURS[4], linewidth=2.6, label="dK/dt")
+    power_axes.plot(t, columns[:, 1], linewidth=0.9, **explained)
+    rest_axes.plot(t, columns[:, 2], color=COLOURS[3], linewidth=1.0)
+    for axes in (power_axes, rest_axes):
         axes.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
-    both.set(ylabel="power [W]")
-    rest.set(ylabel="rest [W]", xlabel="time [s]")
-    both.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
-    both.set_title(f"{escape(of.model.name)}{title}")
+    power_axes.set(ylabel="power [W]")
+    rest_axes.set(ylabel="rest [W]", xlabel="time [s]")
+    power_axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
+    power_axes.set_title(f"{escape(of.model.name)}{title}")
     return figure
 
 
@@ -270,10 +270,10 @@ def _joint_energies(
 def _merge_joints(joints: list[str], values: Array) -> tuple[list[str], Array]:
     """Return names and energies of the joints of most energy, and those of all others as one."""
     chosen = sorted(np.argsort(values.mean(axis=0))[::-1][: len(COLOURS)].tolist())
-    names, others = [escape(joints[k]) for k in chosen], np.delete(values, chosen, axis=1)
-    if rest := others.shape[1]:
+    names, remainder = [escape(joints[k]) for k in chosen], np.delete(values, chosen, axis=1)
+    if rest := remainder.shape[1]:
         names.append(f"{rest} other{'s' * (rest > 1)}")
-        return names, np.column_stack([values[:, chosen], others.sum(axis=1)])
+        return names, np.column_stack([values[:, chosen], remainder.sum(axis=1)])
     return names, values
 
 

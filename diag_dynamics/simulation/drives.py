@@ -123,7 +123,9 @@ class Pushes(_Inputs):
     def at(self, time):
         """Return the wrenches by link at a simulated time [s], force first."""
         self._held = {
-            link: held for link, held in self._held.items() if not self._is_expired(held[1], time)
+            link: entry
+            for link, entry in self._held.items()
+            if not self._is_expired(entry[1], time)
         }
         return {link: wrench for link, (wrench, _) in self._held.items()}
 
@@ -164,7 +166,7 @@ class Sensors:
 
     def known(self, time):
         """Return measurements that have become known by a simulated time [s]: their time, three vectors, and the label."""
-        found = []
+        measurements = []
         while self._delayed and self._delayed[0][0] + self._delay <= time + ROUNDING:
-            found.append(self._delayed.popleft())
-        return found
+            measurements.append(self._delayed.popleft())
+        return measurements

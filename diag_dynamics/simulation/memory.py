@@ -123,13 +123,13 @@ class Memory:
 
 def _bends(model):
     """Return `bends`, shape (points, 2, nv), and `held_bends`, shape (points, 2): see :func:`bending_energy`."""
-    bends, held = [np.zeros((0, 2, model.nv))], [np.zeros((0, 2))]
+    bends, locked_bends = [np.zeros((0, 2, model.nv))], [np.zeros((0, 2))]
     for link in model.flexible_links.values():
         bends.append(np.zeros((len(link.bends), 2, model.nv)))
-        held.append(np.zeros((len(link.bends), 2)))
+        locked_bends.append(np.zeros((len(link.bends), 2)))
         for k, mode in enumerate(link.modes):
             if mode in model.locked_joints:
-                held[-1] += link.bends[:, :, k] * model.locked_joints[mode]
+                locked_bends[-1] += link.bends[:, :, k] * model.locked_joints[mode]
             else:
                 bends[-1][:, :, model.dof_names.index(mode)] = link.bends[:, :, k]
-    return {"bends": np.concatenate(bends), "held_bends": np.concatenate(held)}
+    return {"bends": np.concatenate(bends), "held_bends": np.concatenate(locked_bends)}

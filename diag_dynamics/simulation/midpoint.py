@@ -299,7 +299,7 @@ def _lock_stopped(address, h):
     """Mark in `locks` the joints that an impact stops; return whether there are new ones."""
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
-    largest, found = 0.0, False
+    largest, has_new = 0.0, False
     for k in range(len(sim.qd)):
         largest = max(largest, abs(sim.qd[k] - sim.before[k]))
     for i in range(1, len(bodies)):
@@ -312,5 +312,5 @@ def _lock_stopped(address, h):
         if sim.stiffness[k] == math.inf:
             stopped |= (q == sim.lower[k] and rate < 0.0) or (q == sim.upper[k] and rate > 0.0)
         if stopped:
-            sim.locks[k], found = math.inf, True
-    return found
+            sim.locks[k], has_new = math.inf, True
+    return has_new

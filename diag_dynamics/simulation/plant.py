@@ -177,13 +177,13 @@ class Plant:
         """Measure the present state by the sensors; `stamp` is stored with the measurement."""
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
-        own, rate, effort = (
+        actuated, rate, effort = (
             q[len(q) - len(self._driven) :],
             qd[self._driven],
             simulation.effort[self._driven],
         )
-        beside, G = followers.at(own)
-        position, velocity = np.append(own, beside), np.append(rate, G @ rate)
+        followed, G = followers.at(actuated)
+        position, velocity = np.append(actuated, followed), np.append(rate, G @ rate)
         effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
         theta, thetad, torque = simulation.theta, simulation.thetad, simulation.spring_torque
         for i, (name, joint) in enumerate(simulation.model.flexible_joints.items()):
@@ -197,8 +197,11 @@ class Plant:
 
     def known(self):
         """Return all :class:`Measured` that have become known since the last call."""
-        found = [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
-        return [one._replace(effort=one.effort / self._scale) for one in found]
+        measured = [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
+        return [
+            measurement._replace(effort=measurement.effort / self._scale)
+            for measurement in measured
+        ]
 
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.

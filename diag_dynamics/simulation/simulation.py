@@ -252,9 +252,9 @@ class Simulation:
         memory["q"][:] = _with_unit_quaternions(self.model, q)
         memory["qd"][:] = qd
         if flexible.names:
-            held = self.dynamics.gravity_torque(self.q)[flexible.dofs] / flexible.stiffness
+            deflection = self.dynamics.gravity_torque(self.q)[flexible.dofs] / flexible.stiffness
             theta = (
-                self.q[flexible.coordinates] + held
+                self.q[flexible.coordinates] + deflection
                 if theta is None
                 else vector("theta", theta, flexible.names)
             )
@@ -444,18 +444,18 @@ class Simulation:
             The robot has arrived where its mass matrix is singular. Either way the state is the
             last good one.
         """
-        wanted = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
+        command = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
             raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
         wrenches = _NO_WRENCHES
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
-        effort = np.minimum(np.maximum(wanted, -self._effort_limits), self._effort_limits)
+        effort = np.minimum(np.maximum(command, -self._effort_limits), self._effort_limits)
         memory, tau = self._memory, effort - self._effort_offset
         status = compiled.advance(
             memory.address, self.step_size, steps, tau, wrenches, frame == "world"
         )
-        self._effort, self._wanted = effort, wanted
+        self._effort, self._wanted = effort, command
         if status:
             state = States(memory["q"], {"nu": memory["nu"]})
             D = memory.workspace.work["D"][status] if status > 0 else np.nan

@@ -60,15 +60,15 @@ def advance(address, h, steps, tau, wrenches, in_world):
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
-    status, taken, geared = 0, 0, _has_gears(address)
+    status, count, geared = 0, 0, _has_gears(address)
     if steps > 0 and midpoint.is_beyond_hard_limit(address):
         status = midpoint.resolve_impacts(address, h)
-    while status == 0 and taken < steps:
+    while status == 0 and count < steps:
         ws.copy(sim.state, sim.last)
         status = _update_friction(address) if geared else 0
         if status == 0:
             status = midpoint.midpoint_step(address, h, load)
-        taken += 1
+        count += 1
     if status == 0 and steps > 0:
         status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0 and steps > 0 and not math.isfinite(midpoint.kinetic_energy(sim.nu)):
@@ -76,9 +76,9 @@ def advance(address, h, steps, tau, wrenches, in_world):
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
         ws.copy(sim.last, sim.state)
-        taken -= 1
+        count -= 1
         factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status > 0:
             work[status].D = failing  # for the error message
-    sim.steps[0] += max(taken, 0)
+    sim.steps[0] += max(count, 0)
     return status
