@@ -14,13 +14,14 @@ __version__ = "0.2.0"
 
 # Imported when first used: a program that imports only a message does not wait for a compiler.
 _NAMES = {
-    "model": "Curve FlexibleJoint FlexibleLink JointParameters Loop LoopEnd Mimic Parameters Payload RobotModel "
-    "load_mjcf load_robot load_urdf",
+    "model": "Curve FlexibleJoint FlexibleLink JointParameters Loop LoopEnd Mimic Parameters "
+    "Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
     "dynamics.flexible": "FlexibleDynamics",
     "results": "Evaluation",
-    "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning MasslessLinkError MimicJointError "
-    "ModelError ModelWarning SingularMassMatrixError UnsupportedError UrdfError",
+    "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning "
+    "MasslessLinkError MimicJointError ModelError ModelWarning SingularMassMatrixError "
+    "UnsupportedError UrdfError",
     "collision.link_geometry": "link_geometry",
     "collision.contact_points": "BodyRegion ContactLimits ContactPoint ContactPoints",
     "simulation": "CompliantLimits Simulation",

@@ -54,7 +54,10 @@ def choice(name: str, value: object, choices: Iterable[object]) -> None:
 def mapping(
     name: str, value: object, known: Sequence[str] = (), required: Sequence[str] = ()
 ) -> Mapping[Any, Any]:
-    """Return the value if it is a dict, or a NamedTuple as one, that has required keys and none but `known` ones, if any."""
+    """Return a dict, or a NamedTuple as one, that has the required keys.
+
+    If `known` has keys, all others are rejected.
+    """
     value = value._asdict() if hasattr(value, "_asdict") else value
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {value!r}, expected a dict by name.")
@@ -189,7 +192,7 @@ def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) 
 
 
 def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) -> Array:
-    """Return a contiguous array with a row for each state; raise InputError unless it has `count` rows, if given."""
+    """Return a contiguous array with a row for each state: `count` rows, if it is a number."""
     value = in_order(name, value, names)
     if isinstance(value, (list, tuple)):
         value = [in_order(f"{name}[{t}]", row, names) for t, row in enumerate(value)]

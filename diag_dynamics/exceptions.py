@@ -11,7 +11,7 @@ from diag_dynamics.text import shortened
 
 
 def shown(error: BaseException) -> str:
-    """Return the text of an exception, shortened and without control characters: names may be of any length."""
+    """Return the text of an exception, shortened and without control characters."""
     return shortened(str(error.args[0])) if error.args else ""
 
 
@@ -57,7 +57,7 @@ class LoopWarning(ModelWarning):
 
 
 class LoopError(UrdfError):
-    """A closed loop cannot be built from its description, or cannot be closed at these positions."""
+    """A closed loop cannot be built from its description, or closed at these positions."""
 
 
 class MimicJointError(UrdfError):

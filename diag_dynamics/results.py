@@ -280,7 +280,7 @@ class BatchEvaluation(Evaluation):
         ws.BASE_ENERGY,
         "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base.",
     )
-    power = _row_with_tau(  # type: ignore[assignment]  # None without TAU, the base class has a float
+    power = _row_with_tau(  # type: ignore[assignment]  # an array or None, not a float
         ws.POWER, "Power dK/dt [W], shape (T,); None without TAU."
     )
     effort_power = _row_with_tau(  # type: ignore[assignment]  # as power
@@ -396,7 +396,7 @@ class Factors(NamedTuple):
 
 
 class Momentum(NamedTuple):
-    """Generalized momentum and its rate without efforts, for one state or a row for each: ṗ = τ + rate.
+    """Generalized momentum and its rate without efforts, ṗ = τ + rate; of one state or rows.
 
     Attributes
     ----------
@@ -411,9 +411,10 @@ class Momentum(NamedTuple):
 
 
 class ExternalWrench(NamedTuple):
-    """A wrench estimated from external torque, and how well it is known; of many states with a leading axis T.
+    """A wrench estimated from external torque, and its covariance.
 
-    Force comes first, then moment. Arrays are read-only. See docs/external-wrench.md.
+    Results of many states have a leading axis T. Force comes first, then moment. Arrays are
+    read-only. See docs/external-wrench.md.
 
     Attributes
     ----------
@@ -500,7 +501,7 @@ _Result = TypeVar("_Result", "ExternalWrench", "TouchedLink")
 
 
 def expand(result: _Result, rows: BoolArray) -> _Result:
-    """Return results of the true rows as results of all: NaN, False or "" in the others, read-only."""
+    """Return results of the true rows as those of all: NaN, False or "" in the others."""
 
     def expanded(x: Any) -> Any:
         if isinstance(x, tuple):

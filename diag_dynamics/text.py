@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Iterable
 
 MAX_LENGTH = 900
-"""Maximum length of an error's text: with what a log puts before it, a line is within 1,000 characters."""
+"""Maximum length of an error's text; with its prefix a line of the log has 1,000 characters."""
 
 MAX_NAMES = 8  # names that a text has
 
@@ -56,7 +56,7 @@ def plain(text: str) -> str:
 
 
 def shortened(text: str, most: int = MAX_LENGTH) -> str:
-    """Return a text as :func:`plain` does, with its begin and its end alone if it is longer than `most`."""
+    """Return a text as :func:`plain` does, its begin and end alone if it is longer than `most`."""
     head, tail = plain(text[:most]), plain(text[-most:])
     if len(text) <= most and len(head) <= most:
         return head
@@ -84,7 +84,7 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def distinct(*values: float, digits: int = 6) -> list[str]:
-    """Return numbers with `digits` significant digits, or as many more as tell different ones apart."""
+    """Return numbers with `digits` significant digits, or more that tell different ones apart."""
     different = len({float(value) for value in values})
     for count in range(digits, 18):  # 17 digits tell all doubles apart
         texts = [f"{value:.{count}g}" for value in values]

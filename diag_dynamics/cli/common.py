@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shared by all commands: options, errors, signals, progress and outputs. Modules that compute are imported when used."""
+"""Options, errors, signals, progress and outputs of all commands.
+
+Modules that compute are imported when used.
+"""
 
 import argparse
 import json
@@ -21,7 +24,10 @@ INTERRUPTED = 130
 
 GAIN = 25.0  # default gain of the disturbance observer [1/s]
 
-ROBOT = "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. Add xacro arguments as NAME:=VALUE"
+ROBOT = (
+    "robot: a URDF, xacro or MJCF file, or a name listed by `diag-dynamics robots`. "
+    "Add xacro arguments as NAME:=VALUE"
+)
 
 READ = ("recording", "reference", "urdf", "columns", "alarms", "parameters")
 """Arguments that name files to be read."""
@@ -42,7 +48,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def run_command(name, about, module, arguments):
-    """Parse the arguments of a command of the library and run its module; return the exit status."""
+    """Parse the arguments of a command of the library, run its module, return the exit status."""
     epilog = getattr(module, "EPILOG", None)
     parser = Parser(prog=f"diag-dynamics {name}", description=about, epilog=epilog)
     module.add_arguments(parser)
@@ -96,7 +102,7 @@ def _raise_terminated(*_):
 
 
 def parse_arguments(parser, arguments):
-    """Parse a command line; xacro arguments may stand anywhere, and are the list `xacro_args` of the result."""
+    """Parse a command line; xacro arguments stand anywhere and are `xacro_args` of the result."""
     chosen, left = parser.parse_known_args(
         [word for word in arguments if not ARGUMENT.fullmatch(word)]
     )
@@ -142,7 +148,10 @@ def add_robot(parser):
 
 def add_parameters(parser):
     """Add the options that set parameters."""
-    text = "file with parameters of the monitor or of the robot, or its loops (docs/library.md); repeatable"
+    text = (
+        "file with parameters of the monitor or of the robot, or its loops (docs/library.md); "
+        "repeatable"
+    )
     parser.add_argument("--parameters", metavar="FILE.yaml", action="append", default=[], help=text)
     add_entries(
         parser,
@@ -227,7 +236,7 @@ def expand_recordings(paths):
 
 
 class StreamedRecording:
-    """A recording that each call of :meth:`pieces` reads anew; `findings` are those of the last reading."""
+    """A recording that each call of :meth:`pieces` reads; `findings` are of the last reading."""
 
     def __init__(self, path, robot, options, progress):
         from diag_dynamics.recordings.recording import Reading
@@ -270,7 +279,10 @@ def report_written(*paths):
 
 @contextmanager
 def json_output(path):
-    """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing. The file is created first."""
+    """Yield a function that writes a document as JSON; ``-`` is stdout, None nothing.
+
+    The file is created first.
+    """
     from diag_dynamics.atomic_file import AtomicFile
 
     file = AtomicFile(path) if path and path != "-" else None

@@ -108,12 +108,14 @@ def missing():
     """Return why no command of ROS 2 can run, or None."""
     if util.find_spec("rclpy") is None:
         return (
-            "requires ROS 2, but Python finds no rclpy. In a checkout: make setup, then source scripts/env.bash. "
+            "requires ROS 2, but Python finds no rclpy. In a checkout: make setup, "
+            "then source scripts/env.bash. "
             "In a workspace: source install/setup.bash."
         )
     if util.find_spec("diag_dynamics.msg") is None:
         return (
-            "requires the messages of diag_dynamics. Build them by make setup or colcon build; then source "
+            "requires the messages of diag_dynamics. Build them by make setup or colcon build; "
+            "then source "
             "scripts/env.bash or install/setup.bash."
         )
     return None

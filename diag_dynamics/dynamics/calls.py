@@ -170,7 +170,8 @@ class SweepCaller:
         number = int(np.argmin(self._ratios))
         title, ratio = loop_title(self.model, number), self._ratios[number]
         warn(
-            f"{title} of robot '{self.model.name}' is nearly singular for its independent joints, by {ratio:.1g}.",
+            f"{title} of robot '{self.model.name}' is nearly singular for its independent joints, "
+            f"by {ratio:.1g}.",
             LoopWarning,
         )
         self._ratios = np.zeros(0)
@@ -255,7 +256,7 @@ class SweepCaller:
         return tau
 
     def friction(self, at: States) -> Array:
-        """Return the friction that resists rates, shape (…, nv); without load friction q may be missing."""
+        """Return the friction that resists rates, shape (…, nv); q is for load and followers."""
         model, qd = self.model, at.vectors["qd"]
         checks.check_finite("qd", qd, model.dof_names)
         v0, resisting = model.friction_velocity, model.damping * qd + model.effort_offset
@@ -464,7 +465,7 @@ def _require_finite(at: States, values: Array, problem: str) -> None:
 
 
 def raise_failure(model: RobotModel, status: int, D: float, at: States) -> NoReturn:
-    """Raise the error of a kernel's status other than 0; D is that of a singular joint, otherwise NaN."""
+    """Raise the error of a kernel's status other than 0; D is of a singular joint, or NaN."""
     if np.isfinite(D):
         joint = model.dof_names[model.bodies["dof"][status]]
         raise SingularMassMatrixError(

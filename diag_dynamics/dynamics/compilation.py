@@ -57,7 +57,8 @@ ROWS = {
     batch.regressor_each: "regressor",
     batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
     batch.sweep_each: "evaluate forward_dynamics inverse_dynamics coriolis_torque gravity_torque "
-    "momentum center_of_mass potential_energy nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon",
+    "momentum center_of_mass potential_energy nu_from_qd qd_from_nu epsilon_from_tau "
+    "tau_from_epsilon",
     external.touched_link_each: "touched_link",
     contacts.contacts_each: "contact_limits",
 }

@@ -239,7 +239,9 @@ class DiagonalDynamics:
     def friction_torque(
         self, qd: StatesLike, q: StatesLike | None = None, *, threads: int | None = None
     ) -> Array:
-        """Return τ_fric = d q̇ + (f + μ|g(q)|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o [N m, N], shape (nv,) or (T, nv).
+        """Return the torque of friction τ_fric [N m, N], shape (nv,) or (T, nv).
+
+        τ_fric = d q̇ + (f + μ|g(q)|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o.
 
         The model has damping d, Coulomb friction f, load friction μ, root friction s, offset o and
         v₀, its `friction_velocity`. At 5 v₀ the tanh is 1 − 1e-4. At rest τ_fric does not jump with
@@ -252,7 +254,8 @@ class DiagonalDynamics:
         names = self.model.dof_names
         if self.model.load_friction.any() or self.model.has_follower_friction:
             raise InputError(
-                "q is missing; expected positions, because the friction of this model depends on load or followers."
+                "q is missing; expected positions, because the friction of this model depends on "
+                "load or followers."
             )
         rates = rows("qd", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
         return self._caller.friction(States(rates, {"qd": rates}))
@@ -320,16 +323,16 @@ class DiagonalDynamics:
         return self._caller.regressor(self._arguments.states(q, threads, qd=qd, qdd=qdd))
 
     def momentum(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Momentum:
-        """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`, in O(N) without M.
+        """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`.
 
-        ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the
-        derivative of q, and that of the components in body axes for joints of several degrees of
-        freedom.
+        It takes O(N) without M. ṗ = τ + C_sᵀq̇ − g with Ṁ = C_s + C_sᵀ. The rate is
+        ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of the components in body axes
+        for joints of several degrees of freedom.
         """
-        vectors = None
+        vectors, sizes = None, (self.model.nq, self._nv)
         try:
             # are_vectors has excluded mappings, which mypy does not infer.
-            if are_vectors(q, qd, qd) and [*map(np.size, (q, qd))] == [self.model.nq, self._nv]:  # type: ignore[arg-type]
+            if are_vectors(q, qd, qd) and (q.size, qd.size) == sizes:  # type: ignore[union-attr]
                 result = np.empty(2 * self._nv)
                 if not classical.momentum.run(self._robot, q, qd, result):
                     vectors = result
@@ -585,10 +588,11 @@ class DiagonalDynamics:
         max_deviation: tuple[float, float] = (10.0, 1.0),
         threads: int | None = None,
     ) -> ExternalWrench:
-        """Return the wrench f̂ = (JΣ⁻¹Jᵀ)⁻¹JΣ⁻¹τ̂ at a point of a link that explains external torque τ̂.
+        """Return the wrench at a point of a link that explains external torque τ̂.
 
-        It acts from the environment on the robot. Directions with a standard deviation above
-        `max_deviation` are not estimated: they are zero in the wrench and unknown in the result.
+        It is f̂ = (JΣ⁻¹Jᵀ)⁻¹JΣ⁻¹τ̂ and acts from the environment on the robot. Directions with a
+        standard deviation above `max_deviation` are not estimated: they are zero in the wrench and
+        unknown in the result.
 
         Parameters
         ----------
@@ -659,7 +663,7 @@ class DiagonalDynamics:
         )
 
     def _table(self, make: Callable[..., Any], covariance: RowsLike | None, *options: Any) -> Any:
-        """Return the table that `make` returns, of an earlier call with equal arguments if there was one."""
+        """Return the table that `make` returns, or that of an earlier call with equal arguments."""
         content: Any = covariance
         if isinstance(covariance, np.ndarray):
             content = covariance.dtype.str, covariance.shape, covariance.tobytes()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dynamics of a robot with flexible joints: diagonalized equations of links and motors, energies and frequencies."""
+"""Dynamics of a robot with flexible joints: equations of links and motors, and frequencies."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from diag_dynamics.results import Evaluation
 
 
 class FlexibleEvaluation(NamedTuple):
-    """Terms of ν̇ + C + ε_g = ε (+ ℓJᵀf_ext of the links) for links, then motors: shape (nv + nf,), nf flexible joints.
+    """Terms of ν̇ + C + ε_g = ε (+ ℓJᵀf_ext of the links) for links, then motors.
+
+    Shapes are (nv + nf,), with nf flexible joints.
 
     ν = (mᵀq̇, B^½θ̇), C = (C(q, ν_q), 0), ε_g = (ℓg, 0), ε = (ℓτ_J, B^−½(τ_motor − τ_J)): the
     reduced model (Spong 1987). Powers balance: kinetic_power + Σ spring_power + Σ
     loss = q̇ᵀ(τ − g) + θ̇ᵀτ_motor, with τ of joints without a spring.
     """
 
-    link: Evaluation  # of the links, with τ_J as effort of flexible joints; its kinetic_energy is ½|ν_q|²
+    link: Evaluation  # of the links, with τ_J as effort of flexible joints
     nu: Array  # [J^½]
     coriolis: Array  # [J^½/s]
     gravity: Array  # [J^½/s]
@@ -40,7 +42,7 @@ class FlexibleEvaluation(NamedTuple):
 
 
 class FlexibleDynamics:
-    """Dynamics of links, in O(N) sweeps, and of motors behind the springs of flexible joints, which are scalars.
+    """Dynamics of links, in O(N) sweeps, and of motors behind the springs of flexible joints.
 
     q [rad, m], shape (nq,), and qd, shape (nv,), are of the links. theta and thetad, shape (nf,),
     are θ and θ̇ of the motors, motor angle over gear. tau [N m, N], shape (nv,), has the efforts of
@@ -138,7 +140,10 @@ class FlexibleDynamics:
         *,
         frame: Frame = "link",
     ) -> tuple[Array, Array]:
-        """Return q̈ of M q̈ + c + g = τ_J + Jᵀf_ext, shape (nv,), and θ̈ of B θ̈ = τ_motor − τ_J, shape (nf,)."""
+        """Return accelerations of links q̈, shape (nv,), and of motors θ̈, shape (nf,).
+
+        M q̈ + c + g = τ_J + Jᵀf_ext and B θ̈ = τ_motor − τ_J.
+        """
         effort, motor = self._efforts(tau, self.spring_torque(q, theta, qd, thetad))
         return self.link.forward_dynamics(
             q, qd, effort, f_ext, frame=frame

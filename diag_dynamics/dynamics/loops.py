@@ -12,7 +12,9 @@ from diag_dynamics.model.followers import FollowerMotion, FollowerState
 
 
 class LoopBalance:
-    """Energy by which rates break loops: the least ½|mᵀ(q̇ − N x)|² of the cut tree over rates N x with a closed group.
+    """Energy by which rates break loops.
+
+    It is the least ½|mᵀ(q̇ − N x)|² of the cut tree over rates N x with a closed group.
 
     N has a column for each joint that does not follow others in the group, with G of those that do.
     For one thread.
@@ -23,7 +25,9 @@ class LoopBalance:
         self._cut = DiagonalDynamics(model.cut_tree())
 
     def energies(self, q: Array, qd: Array, rates: Array) -> tuple[dict[str, float], FollowerState]:
-        """Return the energy [J] by the loops of each group, and the FollowerState; LoopError where one cannot be closed.
+        """Return the energy [J] by the loops of each group, and the FollowerState.
+
+        Raise LoopError where a loop cannot be closed.
 
         `q` and `qd` are of the model, `rates` (f,) [rad/s, m/s] are measured ones of followers, NaN
         for unknown ones.

@@ -23,7 +23,7 @@ MARGIN = 0.05
 """Distance of a link's surface from its frames [m]."""
 
 SYMMETRIC = 1e-6
-"""Maximum difference of two entries of a covariance, as a fraction of the deviations of both joints."""
+"""Maximum asymmetry of a covariance, as a fraction of the deviations of both joints."""
 
 
 def whitening(model: RobotModel, covariance: Any) -> Array:
@@ -49,7 +49,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
     except np.linalg.LinAlgError:
         smallest = np.linalg.eigvalsh(array)[0]
         raise InputError(
-            f"covariance has the eigenvalue {smallest:.3g}; expected all of them > 0. Calibrate with a "
+            f"covariance has the eigenvalue {smallest:.3g}; expected all of them > 0. "
+            "Calibrate with a "
             "recording in which all joints move."
         ) from None
 

@@ -26,7 +26,7 @@ PREFIX = "code-"
 """Beginning of the names of folders with compiled code."""
 
 STAMP_PREFIX = "ahead-"
-"""Beginning of the names of the files in which ``diag-dynamics compile`` states what it has compiled."""
+"""Prefix of the files in which ``diag-dynamics compile`` states what it has compiled."""
 
 IMPORT = re.compile(r"^ *from (diag_dynamics[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
 """An import. Compiled code contains kernels and constants of the imported modules."""
@@ -36,7 +36,7 @@ UNUSED = 30 * 86400.0
 
 
 def sources(module):
-    """Return the sources of a module and of all modules of this package that it imports, as bytes by name."""
+    """Return the sources of a module and of this package's modules that it imports, by name."""
     contents, waiting = {}, [module]
     while waiting:
         name = waiting.pop()

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The decorators that compile the physics, and the types of its arguments: numba's documented interface.
+"""Decorators that compile the physics, and types of its arguments, by numba's public interface.
 
 Kernels are compiled into the entries that call them. An entry is called from Python with one
 pointer and a few arrays. It is compiled on its first call, for the types that it declares, and kept
@@ -58,17 +58,17 @@ def kernel(function):
 
 
 def array_kernel(function):
-    """Compile `function` as :func:`kernel` does, where it returns an array: numba requires reference counts for that."""
+    """Compile `function` as :func:`kernel` does, with the reference counts of a returned array."""
     return _decorator("ARRAY_KERNEL")(function)
 
 
 def large_kernel(function):
-    """Compile `function` as a function of its own, where :func:`kernel` would copy much code that seldom runs."""
+    """Compile `function` as a function of its own, if it is long and seldom runs."""
     return _decorator("LARGE_KERNEL")(function)
 
 
 def entry_kernel(*signature, nogil=False):
-    """Compile a function on its first call from Python, for arguments of these types alone; keep the code on disk.
+    """Compile a function on its first call from Python and keep the code on disk.
 
     Arguments of other types raise TypeError. `nogil` lets other threads run meanwhile; it costs 0.1
     µs a call. Kernels that call an entry have it compiled as :func:`large_kernel` does.
@@ -77,7 +77,7 @@ def entry_kernel(*signature, nogil=False):
 
 
 def precompile(*modules):
-    """Compile the entries in modules and packages, or load them from the cache; ``diag_dynamics.sweeps`` is one."""
+    """Compile the entries in modules and packages, or load them from the cache."""
     for module in modules:
         package = importlib.import_module(module)
         for submodule in pkgutil.iter_modules(getattr(package, "__path__", ()), f"{module}."):

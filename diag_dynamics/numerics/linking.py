@@ -33,7 +33,7 @@ class Library(JITCodeLibrary):
         module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self):
-        """Optimize an entry; inline kernels into a kernel and simplify it, once for all its callers."""
+        """Optimize an entry; inline kernels into a kernel and simplify it once for all callers."""
         if self.is_entry:
             super()._optimize_final_module()
         elif hasattr(

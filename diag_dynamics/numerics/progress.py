@@ -38,7 +38,7 @@ class Progress:
         self._lock = threading.Lock()
 
     def begin(self, now):
-        """Return the time [s] at which a kernel that begins to compile `now` sends its first message."""
+        """Return the time [s] of the first message of a kernel that begins to compile `now`."""
         if now - self._ended >= MAX_PAUSE:
             self._begun = now
         due = self._begun + DELAY
@@ -62,7 +62,7 @@ _progress = Progress()
 
 
 def set_progress_callback(callback=None):
-    """Have messages passed to a function of a text, in a thread of its own; None prints them to stderr."""
+    """Pass messages to a function in a thread of its own; None prints them to stderr."""
     _progress.callback = callback or print_message
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Structs of numbers and arrays that a kernel receives as one pointer: cheaper than an argument for each."""
+"""Structs of numbers and arrays that a kernel receives as one pointer."""
 
 import functools
 import operator
@@ -18,7 +18,7 @@ from diag_dynamics.numerics.kernel import array_kernel, kernel, linking
 
 @functools.cache
 def array_at(dtype, ndim):
-    """Kernel (address, shape) that returns the C-contiguous array of numba type `dtype` at an address."""
+    """Return a kernel (address, shape) that returns the C-contiguous array at an address."""
     pointer_type = types.CPointer(dtype)
 
     @intrinsic
@@ -108,13 +108,19 @@ def _reader(name, fields, dtype):
             values.append(f"{field}_at(record.{field}[0], ({shape}))")
         else:
             values.append(f"record.{field}")
-    source = f"def read(address):\n    record = record_at(address, (1,))[0]\n    return row({', '.join(values)})\n"
+    source = (
+        "def read(address):\n    record = record_at(address, (1,))[0]\n"
+        f"    return row({', '.join(values)})\n"
+    )
     exec(source, names)
     return kernel(names["read"])
 
 
 class Addresses:
-    """A table at the address `at`, and the arrays whose addresses are in it; TypeError if a field has another type."""
+    """A table at the address `at`, and the arrays whose addresses are in it.
+
+    TypeError if a field has another type.
+    """
 
     def __init__(self, table, /, **entries):
         if entries.keys() != table.fields.keys():

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Colours, style and downsampling of all plots; means and extrema of curves with many oscillations."""
+"""Colours, style and downsampling of plots; means and extrema of oscillating curves."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:
 # --- Curves with more oscillations than a picture can show
 
 MAX_OSCILLATIONS = 100
-"""Maximum number of oscillations that a picture shows one by one; a line of more of them covers everything else."""
+"""Maximum number of oscillations that a picture shows one by one."""
 
 COUNT = 100
 """Number of parts."""
@@ -109,7 +109,7 @@ class Parts(NamedTuple):
 
 
 def oscillates(values: Array) -> bool:
-    """Return whether a curve has more than :data:`MAX_OSCILLATIONS` oscillations about its mean, shape (T,)."""
+    """Return whether a curve (T,) has more than :data:`MAX_OSCILLATIONS` about its mean."""
     finite = values[np.isfinite(values)]
     above = finite > finite.mean() if len(finite) else finite
     return int(np.count_nonzero(above[1:] != above[:-1])) > 2 * MAX_OSCILLATIONS

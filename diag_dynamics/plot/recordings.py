@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of motions: energy, shares of the joints, balance of power, external torque, and identification."""
+"""Plots of motions: energy, joint shares, power balance, external torque, identification."""
 
 from __future__ import annotations
 

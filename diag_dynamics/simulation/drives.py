@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inputs of a simulated robot: effort commands and external wrenches, held until a timeout in simulated time [s].
+"""Inputs of a simulated robot: effort commands and external wrenches, held until a timeout [s].
 
 A rejected input raises RejectedError and changes nothing. Sensors have noise and delay.
 """
@@ -17,13 +17,15 @@ ZERO, BRAKE = "zero", "brake"
 """Behaviour of drives without a command: no effort, or joints held by brakes."""
 
 ROUNDING = 1e-9
-"""Rounding error of a sum of steps [s]: a command that times out on a step must not last one longer."""
+"""Rounding error of a sum of steps [s], by which a command may last longer than its timeout."""
 
 WAITING, DRIVEN, TIMED_OUT = "waiting for a command", "driven", "timed out"
 
 
 class _Inputs:
-    """Received values of one kind, each held for `timeout` [s of simulated time]; 0: until the next one.
+    """Received values of one kind, each held for a timeout [s of simulated time].
+
+    With a timeout of 0 a value is held until the next one.
 
     `counts` has how many were received, rejected by cause, and timed out; `last_rejection` is a
     text.
@@ -80,7 +82,7 @@ class Drives(_Inputs):
         self.phase, self._since = DRIVEN, time
 
     def effort(self, time):
-        """Return the commanded efforts at a simulated time [s], zero without a command; shape (number of drives,)."""
+        """Return the commanded efforts of the drives at a simulated time [s]; zero without one."""
         if self.phase == DRIVEN and self._is_expired(self._since, time):
             self.forget()
             self.phase = TIMED_OUT
@@ -105,7 +107,7 @@ class Pushes(_Inputs):
         self._held = {}
 
     def push(self, link, wrench, time):
-        """Accept a wrench on a link, force first, shape (6,), at a simulated time [s]; zeros end it."""
+        """Accept a wrench on a link, force first, shape (6,), at a time [s]; zeros end it."""
         self.counts["wrenches received"] += 1
         wrench = np.array(wrench, dtype=float)
         if link not in self._links:
@@ -165,7 +167,7 @@ class Sensors:
         self._delayed.append((time, tuple(values), label))
 
     def known(self, time):
-        """Return measurements that have become known by a simulated time [s]: their time, three vectors, and the label."""
+        """Return measurements known by a simulated time [s]: time, three vectors, label."""
         measurements = []
         while self._delayed and self._delayed[0][0] + self._delay <= time + ROUNDING:
             measurements.append(self._delayed.popleft())

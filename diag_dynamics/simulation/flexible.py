@@ -51,7 +51,7 @@ def eliminate_motors(address, h, tau):
 
 @large_kernel
 def move_motor(address, k, h, tau):
-    """Move a motor after its link, whose q and q̇ are those after the step; return the lost energy [J]."""
+    """Move a motor after its link, at q and q̇ after the step; return the lost energy [J]."""
     sim = opened(address)
     weight, after = sim.motor_weight[k], sim.qd[k]
     torque, part = _spring(sim, k, h)

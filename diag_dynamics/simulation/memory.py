@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Memory of a simulation: parameters, state and scratch vectors, each named once. Kernels find all by one address."""
+"""Memory of a simulation: parameters, state and scratch vectors, by one address for kernels."""
 
 import numpy as np
 
@@ -79,7 +79,10 @@ opened = SIMULATION.opened
 
 
 class Memory:
-    """Arrays of a simulation, found by name: ``memory["q"]``. Kernels use `address` while the object lives."""
+    """Arrays of a simulation by name: ``memory["q"]``.
+
+    Kernels use `address` while the object lives.
+    """
 
     def __init__(self, model):
         nq, nv = model.nq, model.nv
@@ -122,7 +125,7 @@ class Memory:
 
 
 def _bends(model):
-    """Return `bends`, shape (points, 2, nv), and `held_bends`, shape (points, 2): see :func:`bending_energy`."""
+    """Return `bends`, (points, 2, nv), and `held_bends`, (points, 2), of :func:`bending_energy`."""
     bends, locked_bends = [np.zeros((0, 2, model.nv))], [np.zeros((0, 2))]
     for link in model.flexible_links.values():
         bends.append(np.zeros((len(link.bends), 2, model.nv)))

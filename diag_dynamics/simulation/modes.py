@@ -28,7 +28,7 @@ NO_FORCE = 1e-9
 """Force of a compliant limit, relative to its parts, that counts as zero."""
 
 ROUNDS_OF_ALL = 3
-"""Rounds that change the modes of all joints together; later ones change one each, so that they end."""
+"""Rounds that change the modes of all joints together; later rounds change one each and end."""
 
 
 @kernel
@@ -40,7 +40,7 @@ def _limit_force(stiffness, damping, side, depth, rate):
 
 @kernel
 def is_tied(sim, k):
-    """Whether a spring draws a joint to one position from both sides, as a mode of a flexible link."""
+    """Whether a spring draws a joint to one position from both sides: a flexible link's mode."""
     return sim.lower[k] == sim.upper[k] and sim.stiffness[k] < math.inf
 
 
@@ -138,7 +138,7 @@ def _solve_modes(address, h, tau):
 
 @large_kernel
 def _exchange_modes(address, h, all_together, may_release):
-    """Hold joints that slide back, release those beyond their bounds; return whether a mode changed."""
+    """Hold joints that slide back, release those beyond bounds; return whether a mode changed."""
     sim = opened(address)
     changed = False
     for k in range(len(sim.mode)):

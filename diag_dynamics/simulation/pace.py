@@ -24,12 +24,13 @@ class PaceReport(NamedTuple):
 
 
 class Pace:
-    """Simulated time by a clock: `factor` seconds for each of the clock's; a factor of 0 is a period for each tick.
+    """Simulated time by a clock: `factor` seconds for each of the clock's.
 
-    After an overrun the next tick takes all steps that are due, without publishing the states
-    between them. Lag beyond
-    :data:`MAX_LAG` is dropped. `skipped` is the lag of simulated time since the last `resume`, a multiple of `step` [s]: the
-    dropped time less that by which the clock went back. `dropped` and `overruns` are totals of those in PaceReport.
+    With a factor of 0 it is a period for each tick. After an overrun the next tick takes all steps
+    that are due, without publishing the states between them. Lag beyond :data:`MAX_LAG` is dropped.
+    `skipped` is the lag of simulated time since the last `resume`, a multiple of `step` [s]: the
+    dropped time less that by which the clock went back. `dropped` and `overruns` are totals of
+    those in PaceReport.
     """
 
     def __init__(self, factor, period, step):
@@ -53,7 +54,7 @@ class Pace:
         self._due = now + self._span
 
     def steps(self, now, simulated):
-        """Return the steps that are due at a time [s] of the clock, when the simulation is at `simulated` [s]."""
+        """Return the steps due at a time [s] of the clock and a `simulated` time [s]."""
         if not self.factor:
             self._ticks += 1
             return max(1, round(self._period / self._step))
@@ -135,7 +136,7 @@ class Lockstep:
         return not self._unanswered
 
     def meet(self, peers, now):
-        """Store the receivers of states and senders of commands: a new one may not have received the last state."""
+        """Store receivers of states and senders of commands; a new one may lack the last state."""
         if peers - self._peers:
             self._uncertain, self._joined = True, now
         self._peers = peers
@@ -149,7 +150,7 @@ class Lockstep:
         self._heard = now
 
     def repeat(self, now):
-        """Return whether to publish the last state again; it then counts as the only unanswered one."""
+        """Return whether to publish the last state again, then the only unanswered one."""
         due = self.waits(now) and (self._uncertain or self._unanswered > 1)
         if due:
             self._unanswered, self._heard = 1, now

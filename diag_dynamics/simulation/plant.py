@@ -23,7 +23,9 @@ RAMP = 1.0
 
 
 class Wave:
-    """Motion of a simulation: every joint swings about the middle of its range, at a frequency of its own, within limits.
+    """Motion of a simulation: every joint swings about the middle of its range, within limits.
+
+    Each has a frequency of its own.
 
     The effort is that of a computed-torque controller, M(q) q̈_c + c + g + d q̇_d with q̈_c from
     the reference and the error; damping and friction are compensated at the desired rate. The robot
@@ -34,7 +36,8 @@ class Wave:
         model = simulation.model
         if (model.bodies["dofs"][1:] > 1).any():
             raise UnsupportedError(
-                f"robot '{model.name}' has joints of several degrees of freedom, which no wave drives. Set motion to free."
+                f"robot '{model.name}' has joints of several degrees of freedom, which no wave "
+                "drives. Set motion to free."
             )
         self._simulation = simulation
         bounded = np.isfinite(model.lower) & np.isfinite(model.upper)
@@ -92,7 +95,7 @@ class Measured(NamedTuple):
 
 
 class Plant:
-    """A :class:`Simulation` with drives, sensors and pushes, by values of parameters.simulator.PARAMETERS.
+    """A :class:`Simulation` with drives, sensors and pushes, by parameters of the simulator.
 
     `names` are those of all joints, mimic joints last.
     """
@@ -108,7 +111,8 @@ class Plant:
             )
         if model.flexible_joints and values["without_command"] == "brake":
             raise UnsupportedError(
-                "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, and joint "
+                "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, "
+                "and joint "
                 f"'{next(iter(model.flexible_joints))}' is flexible."
             )
         require_consistent(values)
@@ -160,7 +164,7 @@ class Plant:
             )
 
     def _effort(self, begin):
-        """Return the efforts of the drives at `begin` [s] on all degrees of freedom; open or close the brakes."""
+        """Return the efforts of the drives at `begin` [s], shape (nv,); open or close brakes."""
         simulation, drives = self.simulation, self.drives
         if self._wave:
             return self._wave.effort()
@@ -220,7 +224,8 @@ class Plant:
             k = int(outside[0])
             position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
             raise InputError(
-                f"position of '{model.coordinate_names[k]}' is {position}, expected within its hard limits "
+                f"position of '{model.coordinate_names[k]}' is {position}, expected within its "
+                "hard limits "
                 f"{lower} … {upper}."
             )
         if not np.isfinite(simulation.dynamics.evaluate(q, qd).kinetic_energy):
@@ -230,7 +235,7 @@ class Plant:
         self.sensors.forget()
 
     def reset(self):
-        """Reset the state, commands, wrenches and the sequence of sensor errors, but not the time."""
+        """Reset state, commands, wrenches and the sequence of sensor errors, but not the time."""
         self.put(*self._start)
         self.drives.forget()
         self.pushes.forget()
@@ -245,6 +250,7 @@ def require_consistent(values):
     for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):
         if values["lockstep"] and values[name] != idle:
             raise InputError(
-                f"parameter 'lockstep' is true, for which there must be a command for every joint state, but '{name}' is "
+                "parameter 'lockstep' is true, for which there must be a command for every joint "
+                f"state, but '{name}' is "
                 f"{values[name]!r}, expected {idle!r}."
             )

@@ -30,13 +30,13 @@ _NO_WRENCHES = np.zeros(0, WRENCH)
 
 
 def rest_position(model):
-    """Return `start`, or the middle of a joint's limits where it lies outside them; [rad, m], shape (nq,)."""
+    """Return `start`, or the middle of a joint's limits if it is outside; [rad, m], shape (nq,)."""
     lower, upper, start = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6), model.start
     return np.where((lower > start) | (upper < start), 0.5 * (lower + upper), start)
 
 
 class CompliantLimits(NamedTuple):
-    """Position limits that give way: a spring and a damper that push a joint back into its range, and never pull.
+    """Position limits with a spring and a damper, which push a joint into its range and never pull.
 
     Each number is for all joints, or an array of shape (nv,). Of degrees of freedom without limits
     it has no effect.
@@ -77,7 +77,8 @@ class EnergyAudit(NamedTuple):
         return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))
 
 
-SLOWEST = 1e-4  # rate below which root friction of a model with friction_velocity 0 is viscous [rad/s, m/s]
+SLOWEST = 1e-4
+"""Rate below which root friction of a model with friction_velocity 0 is viscous [rad/s, m/s]."""
 
 
 class Simulation:
@@ -144,7 +145,8 @@ class Simulation:
         for name, motor in model.couplings.items():
             if motor.damping or motor.friction:
                 raise UnsupportedError(
-                    f"the coupled motor of joint '{name}' has friction, which a simulation lacks. Omit its coupling."
+                    f"the coupled motor of joint '{name}' has friction, which a simulation lacks. "
+                    "Omit its coupling."
                 )
         self._use(FlexibleDynamics(model))
         self._memory = Memory(self.dynamics.model)
@@ -179,14 +181,15 @@ class Simulation:
         ):
             if (damping or friction) and len(model.followers[name]) > 1:
                 raise UnsupportedError(
-                    f"joint '{name}' follows several joints and has friction, which a simulation lacks. Omit its friction."
+                    f"joint '{name}' follows several joints and has friction, which a simulation "
+                    "lacks. Omit its friction."
                 )
             body = model.first_body(name)
             self._memory["follower_damping"][body] = damping
             self._memory["follower_friction"][body] = friction
 
     def _set_limits(self, limits):
-        """Set stiffness and damping of all degrees of freedom, and bounds of those of one coordinate."""
+        """Set stiffness and damping of all degrees of freedom, and bounds of coordinates."""
         memory, model = self._memory, self.model
         joints = single_joints(model)
         dofs, coordinates = places(joints, model.dof_names), places(joints, model.coordinate_names)
@@ -196,7 +199,8 @@ class Simulation:
             is_on, limits = bool(limits), CompliantLimits(np.inf)
         elif not isinstance(limits, CompliantLimits):
             raise InputError(
-                f"limits is {limits!r}, expected True, False or CompliantLimits(stiffness, damping)."
+                f"limits is {limits!r}, expected True, False or "
+                "CompliantLimits(stiffness, damping)."
             )
         expected, names = "a number > 0 [N m/rad, N/m]", model.dof_names
         stiffness = per_name(
@@ -274,7 +278,7 @@ class Simulation:
         return self.q, self.nu, self.theta, self.thetad
 
     def change_model(self, model: RobotModel) -> None:
-        """Simulate another model of the same degrees of freedom: another payload, gravity or armature.
+        """Simulate another model of the same degrees of freedom, such as another payload.
 
         q and q̇ stay, so kinetic and potential energy jump as mass comes with the robot's own speed
         and height; the audit has the difference as `exchanged`. Damping, friction and limits in
@@ -292,7 +296,8 @@ class Simulation:
             self.model.coordinate_names,
         ):
             raise InputError(
-                f"change_model: robot '{model.name}' has the degrees of freedom {', '.join(model.dof_names)}, "
+                f"change_model: robot '{model.name}' has the degrees of freedom "
+                f"{', '.join(model.dof_names)}, "
                 f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
             )
         joints = model.flexible_joints, len(model.bodies)
@@ -339,7 +344,7 @@ class Simulation:
 
     @property
     def effort_offset(self) -> Array:
-        """Part of each command and of each measured effort that has no effect [N m, N], shape (nv,)."""
+        """Part of each command and measured effort that has no effect [N m, N], shape (nv,)."""
         return self._effort_offset.copy()
 
     @effort_offset.setter
@@ -349,7 +354,7 @@ class Simulation:
 
     @property
     def effort_limits(self) -> Array:
-        """Largest efforts in force [N m, N], shape (nv,). True sets those of the URDF, False none."""
+        """Largest efforts [N m, N], shape (nv,). True sets those of the URDF, False none."""
         return self._effort_limits.copy()
 
     @effort_limits.setter
@@ -371,7 +376,7 @@ class Simulation:
 
     @property
     def qd(self) -> Array:
-        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,). Exactly zero where a joint sticks or rests at a stop."""
+        """Joint rates q̇ = ℓᵀν [rad/s, m/s], shape (nv,); exactly zero where a joint sticks."""
         return self._memory["qd"].copy()
 
     @property
@@ -391,7 +396,7 @@ class Simulation:
 
     @property
     def effort(self) -> Array:
-        """Joint efforts in the last steps [N m, N], shape (nv,), after saturation, with their offset."""
+        """Joint efforts of the last steps [N m, N], shape (nv,), after saturation."""
         return self._effort.copy()
 
     @property
@@ -401,7 +406,7 @@ class Simulation:
 
     @property
     def overspeed(self) -> tuple[str, ...]:
-        """Names of the degrees of freedom that are faster than the URDF's velocity limit, where it has one above 0."""
+        """Names of the degrees of freedom above the velocity limit of the URDF, if it has one."""
         return self._named(np.abs(self._memory["qd"]) > self.model.velocity_bound)
 
     @property
@@ -410,7 +415,7 @@ class Simulation:
         return self._named(self._beyond_limits(self._memory["q"]) >= 0.0)
 
     def _beyond_limits(self, q):
-        """Distance of each degree of freedom beyond the nearest of its limits; negative within them."""
+        """Return distances of degrees of freedom beyond the nearest limit; negative within."""
         memory, q = self._memory, q[self._memory["coordinate"]]
         return np.maximum(q - memory["upper"], memory["lower"] - q)
 
@@ -464,7 +469,7 @@ class Simulation:
             warn_of_slopes(self.model, memory["q"])
 
     def with_spring_torques(self, tau: VectorLike) -> Array:
-        """Return efforts on links [N m, N], shape (nv,): spring torques at flexible joints in place of those in `tau`."""
+        """Return efforts on links [N m, N], shape (nv,): at flexible joints the spring torque."""
         effort = vector("tau", tau, self.model.dof_names)
         effort[self.flexible.dofs] = self.spring_torque
         return effort
@@ -472,7 +477,9 @@ class Simulation:
     def evaluate(
         self, tau: VectorLike | None = None, f_ext: Wrenches | None = None, *, frame: Frame = "link"
     ) -> Evaluation:
-        """Everything of the diagonalized equations of the links at the present state, see :meth:`DiagonalDynamics.evaluate`.
+        """Evaluate the equations of the links at the present state.
+
+        See :meth:`DiagonalDynamics.evaluate`.
 
         The effort of flexible joints is the spring torque, in place of that in `tau`.
         """
@@ -490,7 +497,7 @@ class Simulation:
 
     @property
     def potential_energy(self) -> float:
-        """Energy in the field of gravity [J], zero where the centre of mass is level with the world's origin."""
+        """Energy in the field of gravity [J], as of :meth:`DiagonalDynamics.potential_energy`."""
         energy: float = self.dynamics.potential_energy(self._memory["q"])
         return energy
 
@@ -520,7 +527,7 @@ class Simulation:
         return bending_energy(*bent.T)
 
     def _energies_at_start(self):
-        """Energies of the state at the last reset, computed on first use because resets must be fast."""
+        """Return energies at the last reset; computed on first use because resets must be fast."""
         if self._start_energies is None:
             self._start_energies = self._energies(self._start)
         return self._start_energies

@@ -21,7 +21,7 @@ from diag_dynamics.sweeps import classical, factorization, records
 from diag_dynamics.sweeps import workspace as ws
 
 Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
-"""Joint efforts [N m, N] and wrenches during a step, and whether the wrenches are in the world's axes."""
+"""Joint efforts [N m, N] and wrenches of a step, and whether wrenches are in world axes."""
 
 
 @large_kernel
@@ -56,7 +56,7 @@ def _update_friction(address):
 
 @entry_kernel(ROBOT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
 def advance(address, h, steps, tau, wrenches, in_world):
-    """Take `steps` steps of the simulation at an address; a failure leaves the state before the failing step."""
+    """Take `steps` steps of the simulation at an address; a failure leaves the last good state."""
     sim, load = opened(address), Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
