@@ -52,7 +52,10 @@ def _number_with_tau(row: int, doc: str) -> _Quantity[float | None]:
 
 
 class Evaluation:
-    """All quantities at one state; arrays have shape (nv,) unless stated otherwise.
+    """Quantities of the diagonalized equations of motion at one state, returned by `evaluate`.
+
+    They show how energy, torque and Coriolis terms split among joints. Arrays have shape (nv,)
+    unless stated otherwise.
 
     The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on
     the right and ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq.

@@ -56,7 +56,10 @@ ROUNDING = 4e-15
 
 
 class DiagonalDynamics:
-    """Diagonalized and classical dynamics of one robot, in O(N) sweeps over its links.
+    """Compute the dynamics of one robot: diagonalized equations of motion, classical quantities.
+
+    It answers what a robot does under efforts and wrenches, and how much energy and torque each
+    joint has. Every method is a sweep over the links, O(N) where its result is a vector.
 
     Vectors of rates and efforts have shape (nv,) and the order of ``model.dof_names``:
     qd [rad/s, m/s], tau [N m, N], nu [J^½], epsilon [J^½/s]. Positions q [rad, m] have shape (nq,)

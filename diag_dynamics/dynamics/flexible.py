@@ -42,7 +42,9 @@ class FlexibleEvaluation(NamedTuple):
 
 
 class FlexibleDynamics:
-    """Dynamics of links, in O(N) sweeps, and of motors behind the springs of flexible joints.
+    """Compute the dynamics of a robot with springs between motors and links.
+
+    Links are evaluated in O(N) sweeps, motors one by one, and powers of both balance.
 
     q [rad, m], shape (nq,), and qd, shape (nv,), are of the links. theta and thetad, shape (nf,),
     are θ and θ̇ of the motors, motor angle over gear. tau [N m, N], shape (nv,), has the efforts of

@@ -82,7 +82,9 @@ SLOWEST = 1e-4
 
 
 class Simulation:
-    """A robot, its state and the effort on its joints, advanced in fixed steps.
+    """Simulate a robot: advance its state under efforts and wrenches in fixed steps.
+
+    Laws, observers and thresholds are tried on it, and its audit states where energy went.
 
     Every model that :class:`DiagonalDynamics` takes can move: floating bases, planar and floating
     joints, coupled mimic joints, payloads, locked and flexible joints. The same inputs give the
