@@ -76,7 +76,9 @@ def test_ros1_in_mcap(tmp_path, compression, md5, options):
 
 
 def test_a_robot_of_ros1_in_mcap(tmp_path):
-    """Its description and its odometry are read; the states are those of the same messages of ROS 2."""
+    """Its description and its odometry are read; the states are those of the same messages of ROS
+    2.
+    """
     stamps = [START + k * MS for k in range(20)]
     inertial = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
     sent = [
@@ -177,7 +179,9 @@ def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
 
 
 def arm_and_gripper(topics):
-    """Return messages of an arm (joints a, b) and its gripper (c) on two topics; some have the same log time."""
+    """Return messages of an arm (joints a, b) and its gripper (c) on two topics; some have the same
+    log time.
+    """
     sent = []
     for k in range(60):
         names, topic = (["c"], topics[1]) if k % 3 == 2 else (["b", "a"], topics[0])
@@ -203,7 +207,9 @@ WRITERS = {
 
 @pytest.mark.parametrize("kind", WRITERS)
 def test_topics_of_one_robot_are_merged(tmp_path, kind):
-    """States, counts and findings are those of one topic with the same messages, whatever the order of the names."""
+    """States, counts and findings are those of one topic with the same messages, whatever the order
+    of the names.
+    """
     robot, two = arm("a", "b", "c"), ("/arm/joint_states", "/gripper/joint_states")
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
@@ -311,7 +317,9 @@ MAPS = {
     ],
 )
 def test_joint_names(tmp_path, kind, case):
-    """States and findings are those of a recording with the robot's names. Options are by the robot's names."""
+    """States and findings are those of a recording with the robot's names. Options are by the
+    robot's names.
+    """
     names, given = MAPS[case]
     robot, options = arm("panda_a", "panda_b"), {"parameters": {"effort_scale": ["panda_b=2.0"]}}
     write = WRITERS.get(kind, write_table)
@@ -336,7 +344,9 @@ def test_joint_names(tmp_path, kind, case):
 
 
 def test_joint_names_of_later_messages(tmp_path):
-    """Names of every message count: those of a gripper that comes late, of a locked joint, and of a part of the file."""
+    """Names of every message count: those of a gripper that comes late, of a locked joint, and of a
+    part of the file.
+    """
     arm_alone, gripper = moving("fer_a", count=30), moving("fer_b", count=30)[20:]
     path = write_mcap(
         tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda one: one.log_time)
@@ -355,7 +365,9 @@ def test_joint_names_of_later_messages(tmp_path):
 
 
 def test_joint_names_of_a_message_that_has_both(tmp_path):
-    """A name that is mapped to a joint, and the joint's own, are named, be it in one message or in two."""
+    """A name that is mapped to a joint, and the joint's own, are named, be it in one message or in
+    two.
+    """
     one = moving("fer_a", "panda_a", "panda_b")
     two = sorted([*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda one: one.log_time)
     for sent in (one, two):
@@ -458,7 +470,9 @@ PROPOSALS = {
 
 @pytest.mark.parametrize("case", PROPOSALS)
 def test_names_that_came_and_a_map_for_them(tmp_path, case):
-    """Without a complete state, a finding has the joints that came, those that did not, and a map that explains them."""
+    """Without a complete state, a finding has the joints that came, those that did not, and a map
+    that explains them.
+    """
     came, own, expected = PROPOSALS[case]
     recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*own))
     (finding,) = recording.findings

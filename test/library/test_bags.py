@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags of every kind by `read_recording`: all states of whole files, all undamaged ones of others, damage by name.
+"""Bags of every kind by `read_recording`: all states of whole files, all undamaged ones of others,
+damage by name.
 
 The libraries mcap and rosbags write the files.
 """
@@ -84,7 +85,9 @@ def test_mcap(tmp_path, data, count, disorder):
 )
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_rosbag2(tmp_path, plugin, mode, version):
-    """A folder, and its file alone: only metadata.yaml says that messages are compressed one by one."""
+    """A folder, and its file alone: only metadata.yaml says that messages are compressed one by
+    one.
+    """
     if (plugin, mode) == (SQLITE, CompressionMode.STORAGE):
         return
     folder = write_rosbag2(
@@ -151,7 +154,9 @@ def test_older_sqlite(tmp_path, profiles):
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_folders_of_several_files(tmp_path, plugin):
-    """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where both begin at the same time."""
+    """Files overlap. Without metadata.yaml bag_10 is behind bag_9, also where both begin at the
+    same time.
+    """
     messages = [*numbered(90, disorder=20), *numbered(110)[90:]]
     parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 90, 10)]
     parts += [
@@ -191,7 +196,9 @@ def test_folders_that_differ_from_their_metadata(tmp_path):
 
 @pytest.mark.parametrize("suffix", ["", ".db3", ".mcap.zstd"])
 def test_renamed_files_of_a_folder(tmp_path, suffix):
-    """They are read whatever the new name ends with; a note has both names. Of more files, an error has both lists."""
+    """They are read whatever the new name ends with; a note has both names. Of more files, an error
+    has both lists.
+    """
     plugin, ending = (SQLITE, ".db3") if suffix == ".db3" else (MCAP, ".mcap")
     messages, expected = numbered(90), []
     folder = write_split(tmp_path / "bag", [messages[:30], messages[30:61], messages[61:]], plugin)
@@ -284,7 +291,9 @@ def test_a_library_that_is_missing_is_named(tmp_path, monkeypatch, compression, 
     "options", [{}, {"index_types": NO_INDEX}, {"use_chunking": False}], ids=str
 )
 def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
-    """It is read up to its last whole chunk. Chunks have CRCs, so no message changes; missing ones are named."""
+    """It is read up to its last whole chunk. Chunks have CRCs, so no message changes; missing ones
+    are named.
+    """
     path, before = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options), 0
     content = path.read_bytes()
     for end in (*some_of(range(0, len(content), 11), 14), len(content) - 1):
@@ -335,7 +344,9 @@ HUGE = st.sampled_from([b"\xff" * 8, b"\0" * 8, b"\xff\xff\xff\x7f\0\0\0\0", b"\
 @in_one_folder(200)
 @given(data=st.data(), kind=st.sampled_from(["mcap", "db3", "bag"]))
 def test_garbage_in_the_middle(tmp_path, data, kind):
-    """Bytes that are overwritten, inserted or removed cause no other error, whatever sizes they pretend."""
+    """Bytes that are overwritten, inserted or removed cause no other error, whatever sizes they
+    pretend.
+    """
     path, messages = tmp_path / f"x.{kind}", numbered(60)
     if kind == "mcap":
         options = data.draw(st.sampled_from([{}, {"enable_crcs": False}, {"use_chunking": False}]))
@@ -505,7 +516,9 @@ def test_a_compressed_file_that_is_cut(tmp_path):
 
 
 def test_ros1_without_its_index(tmp_path):
-    """As a recorder that was killed leaves it, and a copy that was not finished. Others of its folder are read."""
+    """As a recorder that was killed leaves it, and a copy that was not finished. Others of its
+    folder are read.
+    """
     path, messages = tmp_path / "bag" / "b.bag", numbered(120)
     path.parent.mkdir()
     content = write_ros1(path, messages[60:]).read_bytes()

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments: numbers of any kind, vectors by position or by the names of joints, and errors that name what is wrong."""
+"""Arguments: numbers of any kind, vectors by position or by the names of joints, and errors that
+name what is wrong.
+"""
 
 import inspect
 

@@ -38,7 +38,9 @@ def test_oracles_share_no_code_with_the_library(name):
 @pytest.mark.parametrize("frame", ["link", "world"])
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
 def test_reflected_mass_beside_a_crooked_joint(kind, frame):
-    """∞ across a slide and along lines through a hinge's axis: rounding is no motion. A push 10⁻⁶ beside is finite."""
+    """∞ across a slide and along lines through a hinge's axis: rounding is no motion. A push 10⁻⁶
+    beside is finite.
+    """
     for seed in range(20):
         rng = np.random.default_rng(seed)
         axis, rpy = rng.standard_normal(3), rng.uniform(-3, 3, 3)
@@ -68,7 +70,9 @@ def test_reflected_mass_beside_a_crooked_joint(kind, frame):
 
 @pytest.mark.parametrize("joints", [1, 3, 10, 30])
 def test_reflected_mass_out_of_a_crooked_plane(joints):
-    """∞ normal to the plane that a planar arm moves in, however many joints it has and however its frames are turned."""
+    """∞ normal to the plane that a planar arm moves in, however many joints it has and however its
+    frames are turned.
+    """
     for seed in range(10):
         rng = np.random.default_rng(seed)
         normal, elements, at = rng.standard_normal(3), [link("link_0")], np.eye(3)

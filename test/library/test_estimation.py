@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertias estimated from geometry: against closed forms, random points, and Pinocchio's reading of the written URDF."""
+"""Inertias estimated from geometry: against closed forms, random points, and Pinocchio's reading of
+the written URDF.
+"""
 
 import pickle
 import struct
@@ -295,7 +297,9 @@ def test_models_keep_the_names_of_estimated_links(bare):
 
 
 def test_written_estimates(bare, tmp_path):
-    """The URDF with estimates loads to the same bits and to Pinocchio's mass matrix; its other elements stay."""
+    """The URDF with estimates loads to the same bits and to Pinocchio's mass matrix; its other
+    elements stay.
+    """
     found = estimated(BARE, 500.0, bare.parent)
     path = tmp_path / "elsewhere" / "new.urdf"
     path.parent.mkdir()
@@ -330,7 +334,9 @@ def test_written_estimates(bare, tmp_path):
 
 
 def test_lost_meshes(tmp_path):
-    """The visual stands in for a lost collision mesh; a link without any other geometry stays as it is."""
+    """The visual stands in for a lost collision mesh; a link without any other geometry stays as it
+    is.
+    """
     text = BARE.replace('<cylinder radius="0.05" length="0.4"/>', '<mesh filename="lost.stl"/>')
     path = tmp_path / "bare.urdf"
     path.write_text(text)

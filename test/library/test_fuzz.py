@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fuzzed URDFs: the loader returns a model that works or raises one of the package's exceptions; it never hangs.
+"""Fuzzed URDFs: the loader returns a model that works or raises one of the package's exceptions; it
+never hangs.
 
 Each seed mutates a real URDF or a random one: elements, attributes, text, encoding or bytes.
 """
@@ -56,61 +57,42 @@ SEEDS = (
 VALUES = (
     "",
     "0",
-    "-1",
     "1e-300",
     "1e308",
-    "1e999",
     "nan",
     "x",
     "٣",
-    "1 2",
     "0 0 0",
-    "nan nan nan",
     "0 0 1e-200",
-    "1e200 1e200 1e200",
     "9" * 400,
     "${x}",
-    "$(arg x)",
     "base",
-    "world",
-    "panda_link0",
     "revolute",
-    "continuous",
     "planar",
     "floating",
-    "fixed",
     "ball",
     "root_joint/qw",
-    "a/v_x",
     "\n",
 )
 BITS = (
     "",
-    "<",
     ">",
     "&",
     '"',
-    "&#0;",
     "&#xD800;",
     "&x;",
     "<![CDATA[",
     "<!--",
     "-->",
-    "<?x?>",
     "</link>",
-    '<link name="a"/>',
     "<joint/>",
-    "<x:y/>",
     ' xmlns="u"',
     "<loop_joint/>",
     "<xacro:m/>",
-    "<mass/>",
     "<!DOCTYPE robot>",
     "\0",
-    "\x1b",
     "\ud800",
     "\ufeff",
-    "\uffff",
 )
 ENCODINGS = (*sorted(set(aliases.values())), "unknown")
 

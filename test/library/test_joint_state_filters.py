@@ -28,7 +28,9 @@ def accept(assembler, names, stamp, position, velocity=()):
 
 
 def estimates(times, positions, time, *, turns=False, longest=LONG):
-    """Return the estimate after each position of one joint, NaN before there is one; times in nanoseconds."""
+    """Return the estimate after each position of one joint, NaN before there is one; times in
+    nanoseconds.
+    """
     options = Options({"*": 1e-9 * longest}, estimate_velocity=True, velocity_filter_time=time)
     assembler = StateAssembler(Joints(("joint",), continuous=frozenset(["joint"] * turns)), options)
     found = [

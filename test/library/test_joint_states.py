@@ -92,7 +92,9 @@ def assert_equal(actual, expected, what):
 
 
 def test_efforts_without_gravity():
-    """Recordings add m g l sin q to efforts that lack gravity, and nothing to those of a floating base."""
+    """Recordings add m g l sin q to efforts that lack gravity, and nothing to those of a floating
+    base.
+    """
     lacking = {"effort_includes_gravity": ["*=false"]}
     drive = Message(joint_state(("drive",), [0.7], [0.0], [2.0]), NOW)
     (state,) = read_columns(model("wheel"), lacking, [drive]).states
@@ -211,7 +213,9 @@ def test_parameters_that_change():
 
 
 def test_start_anew():
-    """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late stamp."""
+    """After a pause all joints have to arrive, and nothing of before is a jump, a step or a late
+    stamp.
+    """
     reader = Reader(
         model("arm"), {"plausibility.jump": 0.1, "missing_velocity": "estimate", "max_age": 1.0}
     )
@@ -246,7 +250,9 @@ def test_start_anew():
 
 
 def test_clock_offset():
-    """The offset is that of the last accepted stamp, whether or not a state is complete; others do not change it."""
+    """The offset is that of the last accepted stamp, whether or not a state is complete; others do
+    not change it.
+    """
     reader = Reader(model("arm"), {"max_age": 1.0})
 
     def offset(names, stamp, position=1.0, now=NOW):
@@ -301,7 +307,9 @@ def test_the_text_of_a_displaced_robot_has_both_positions():
 
 
 def test_long_messages_fill_no_memory():
-    """Places of messages, their layouts and names are kept up to a length, whatever names are sent; all are judged."""
+    """Places of messages, their layouts and names are kept up to a length, whatever names are sent;
+    all are judged.
+    """
     reader = Reader(model("arm"), {}, as_bytes=True)
 
     def read(name, length):

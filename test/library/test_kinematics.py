@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Jacobians, motions of links and configurations: against Pinocchio, and by the properties that define them."""
+"""Jacobians, motions of links and configurations: against Pinocchio, and by the properties that
+define them.
+"""
 
 import math
 
@@ -43,7 +45,9 @@ def some_links(model, rng):
 
 @pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
 def test_jacobian_and_motion_of_links(one):
-    """Columns, velocities and both accelerations are Pinocchio's, in both frames; J q̇ is the velocity."""
+    """Columns, velocities and both accelerations are Pinocchio's, in both frames; J q̇ is the
+    velocity.
+    """
     model, oracle = loaded(one)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(4)
     for _ in range(2):
@@ -95,7 +99,9 @@ def test_integrate_and_difference(one):
 
 
 def test_difference_takes_the_shorter_way():
-    """Of angles that turn round within half a turn; of a revolute joint with limits, the way there is."""
+    """Of angles that turn round within half a turn; of a revolute joint with limits, the way there
+    is.
+    """
     model = dd.load_urdf(random_tree(3, 6, ("continuous", "planar")))
     q = model.neutral
     around = q.copy()
@@ -166,7 +172,9 @@ def test_wrong_arguments_are_named():
 
 
 def test_a_screw_is_no_angle_that_turns_round():
-    """A continuous joint that another one follows is elsewhere after a turn: its difference is the whole way."""
+    """A continuous joint that another one follows is elsewhere after a turn: its difference is the
+    whole way.
+    """
     urdf = description(
         "screw",
         link("base"),

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laws of diagonalized dynamics (support/laws.py) over fixed, floating and coupled robots, against Pinocchio.
+"""The laws of diagonalized dynamics (support/laws.py) over fixed, floating and coupled robots,
+against Pinocchio.
 
 Also what depends on what, to the bit, and what the interface promises.
 """
@@ -50,7 +51,9 @@ def test_law(robot, law):
 
 
 def test_names(robot):
-    """Joints are Pinocchio's but for mimic joints that are coupled, base to tip; links are the URDF's."""
+    """Joints are Pinocchio's but for mimic joints that are coupled, base to tip; links are the
+    URDF's.
+    """
     model, oracle = robot.model, robot.oracle
     assert model.nv == len(model.dof_names) == oracle.nv
     assert model.nq == len(model.coordinate_names) == oracle.nq
@@ -68,7 +71,9 @@ def test_names(robot):
 
 
 def test_coulomb_friction_is_smooth_at_rest():
-    """Odd, rising and continuous, f sign(q̇) but for 1e-4 beyond 25 mrad/s; its rate stays with the model."""
+    """Odd, rising and continuous, f sign(q̇) but for 1e-4 beyond 25 mrad/s; its rate stays with the
+    model.
+    """
     urdf = re.sub(
         'damping="[^"]*" friction="[^"]*"', 'damping="0" friction="1.5"', robots.robot(PANDA).urdf
     )
@@ -105,7 +110,9 @@ def test_coulomb_friction_is_smooth_at_rest():
 
 
 def others(robot, case, names):
-    """Return copies of the sample's q, q̇ and τ in which the dofs of `names` are changed, the rest to the bit."""
+    """Return copies of the sample's q, q̇ and τ in which the dofs of `names` are changed, the rest
+    to the bit.
+    """
     step = 0.7 * np.isin(np.arange(robot.model.nv), list(names))
     q, qd, tau, _ = case.sample
     moved, o = robot.oracle.moved(q, step), robot.oracle
@@ -253,7 +260,9 @@ def test_answers_share_no_memory(panda):
     "robot", [robots.robot(PANDA), NAMED["parallel gripper"]._replace(mimic="embed")]
 )
 def test_gravity_argument(robot, gravity):
-    """Gravity is an argument or a change of the model, reaches everything it belongs to, and never C."""
+    """Gravity is an argument or a change of the model, reaches everything it belongs to, and never
+    C.
+    """
     moved, earth = load(robot, gravity=gravity), load(robot)
     changed = dd.DiagonalDynamics(earth.model.with_gravity(gravity))
     for c, before in zip(moved.cases, earth.cases, strict=True):

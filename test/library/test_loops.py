@@ -349,7 +349,9 @@ def test_far_positions():
 
 
 def test_choice_among_many_joints(monkeypatch):
-    """Driven joints are independent, and loops can be closed, also where not all choices are compared."""
+    """Driven joints are independent, and loops can be closed, also where not all choices are
+    compared.
+    """
     monkeypatch.setattr(reader, "MAX_CHOICES", 0)
     for urdf, own in (
         (SPATIAL, [BALL]),
@@ -449,7 +451,9 @@ HINGE = CONSTRAINT.replace("TYPE", "continuous")
 
 @pytest.mark.parametrize("element", [LOOP_JOINT, HINGE, CONSTRAINT.replace("TYPE", "spherical")])
 def test_elements(element, tmp_path):
-    """A loop in the URDF is closed; a file may add what its element lacks, and an empty list opens it."""
+    """A loop in the URDF is closed; a file may add what its element lacks, and an empty list opens
+    it.
+    """
     expected, q, qd = (
         dd.DiagonalDynamics(dd.load_urdf(FOUR_BAR, loops=[BAR])),
         np.array([0.6, 0.1]),

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots with closed loops in what surrounds the sweeps: followers, friction, limits, joint states, simulation, control."""
+"""Robots with closed loops in what surrounds the sweeps: followers, friction, limits, joint states,
+simulation, control.
+"""
 
 import pickle
 import warnings
@@ -93,7 +95,9 @@ def test_followers_of_mimic_joints():
 
 
 def test_random_positions(tmp_path):
-    """Loops are closed there, whatever came before, also for the poses of an inspection; other joints are not moved."""
+    """Loops are closed there, whatever came before, also for the poses of an inspection; other
+    joints are not moved.
+    """
     model, rng = dd.load_urdf(five_bar(), loops=[FIVE_BAR]), np.random.default_rng(1)
     Q = np.array([model.random(rng) for _ in range(60)])
     for q in Q[::7]:
@@ -110,7 +114,9 @@ def test_random_positions(tmp_path):
 
 
 def test_open_loop():
-    """Every method names the loop and its joints where it cannot be closed; batches name the state, too."""
+    """Every method names the loop and its joints where it cannot be closed; batches name the state,
+    too.
+    """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
     dynamics, apart = dd.DiagonalDynamics(model), np.array([0.0, -1.5, 1.5])
     text = r"loop 'five' \(p1, p2, r1, r2\) of robot 'five_bar' cannot be closed at these positions"
@@ -139,7 +145,9 @@ def test_open_loop():
 
 
 def test_last_state_after_an_open_one():
-    """A state that is not on the straight line from the start is found again after one in which the loop is open."""
+    """A state that is not on the straight line from the start is found again after one in which the
+    loop is open.
+    """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
     dynamics, corner, goal = (
         dd.DiagonalDynamics(model),
@@ -164,7 +172,9 @@ def test_positions_beyond_a_gap():
 
 
 def test_rounded_axes():
-    """Axes askew by five digits of a description close a loop; rates of followers that obey it break it by no energy."""
+    """Axes askew by five digits of a description close a loop; rates of followers that obey it
+    break it by no energy.
+    """
     turned = f"{0.5 * np.pi!r} 0 0"
     askew = (
         four_bar()
@@ -201,7 +211,9 @@ def test_locked_joints_of_a_loop():
 
 
 def test_nearly_singular_loop():
-    """One warning names the loop whose independent joint is nearly at its dead point, where crank and coupler are in line."""
+    """One warning names the loop whose independent joint is nearly at its dead point, where crank
+    and coupler are in line.
+    """
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR | {"independent": ["rocker"]}])
     dead = -np.arccos(-(BASE**2 + ROCKER**2 - (CRANK + COUPLER) ** 2) / (2.0 * BASE * ROCKER))
     dynamics, q, k = dd.DiagonalDynamics(model), model.start, model.dof_names.index("rocker")
@@ -229,7 +241,9 @@ def test_nearly_singular_loop():
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous"])
 def test_limits_of_followers(kind):
-    """An independent joint stops where its follower does; if that is beyond at the start, its limits are named as omitted."""
+    """An independent joint stops where its follower does; if that is beyond at the start, its
+    limits are named as omitted.
+    """
     omitted = ("limits of joint 'rocker', which follows crank",)
     limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
     crank = '<limit lower="-3" upper="3" effort="9" velocity="9"/>'
@@ -245,7 +259,9 @@ def test_limits_of_followers(kind):
 
 
 def test_limits_by_the_loop():
-    """A rocker that drives has the range in which the loop can be closed; limits of several joints' followers are omitted."""
+    """A rocker that drives has the range in which the loop can be closed; limits of several joints'
+    followers are omitted.
+    """
     limit = '<limit lower="-6" upper="6" effort="1" velocity="1"/>'
     model = dd.load_urdf(four_bar(limit), loops=[FOUR_BAR | {"independent": ["rocker"]}])
     k = model.dof_names.index("rocker")
@@ -348,7 +364,9 @@ def test_simulated_stop():
 
 
 def test_simulated_opening():
-    """A five-bar that is torn apart ends in an error that names the loop; its state is the last good one."""
+    """A five-bar that is torn apart ends in an error that names the loop; its state is the last
+    good one.
+    """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
     simulation = dd.Simulation(model, q=model.start)
     with pytest.raises(LoopError, match=r"loop 'five' \(p1, p2, r1, r2\)"):
@@ -402,7 +420,9 @@ def send(
 
 
 def test_joint_states_with_followers(bar):
-    """Messages may have followers: positions are compared, angles wrap, efforts are reflected by G of the state."""
+    """Messages may have followers: positions are compared, angles wrap, efforts are reflected by G
+    of the state.
+    """
     assembler = StateAssembler(joints_of(bar), Options(mimic_tolerance=0.01))
     for stamp, crank in enumerate((0.5, 0.9, 1.4), 1):
         accepted = send(assembler, crank, effort=(2.0, 0.3, -1.0, 4.0), stamp=stamp)
@@ -436,7 +456,9 @@ def test_joint_states_of_an_open_loop():
 
 
 def test_energy_that_breaks_a_loop(bar):
-    """It is the least energy, by Pinocchio's M of the cut tree, from the measured rates to those with a closed loop."""
+    """It is the least energy, by Pinocchio's M of the cut tree, from the measured rates to those
+    with a closed loop.
+    """
     tree = pin.buildModelFromXML(four_bar())
     data, names = tree.createData(), list(tree.names)[1:]
     balance, rng = LoopBalance(bar), np.random.default_rng(3)
@@ -470,7 +492,9 @@ def test_energy_that_breaks_a_loop(bar):
 
 
 def test_page(bar):
-    """The page's tree, at the numbers of a frame, puts both ends of the loop on one point; it begins with a closed one."""
+    """The page's tree, at the numbers of a frame, puts both ends of the loop on one point; it
+    begins with a closed one.
+    """
     dynamics = dd.DiagonalDynamics(bar)
     layout = Layout(bar)
     q, qd = np.array([[0.7, 0.3], [-1.9, 0.1]]), np.zeros((2, 2))
@@ -492,7 +516,9 @@ def test_page(bar):
 
 
 def test_set_point():
-    """The controller brings a four-bar to a set-point and rejects one beyond the limits of a follower."""
+    """The controller brings a four-bar to a set-point and rejects one beyond the limits of a
+    follower.
+    """
     strong = '<limit lower="-3" upper="3" effort="200" velocity="9"/>'
     urdf = four_bar(
         '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>', strong, "revolute"
@@ -516,7 +542,9 @@ def test_set_point():
 
 
 def test_files(tmp_path):
-    """A file of loops is the value of loops_file: in a list of parameter files, and for the model of a node."""
+    """A file of loops is the value of loops_file: in a list of parameter files, and for the model
+    of a node.
+    """
     path = tmp_path / "loops.yaml"
     path.write_text(yaml.safe_dump({"loops": [FOUR_BAR]}))
     assert parameters_of([path]) == {"loops_file": str(path)}

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mimic joints (mimic="embed"): the model, equality with the dense GᵀMG, and what the loader rejects.
+"""Mimic joints (mimic="embed"): the model, equality with the dense GᵀMG, and what the loader
+rejects.
 
 The laws over coupled robots are in test_laws.py and test_derivatives.py.
 """
@@ -113,7 +114,9 @@ DENSE = (
     laws.power,
     laws.sweeps_are_the_factors,
 )
-"""Equality with M = GᵀM_full G, c = Gᵀc_full, g = Gᵀg_full and all that follows from them; see `coupling.Coupled`."""
+"""Equality with M = GᵀM_full G, c = Gᵀc_full, g = Gᵀg_full and all that follows from them; see
+`coupling.Coupled`.
+"""
 
 
 def check(robot):
@@ -172,7 +175,9 @@ def with_dynamics(urdf, seed):
 
 @pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
 def test_friction_and_limits(spec):
-    """Followers brake their leaders: Σ multiplier² d and Σ |multiplier| f; a leader's limits are its own."""
+    """Followers brake their leaders: Σ multiplier² d and Σ |multiplier| f; a leader's limits are
+    its own.
+    """
     robot = load(spec._replace(source=with_dynamics(spec.urdf, len(spec.id))))
     model, o = robot.model, robot.oracle
 
@@ -227,7 +232,9 @@ def test_order_of_the_description_and_copies(spec):
 
 
 def chain(mimics, branches=()):
-    """Return the model of joints a to f, one on the other, and of branches; `mimics` has the source of each mimic joint."""
+    """Return the model of joints a to f, one on the other, and of branches; `mimics` has the source
+    of each mimic joint.
+    """
     names = "abcdef"
     parents = {name: names[k - 1] if k else "base" for k, name in enumerate(names)} | dict(branches)
     body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
@@ -305,7 +312,9 @@ def tip(follower, massless=()):
 
 
 def test_massless_group():
-    """Where neither leader nor followers move inertia the leader is refused by name, or held with them."""
+    """Where neither leader nor followers move inertia the leader is refused by name, or held with
+    them.
+    """
     urdf = tip("b", massless=("a", "b")).replace("</robot>", "") + (
         link("c_link", 1.0, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
         + joint("c", "revolute", "base", "c_link")
@@ -379,7 +388,9 @@ def test_refused(case):
 
 @pytest.mark.parametrize(("multiplier", "length"), [(1e30, 2), (-1e30, 7), (1e-30, 11)])
 def test_chain_beyond_all_numbers_is_refused(multiplier, length):
-    """Of single multipliers that are legal; where the product of tiny ones vanishes it would hold the follower in silence."""
+    """Of single multipliers that are legal; where the product of tiny ones vanishes it would hold
+    the follower in silence.
+    """
     body = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
     elements = [
         link("base"),
@@ -424,7 +435,9 @@ def test_sources_that_the_robot_does_not_have():
     "name", ["follower of a follower", "multiplier 0", "leader is fixed", "massless follower link"]
 )
 def test_free_and_lock(name):
-    """Free, all joints are independent; locked, followers stand where their leaders at zero have them."""
+    """Free, all joints are independent; locked, followers stand where their leaders at zero have
+    them.
+    """
     spec = NAMED[name]
     c = Coupling(ET.fromstring(spec.urdf), {})
     if "massless" not in name:

@@ -25,7 +25,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 @pytest.mark.parametrize("referee", [by_pinocchio, by_mujoco])
 @pytest.mark.parametrize("name", some_of(SCENES, 3))
 def test_motion(name, referee):
-    """Ours is where theirs is, to a millionth of the way; each force and the payload matter a thousand times as much."""
+    """Ours is where theirs is, to a millionth of the way; each force and the payload matter a
+    thousand times as much.
+    """
     it = scene(name)
     sim = ours(it, 0.1)
     x, qd = referee(it, 0.1, 5e-4)
@@ -42,7 +44,9 @@ def test_motion(name, referee):
 
 @pytest.fixture(scope="module")
 def twin():
-    """Return a flexible Panda, and it in MuJoCo: hinges of links and rotors, with springs between them as tendons."""
+    """Return a flexible Panda, and it in MuJoCo: hinges of links and rotors, with springs between
+    them as tendons.
+    """
     panda = dd.FlexibleDynamics(model())
 
     def add_springs(spec):

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiled kernels: exceptions, first calls, sine and cosine, and a cache that detects damage and other sources."""
+"""Compiled kernels: exceptions, first calls, sine and cosine, and a cache that detects damage and
+other sources.
+"""
 
 import logging
 import math
@@ -90,7 +92,9 @@ def test_first_calls():
     "part", ["_optimize_functions", "_optimize_final_module", "_finalize_final_module"]
 )
 def test_other_inside_of_numba(part, monkeypatch, caplog):
-    """Where a private part fails, or gives another number, numba links kernels itself, to the same bits."""
+    """Where a private part fails, or gives another number, numba links kernels itself, to the same
+    bits.
+    """
 
     def results():
         @kernel
@@ -254,7 +258,9 @@ def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
 
 
 def test_folder_of_compiled_code(tmp_path, monkeypatch, caplog):
-    """The first writable one of $NUMBA_CACHE_DIR, or of $XDG_CACHE_HOME and the temporary folder; else none."""
+    """The first writable one of $NUMBA_CACHE_DIR, or of $XDG_CACHE_HOME and the temporary folder;
+    else none.
+    """
     occupied = tmp_path / "file"
     occupied.touch()
     chosen = cache.cache_folder.__wrapped__
@@ -327,7 +333,9 @@ CLOSURES = {
 
 @pytest.mark.parametrize("module", CLOSURES)
 def test_hash_of_sources(module, tmp_path, monkeypatch):
-    """An edit of a module changes the hash of those that import it, because numba inlines functions of other files."""
+    """An edit of a module changes the hash of those that import it, because numba inlines functions
+    of other files.
+    """
     copy = tmp_path / "diag_dynamics"
     shutil.copytree(
         PACKAGE,

@@ -75,7 +75,9 @@ def numbers_of(frame):
 
 
 def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
-    """If this fails after a change of frames or packing: python3 test/support/page_fixture.py, then npm test in web/."""
+    """If this fails after a change of frames or packing: python3 test/support/page_fixture.py, then
+    npm test in web/.
+    """
     stored, made = json.loads(page_fixture.PATH.read_text(encoding="utf-8")), page_fixture.content()
     for one in (stored, made):
         one["frames"] = [numbers_of(unpacked(text)) for text in one["frames"]]
@@ -271,7 +273,9 @@ def test_unknown_values_are_nan_and_flagged(panda):
 
 
 def test_many_states_are_as_one_by_one(panda):
-    """Frames of a recording, in pieces or not, are those of a live robot; dK continues from piece to piece."""
+    """Frames of a recording, in pieces or not, are those of a live robot; dK continues from piece
+    to piece.
+    """
     dyn = dd.DiagonalDynamics(panda)
     q, qd, tau = some(panda, 40)
     t = 100.0 + 0.01 * np.arange(40)
@@ -441,7 +445,9 @@ def test_scenes_of_robots(id, meshes):
 
 
 def test_the_tree_of_a_panda(panda):
-    """The degree of freedom that moves each link: the one of the source joint, for a mimic joint; none, for the base."""
+    """The degree of freedom that moves each link: the one of the source joint, for a mimic joint;
+    none, for the base.
+    """
     tree = tree_of(panda)
     dofs = dict(zip(panda.link_names, (one["dofs"] for one in tree["links"]), strict=True))
     assert [dofs[name] for name in ("panda_link0", "panda_link3", "panda_hand")] == [[], [2], [6]]
@@ -454,7 +460,9 @@ TORSO = ("waist", "chest")
 
 
 def tree(*chains):
-    """Return a URDF of chains of links 0.2 m apart; each has the link that carries it, names, and how joints move."""
+    """Return a URDF of chains of links 0.2 m apart; each has the link that carries it, names, and
+    how joints move.
+    """
     parts = [link("base", *BLOCK)]
     for parent, names, kind in chains:
         for name in names:
@@ -507,7 +515,9 @@ def fingers(*names, length, parent="palm"):
     ],
 )
 def test_the_end_effector_link_of_trees(expected, chains, options):
-    """The last link of the longest chain, before fingers, also with 4 kg in the hand and with a camera on its side."""
+    """The last link of the longest chain, before fingers, also with 4 kg in the hand and with a
+    camera on its side.
+    """
     text = tree(*chains)
     model = dd.load_urdf(text, **options)
     assert Layout(model).to_json()["end_effector"] == expected

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page's server over real connections. A test waits for messages and answers, never for time to pass."""
+"""The page's server over real connections. A test waits for messages and answers, never for time to
+pass.
+"""
 
 import contextlib
 import http.client
@@ -123,7 +125,9 @@ def test_requests_that_are_rejected(address, status, path):
 
 
 def test_only_get_by_its_own_name_and_its_own_page(address):
-    """The server rejects host names of others (DNS rebinding), and pages of others: these may open websockets."""
+    """The server rejects host names of others (DNS rebinding), and pages of others: these may open
+    websockets.
+    """
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS"):
         assert get(address, "/robots", method)[0] == 405
     names = {
@@ -255,7 +259,9 @@ def test_streams_share_the_maximum_of_frames(serve, arm, monkeypatch):
 
 
 def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
-    """Other texts do nothing, a failure ends no stream, and a tab pushes ten times per second at most."""
+    """Other texts do nothing, a failure ends no stream, and a tab pushes ten times per second at
+    most.
+    """
     links = queue.Queue()
 
     def push(link):

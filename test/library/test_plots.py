@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots: numbers of what they draw against results of the library and Pinocchio, gaps, peaks, colours and errors."""
+"""Plots: numbers of what they draw against results of the library and Pinocchio, gaps, peaks,
+colours and errors.
+"""
 
 import re
 import sys
@@ -68,7 +70,9 @@ def sliding(velocity):
 
 
 def test_energy_is_stacked_by_joint(recording):
-    """The top of the stack is K, each layer is as thick as the share of its joint; one layer is of all others."""
+    """The top of the stack is K, each layer is as thick as the share of its joint; one layer is of
+    all others.
+    """
     s = DYN.evaluate(Q[:2000], QD[:2000])
     figure, ax = plt.subplots()
     axes = dd.plot.energy(s, T[:2000] + 7.0, ax=ax)
@@ -252,7 +256,9 @@ def test_tree_has_every_freedom_with_its_inertia():
 
 
 def test_style_of_matplotlib_counts_for_text():
-    """Text and K have the style's colour, layers different ones; a name has no mathematics between dollars."""
+    """Text and K have the style's colour, layers different ones; a name has no mathematics between
+    dollars.
+    """
     with plt.style.context("dark_background"):
         axes = dd.plot.energy(sliding(np.ones((3, 8))))
     assert [line.get_color() for line in axes.lines] == ["white"]

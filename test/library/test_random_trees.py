@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random trees of every kind of joint against Pinocchio: hypothesis draws the shape, a seed the numbers.
+"""Random trees of every kind of joint against Pinocchio: hypothesis draws the shape, a seed the
+numbers.
 
 To look at many more: see examples.py.
 """
@@ -70,7 +71,9 @@ def shapes(draw, least=1, most=10, kinds=KINDS, back=4, spread=2.0):
 
 
 def inertia(rng, shape):
-    """Return mass, centre of mass and a physical inertia about it, of a body about as large as the links are long."""
+    """Return mass, centre of mass and a physical inertia about it, of a body about as large as the
+    links are long.
+    """
     mass = 10.0 ** rng.uniform(-shape.spread, shape.spread)
     size = shape.length * 10.0 ** (0.3 * rng.uniform(-shape.spread, shape.spread))
     second = np.diag(
@@ -303,7 +306,8 @@ def test_chains(shape):
 def test_magnitudes(shape):
     """Masses from ten nanograms to a hundred thousand tonnes in one robot.
 
-    Only what rounding cannot tell from a singular M is refused as such: never where cond(M) is below 1e8.
+    Only what rounding cannot tell from a singular M is refused as such: never where cond(M) is
+    below 1e8.
     """
     try:  # Pinocchio's aba is itself wrong there, by 1e-3 with large armature; its rnea is not
         check(shape, [law for law in LAWS if law is not forward_dynamics_of_aba])
@@ -323,7 +327,9 @@ def condition_without_library(tree):
 @examples(40)
 @given(shapes(most=8), st.sampled_from((-9, -6, 6, 9)), st.sampled_from((-3, 3)))
 def test_units_do_not_matter(shape, mass, length):
-    """All masses and lengths of a robot in other units: no other verdict, the same ν and C but for the unit."""
+    """All masses and lengths of a robot in other units: no other verdict, the same ν and C but for
+    the unit.
+    """
     tree = Tree(shape)
     other = in_other_units(tree.urdf, 10.0**mass, 10.0**length)
     a, b = (
@@ -347,7 +353,9 @@ def test_units_do_not_matter(shape, mass, length):
     "axis", [(1, 0, 0), (0, 1, 0), (0, 0, -1), (-3, 0, 0), (1, 2, -2), (0.3, -0.1, 0.2)], ids=str
 )
 def test_planar_joint_moves_normal_to_its_axis(axis):
-    """A planar joint with any axis is one along z in a frame whose z that axis is (Pinocchio takes z for every one)."""
+    """A planar joint with any axis is one along z in a frame whose z that axis is (Pinocchio takes
+    z for every one).
+    """
     tree = Tree(
         Shape(
             ("revolute", "planar", "prismatic"),

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reports have the library's numbers of the recording, every state around contacts, and a bounded size."""
+"""Reports have the library's numbers of the recording, every state around contacts, and a bounded
+size.
+"""
 
 import gzip
 import io
@@ -55,7 +57,9 @@ PER_DOF = {
 
 
 def test_columns_of_tables(tmp_path):
-    """Parquet has units in metadata and NaN, CSV units in the header and empty fields; both have the library's numbers."""
+    """Parquet has units in metadata and NaN, CSV units in the header and empty fields; both have
+    the library's numbers.
+    """
     links = (
         link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
         for name in ("one", "two")
@@ -188,7 +192,9 @@ def test_no_peak_is_missing_from_the_overview():
 
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
 def test_all_states_around_contacts_are_kept(size):
-    """The size of pieces has no effect. Of a long contact, states around its start and end are kept."""
+    """The size of pieces has no effect. Of a long contact, states around its start and end are
+    kept.
+    """
 
     def runs_of(states):
         contacts = ContactRuns()
@@ -214,7 +220,9 @@ def test_all_states_around_contacts_are_kept(size):
 
 
 def test_mean_powers_are_works_by_time():
-    """Of K = t² and a work of 3t² the powers are 2t and 6t; NaN over a gap and where an effort is missing."""
+    """Of K = t² and a work of 3t² the powers are 2t and 6t; NaN over a gap and where an effort is
+    missing.
+    """
     t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
     powers = np.repeat(6.0 * t[:, None], 4, axis=1)
     powers[1500:1600, 0] = np.nan
@@ -242,7 +250,9 @@ def unpacked(data, columns, rows):
 
 
 def test_packed_numbers_come_back():
-    """Steps of noisy columns are a third of its standard deviation, and never coarser than the signal needs."""
+    """Steps of noisy columns are a third of its standard deviation, and never coarser than the
+    signal needs.
+    """
     rng, t = np.random.default_rng(6), np.linspace(0.0, 9.0, 3000)
     columns = (
         np.sin(t),
@@ -431,7 +441,9 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
 
 
 def test_times_behind_a_long_gap_are_right(recording):
-    """Two hours are longer than the 71.6 minutes of 32-bit microseconds. A made model has no points of contact."""
+    """Two hours are longer than the 71.6 minutes of 32-bit microseconds. A made model has no points
+    of contact.
+    """
     columns, path, html = (
         recording.columns(slice(0, 1000)),
         *(recording.folder / f"gap.{kind}" for kind in ("npz", "html")),
@@ -460,7 +472,9 @@ def test_a_page_that_is_not_built(tmp_path):
 
 
 def test_contacts_and_the_touched_link(recording):
-    """A weak push is a contact and no collision. States of both have the link and the force that the library estimates."""
+    """A weak push is a contact and no collision. States of both have the link and the force that
+    the library estimates.
+    """
     names, covariance = recording.model.dof_names, np.diag([0.2, 0.3, 0.1]) ** 2
     (recording.folder / "pushes.yaml").write_text(
         f"""/**:

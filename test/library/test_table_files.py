@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables by `read_recording`: CSV and the like, Parquet, npz. Nothing is guessed, and nothing is lost in silence."""
+"""Tables by `read_recording`: CSV and the like, Parquet, npz. Nothing is guessed, and nothing is
+lost in silence.
+"""
 
 import bz2
 import gzip
@@ -156,7 +158,9 @@ PACKED = {
 
 @pytest.fixture(scope="module")
 def long_text():
-    """A text of several pieces that no packer does in one go, the last line of which is no row; and its positions."""
+    """A text of several pieces that no packer does in one go, the last line of which is no row; and
+    its positions.
+    """
     positions, pad = [random.Random(4).random() + 1e-6 * k for k in range(25_000)], "x" * 20
     rows = "".join(f"{k / 1000},{one},0,{pad}\n" for k, one in enumerate(positions))
     return f"t,q1,qd1,pad\n{rows}1\n".encode(), positions
@@ -218,7 +222,9 @@ HOSTILE = {
 
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_hostile_texts(written, kind):
-    """What is no row is counted, with its first line; numbers that are garbage are left to the monitor's rules."""
+    """What is no row is counted, with its first line; numbers that are garbage are left to the
+    monitor's rules.
+    """
     rows, times, unread = HOSTILE[kind]
     content = b"t,q_a,q_b\n" + (rows.encode() if isinstance(rows, str) else rows)
     columns = {
@@ -336,7 +342,9 @@ def test_files_that_are_cut_or_none(written, monkeypatch):
 
 
 def test_rows_of_other_topics_are_no_messages(written):
-    """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are messages."""
+    """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are
+    messages.
+    """
     rows = [
         f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n"
         for k in range(20)
@@ -387,7 +395,9 @@ def test_rows_of_other_topics_are_no_messages(written):
 
 @pytest.fixture
 def in_columns(written):
-    """Read a table by its header; row r of column k is k / 10 + r / 100, so that each number says where it was."""
+    """Read a table by its header; row r of column k is k / 10 + r / 100, so that each number says
+    where it was.
+    """
 
     def opened(header, columns=None, joints=ARM, rows=3):
         lines = [
@@ -400,7 +410,9 @@ def in_columns(written):
 
 
 def found(recording):
-    """Return the columns that a recording of :func:`in_columns` was read from: time, position, velocity, effort."""
+    """Return the columns that a recording of :func:`in_columns` was read from: time, position,
+    velocity, effort.
+    """
     states = recording.states
     q, qd, tau = (
         [round(10 * (x - 0.02), 6) for x in one[-1]]
@@ -881,7 +893,9 @@ def test_a_rate_in_place_of_times(written):
 
 
 def test_files_side_by_side(tmp_path):
-    """By the number of the row, or by times; of these the shared ones count. Headers may have joints, numbers or nothing."""
+    """By the number of the row, or by times; of these the shared ones count. Headers may have
+    joints, numbers or nothing.
+    """
     values, t = side_by_side(30_000), np.arange(30_000) / 500
     for names, more in ((ARM, {}), (("j1", "j2", "j3"), {}), ((), {"header": False})):
         paths = [

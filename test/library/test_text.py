@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names from files and messages: shown without any character that acts on a terminal, a log or a picture."""
+"""Names from files and messages: shown without any character that acts on a terminal, a log or a
+picture.
+"""
 
 import math
 import pickle
@@ -87,7 +89,9 @@ def test_length_of_errors():
 
 
 def urdf(*, mass="1.0", ixx="0.01"):
-    """Return a robot with control characters in names. XML allows &#10;, a new line, in an attribute."""
+    """Return a robot with control characters in names. XML allows &#10;, a new line, in an
+    attribute.
+    """
     name = FORGED.replace("\n", "&#10;")
     return f"""<robot name="arm&#10;&#x9b;31m"><link name="base"/>
       <joint name="{name}" type="continuous"><parent link="base"/><child link="&#x202e;tip"/><axis xyz="0 0 1"/></joint>

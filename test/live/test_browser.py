@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page in Chromium. One smoke test is of the gate; the functions of the page have tests of their own in web/test."""
+"""The page in Chromium. One smoke test is of the gate; the functions of the page have tests of
+their own in web/test.
+"""
 
 import csv
 import threading
@@ -48,7 +50,9 @@ def still(dynamics):
 
 @pytest.fixture
 def serve():
-    """Serve robots in this process; returns a function that takes their streams and returns the server."""
+    """Serve robots in this process; returns a function that takes their streams and returns the
+    server.
+    """
     servers = []
 
     def start(*streams):
@@ -251,24 +255,6 @@ def test_doubts_silence_diagnostics_and_another_robot(live, panda):
 
 
 @pytest.mark.full
-def test_the_camera_fits_follows_and_has_views(live, panda):
-    """All links are within the picture at each view and size; a followed link stays at its centre."""
-    for width, height in ((390, 844), (1400, 500), (1280, 720)):
-        live.page.set_viewport_size({"width": width, "height": height})
-        for view in ("Front", "Side", "Top", "Iso"):
-            live.page.get_by_role("button", name=view, exact=True).click()
-            live.until(f"diag.camera === '{view.lower()}' && diag.outside.length === 0")
-    live.page.keyboard.press("g")
-    first = live.ask("diag.target")
-    live.until(f"Math.hypot(...diag.target.map((x, k) => x - {first}[k])) > 0.05")
-    _, (q, *_), _ = paused(live, panda[0])
-    place = dd.DiagonalDynamics(panda[0].model).placement(q, "panda_hand")[:3, 3]
-    np.testing.assert_allclose(live.ask("diag.target"), place, atol=1e-4)
-    live.page.keyboard.press("Shift+F")
-    live.until("diag.camera === 'iso' && diag.outside.length === 0")
-
-
-@pytest.mark.full
 def test_no_text_is_cut_off(live):
     for width, height in (*SIZES, (1280, 720)):
         live.page.set_viewport_size({"width": width, "height": height})
@@ -317,7 +303,9 @@ def recording(tmp_path_factory):
 
 @pytest.mark.full
 def test_a_report_shows_the_recording(chromium, recording):
-    """Numbers and contact of moments in the overview and at full rate, words, buttons and panels; without a network."""
+    """Numbers and contact of moments in the overview and at full rate, words, buttons and panels;
+    without a network.
+    """
     options = [
         "--quiet",
         "--set",

@@ -272,7 +272,9 @@ ROBOTS = [  # command line, status, text on either stream
     ("line", "expected", "text"), ROBOTS, ids=[str(line)[:60] for line, *_ in ROBOTS]
 )
 def test_robots(line, expected, text, run):
-    """A URDF, an MJCF, a name, and a xacro file with its arguments anywhere on the line, of every command."""
+    """A URDF, an MJCF, a name, and a xacro file with its arguments anywhere on the line, of every
+    command.
+    """
     status, out, error = run(line)
     assert status == expected and text in out + error
 
@@ -334,7 +336,9 @@ def test_inspect_for_programs(run):
 
 
 def test_estimated_inertias(run, tmp_path):
-    """They go into a new file, equal to those that load_urdf estimates; links without an estimate are named."""
+    """They go into a new file, equal to those that load_urdf estimates; links without an estimate
+    are named.
+    """
     new = tmp_path / "new.urdf"
     status, out, _ = run(f"inspect bare.urdf {ESTIMATE}")
     assert status == 0 and "arm: 6 kg, estimated from collision box" in out
@@ -366,7 +370,9 @@ def test_estimated_inertias(run, tmp_path):
 
 
 def assert_report(page, quality):
-    """A report has a drawing with curves of each joint, every parameter and every step, and loads nothing."""
+    """A report has a drawing with curves of each joint, every parameter and every step, and loads
+    nothing.
+    """
     root = etree.HTML(page)
     tables = {table.findtext("thead/tr/th"): table for table in root.iter("table")}
     for name, (_, after) in quality["torque_rms"].items():
@@ -431,7 +437,9 @@ def test_known_parameters(run, tmp_path):
 
 
 def test_parameters_hold_for_all_recordings(run):
-    """Recordings after the first, and the reference: efforts of all are in half N m. The model lacks friction."""
+    """Recordings after the first, and the reference: efforts of all are in half N m. The model
+    lacks friction.
+    """
     options = "--urdf ur5_robot --what payload:ee_link --set effort_scale=*=0.5 --json -"
     status, out, _ = run(f"identify doubled.csv doubled.csv {options} --reference doubled.csv")
     assert status == 1 and abs(json.loads(out)["payload"]["mass"]) < 0.05
@@ -454,7 +462,8 @@ def test_all_entry_kernels_are_compiled():
 def test_compile_in_this_process(run, tmp_path, monkeypatch):
     """Progress reaches 100 %; a failure is named.
 
-    --if-needed compiles other units, lost code, and the same sources of another time, for which numba ignores its cache.
+    --if-needed compiles other units, lost code, and the same sources of another time, for which
+    numba ignores its cache.
     """
     done, source = [], tmp_path / "source.py"
     monkeypatch.setattr(compiling, "cache_folder", lambda: tmp_path)
@@ -496,7 +505,9 @@ LONG = {"sweeps.kinematics": 1, "simulation.steps": 14, "sweeps.batch": 9, "swee
 @pytest.mark.full
 @pytest.mark.parametrize("end", ["all", "first", "killed"])
 def test_a_signal_ends_compiling(end, tmp_path):
-    """A terminal sends Ctrl-C to all processes, a launcher to the first one. All end; what was compiled is kept."""
+    """A terminal sends Ctrl-C to all processes, a launcher to the first one. All end; what was
+    compiled is kept.
+    """
     (tmp_path / "sitecustomize.py").write_text(
         f"from diag_dynamics.cli import compile as c; c.UNITS = {LONG!r}"
     )
@@ -525,7 +536,9 @@ def test_a_signal_ends_compiling(end, tmp_path):
 
 @pytest.mark.full
 def test_compiled_where_it_is_installed(tmp_path):
-    """By CMake, at the end of an installation: what is installed, wherever that is; never where a package is made."""
+    """By CMake, at the end of an installation: what is installed, wherever that is; never where a
+    package is made.
+    """
     (tmp_path / "CMakeLists.txt").write_text(
         f"""
         cmake_minimum_required(VERSION 3.21)

@@ -168,7 +168,9 @@ def test_parameters_by_task():
 
 @pytest.mark.ros
 def test_topics_of_the_monitor_agree():
-    """The lists of interfaces, of types, of rates and of the order of publishing have the same topics."""
+    """The lists of interfaces, of types, of rates and of the order of publishing have the same
+    topics.
+    """
     from diag_dynamics.nodes.monitor.outputs import TYPES
     from diag_dynamics.nodes.support.topics import ORDER
     from diag_dynamics.parameters.monitor import RATES

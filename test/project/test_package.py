@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The package as a whole: public names, dependencies, interfaces, versions, the map of the paper, examples, launch files."""
+"""The package as a whole: public names, dependencies, interfaces, versions, the map of the paper,
+examples, launch files.
+"""
 
 import inspect
 import json
@@ -137,7 +139,9 @@ def test_versions_and_licences_agree():
 
 
 def test_compiled_code_is_stale_after_any_change_of_its_sources():
-    """The key of the cache has all modules that Python has imported for kernels: no import is of another form."""
+    """The key of the cache has all modules that Python has imported for kernels: no import is of
+    another form.
+    """
     for path, source in SOURCES.items():
         if "from diag_dynamics.numerics" in source:
             lines = re.findall(r"^(?:import|from) .*diag_dynamics.*$", source, re.M)
@@ -303,7 +307,9 @@ LAUNCHED = {
 @pytest.mark.ros
 @pytest.mark.parametrize("file", sorted({*LAUNCH_FILES} - {"ros2_control"}))
 def test_launches_give_parameters(file):
-    """Executables, names, namespaces and parameters of the nodes exist; without arguments params_file decides."""
+    """Executables, names, namespaces and parameters of the nodes exist; without arguments
+    params_file decides.
+    """
     arguments, expected = LAUNCHED[file]
     nodes = launched(file, **arguments, namespace="arm", params_file="my.yaml")
     for executable, node in nodes.items():

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Programs and commands of the pages: the tutorial from its first block to its last, and blocks on recordings.
+"""Programs and commands of the pages: the tutorial from its first block to its last, and blocks on
+recordings.
 
-The latter read a robot and its recordings: a UR5 with friction and rotor inertia that its URDF does not have.
+The latter read a robot and its recordings: a UR5 with friction and rotor inertia that its URDF does
+not have.
 """
 
 import os
@@ -36,7 +38,9 @@ RATE = 100.0
 
 
 def motion(model, seconds, seed):
-    """Return times, positions, velocities and efforts of a robot whose URDF lacks friction and rotor inertia."""
+    """Return times, positions, velocities and efforts of a robot whose URDF lacks friction and
+    rotor inertia.
+    """
     unknown = dd.JointParameters(damping=2.0, friction=3.0, armature=0.2)
     real = dd.DiagonalDynamics(
         model.with_parameters(dd.Parameters(joints=dict.fromkeys(model.dof_names, unknown)))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Releases: sdist, wheel, site, page bundle, systemd units, containers, the set-up script, and benchmarks."""
+"""Releases: sdist, wheel, site, page bundle, systemd units, containers, the set-up script, and
+benchmarks.
+"""
 
 import os
 import re

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control study: its page has the tables of its data, and its short form finds what the laws promise."""
+"""The control study: its page has the tables of its data, and its short form finds what the laws
+promise.
+"""
 
 import json
 import os

@@ -12,13 +12,16 @@ norm = np.linalg.norm
 def tolerance(truth) -> float:
     """Return the relative tolerance against an oracle's `State`, which is exact but for rounding.
 
-    It scales with cond(M), M in units in which its diagonal is 1: those of ν, in which all dofs weigh alike.
+    It scales with cond(M), M in units in which its diagonal is 1: those of ν, in which all dofs
+    weigh alike.
     """
     return max(1e-12, 100 * EPS * truth.scaled_condition)
 
 
 def assert_close(actual, expected, tolerance, scale=None):
-    """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the expected."""
+    """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the
+    expected.
+    """
     actual, expected = np.asarray(actual), np.asarray(expected)
     assert actual.shape == expected.shape
     assert actual.dtype == np.float64

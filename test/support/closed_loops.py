@@ -4,7 +4,8 @@
 """An oracle of robots with closed loops, from Pinocchio. Imports nothing of diag_dynamics.
 
 Points of links that coincide, and curves of joints that follow others, are constraints. Their
-Jacobians J and J̇ give q̇_full = G q̇ and Ġ. Then M = GᵀM_full G, and the rest as `coupling.Coupled`.
+Jacobians J and J̇ give q̇_full = G q̇ and Ġ. Then M = GᵀM_full G, and the rest as
+`coupling.Coupled`.
 """
 
 import numpy as np

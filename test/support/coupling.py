@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Coupled joints (URDF mimic tags) without the library: their tags, an oracle, named and random robots.
+"""Coupled joints (URDF mimic tags) without the library: their tags, an oracle, named and random
+robots.
 
 `Coupling` reads the tags: which joint follows which, and what stands still. `Coupled` is an oracle
 with the interface of `oracles.Oracle`, in independent coordinates: Pinocchio's model with every
@@ -71,7 +72,9 @@ class Coupling:
         return self.joints[name].get("type")
 
     def _position(self, name: str) -> tuple[str | None, float, float]:
-        """Return the independent joint that a joint follows in the end (None: it stands still), factor and offset."""
+        """Return the independent joint that a joint follows in the end (None: it stands still),
+        factor and offset.
+        """
         if name in self._held:
             return None, 0.0, self._held[name]
         if self.kind(name) == "fixed":
@@ -98,7 +101,9 @@ class Coupling:
 
 
 def with_payloads(urdf: str, payloads: Mapping[str, tuple]) -> str:
-    """Return a URDF with (mass, com, inertia about it) on links, each as a link "on <link>" behind a fixed joint."""
+    """Return a URDF with (mass, com, inertia about it) on links, each as a link "on <link>" behind
+    a fixed joint.
+    """
     robot = ET.fromstring(urdf)
     for name, (mass, com, inertia) in payloads.items():
         upper = np.array(inertia, dtype=float)[np.triu_indices(3)]
@@ -124,7 +129,9 @@ def upper_factor_rate(m: np.ndarray, Mdot: np.ndarray) -> np.ndarray:
 
 
 class Coupled:
-    """A robot with its mimic joints coupled: M = GᵀM_full G and so on, dense, with the interface of `Oracle`."""
+    """A robot with its mimic joints coupled: M = GᵀM_full G and so on, dense, with the interface of
+    `Oracle`.
+    """
 
     Full = Oracle
     """Class of the oracle in which all joints are independent."""
@@ -260,7 +267,9 @@ class Coupled:
     def effort_of(
         self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
     ) -> np.ndarray:
-        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
+        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or
+        the world.
+        """
         return self.G.T @ self.full.effort_of(self.q_full(q), wrenches, frame)
 
     def potential_energy(self, q: np.ndarray) -> float:
@@ -277,7 +286,9 @@ class Coupled:
         return self.G.T @ self.full.regressor(*arguments, links)
 
     def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
-        """Return the energy per URDF link with its payload; a joint's armature counts for the link it moves."""
+        """Return the energy per URDF link with its payload; a joint's armature counts for the link
+        it moves.
+        """
         energy = self.full.at(self.q_full(q), self.G @ qd).link_energy
         for name in self._payloads:
             energy[name] += energy.pop(f"on {name}")
@@ -289,7 +300,8 @@ class CoupledState(State):
 
     @cached_property
     def cancellation(self) -> float:
-        """Return what GᵀM_full G loses to rounding: the terms of its diagonal in magnitude over their sum, at most.
+        """Return what GᵀM_full G loses to rounding: the terms of its diagonal in magnitude over
+        their sum, at most.
 
         Followers may undo each other's motion, so that M_kk is a small difference of large terms.
         """
@@ -371,8 +383,9 @@ R, C, P = SINGLE
 def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Robot:
     """Return a robot of rows (parent, joint, type[, leader[, multiplier[, offset]]]).
 
-    A parent is the joint that moves it, or "base"; the links are named "<joint>_link". Those of the joints in
-    `massless` have no inertia, and those of fixed joints neither. Numbers are random, by the id.
+    A parent is the joint that moves it, or "base"; the links are named "<joint>_link". Those of the
+    joints in `massless` have no inertia, and those of fixed joints neither. Numbers are random, by
+    the id.
     """
     rng = np.random.default_rng(zlib.crc32(id.encode()))
     elements = [_body("base", rng)]
@@ -386,7 +399,9 @@ def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Ro
 
 
 def _parallel_gripper() -> Robot:
-    """Return a gripper of two parallelograms, whose tips do not turn: each tip undoes the turn of its finger."""
+    """Return a gripper of two parallelograms, whose tips do not turn: each tip undoes the turn of
+    its finger.
+    """
     box = {"inertia": (2e-4, 0, 0, 3e-4, 0, 1.5e-4)}
     elements = [link("base", 1.0, (0, 0, 0.02), (4e-3, 0, 0, 4e-3, 0, 3e-3))]
     elements += [link("palm", 0.5, (0, 0, 0.05), (1e-3, 0, 0, 1e-3, 0, 5e-4))]

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Oracles, from Pinocchio, of what goes with rates of change: ∂M/∂q, B, frame Jacobians, coupled joints.
+"""Oracles, from Pinocchio, of what goes with rates of change: ∂M/∂q, B, frame Jacobians, coupled
+joints.
 
-Imports nothing of diag_dynamics. What `oracles.State` has already (ṁ, Ḋ, C_s, all exact) is not repeated here.
+Imports nothing of diag_dynamics. What `oracles.State` has already (ṁ, Ḋ, C_s, all exact) is not
+repeated here.
 """
 
 import numpy as np
@@ -20,13 +22,17 @@ def bracket(t: State) -> np.ndarray:
 
 
 def bracket_scale(t: State) -> float:
-    """Return the size of the terms of which B is the sum: those of ℓ C_s ℓᵀ, and ℓ ṁ; 10⁻²|q̇| where all vanish."""
+    """Return the size of the terms of which B is the sum: those of ℓ C_s ℓᵀ, and ℓ ṁ; 10⁻²|q̇|
+    where all vanish.
+    """
     terms = [t.l @ part @ t.l.T for part in t.oracle.coriolis_terms(t.q, t.qd)] + [t.l @ t.mdot]
     return float(max(sum(map(np.linalg.norm, terms)), 1e-2 * np.linalg.norm(t.qd)))
 
 
 def coriolis_scale(t: State) -> float:
-    """Return the size of the terms of which C_s is the sum, or 10⁻²|M||q̇|; in units in which M_kk = 1."""
+    """Return the size of the terms of which C_s is the sum, or 10⁻²|M||q̇|; in units in which M_kk
+    = 1.
+    """
     unit = np.sqrt(np.diag(t.M))
     weigh = np.outer(unit, unit)
     terms = [np.linalg.norm(part / weigh) for part in t.oracle.coriolis_terms(t.q, t.qd)]
@@ -36,15 +42,16 @@ def coriolis_scale(t: State) -> float:
 class RateOracle(Oracle):
     """An `Oracle` whose Coriolis matrix does not lose digits.
 
-    Pinocchio's own is made of inertias about the world's origin: at a light wrist far from it, tiago's arm_7_joint with
-    M_kk = 4e-6 kg m², it is good to 1e-11 only. What it is made of here is exact to some 1e-14; the two are compared
-    in `test_derivatives.py`.
+    Pinocchio's own is made of inertias about the world's origin: at a light wrist far from it,
+    tiago's arm_7_joint with M_kk = 4e-6 kg m², it is good to 1e-11 only. What it is made of here is
+    exact to some 1e-14; the two are compared in `test_derivatives.py`.
     """
 
     def newton_euler_by_position(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return ∂(M(q) x)/∂q, that of Newton–Euler at rest and without gravity.
 
-        Of a joint with several degrees of freedom ∂/∂q is along its twist, and so is what is meant in this file.
+        Of a joint with several degrees of freedom ∂/∂q is along its twist, and so is what is meant
+        in this file.
         """
         gravity = self.model.gravity.linear.copy()
         self.model.gravity.linear = np.zeros(3)
@@ -59,14 +66,17 @@ class RateOracle(Oracle):
         return np.reshape(columns, (self.nv, self.nv)).T
 
     def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Return C_s of the Levi-Civita connection of M: C_s x is the covariant derivative of a constant x along q̇."""
+        """Return C_s of the Levi-Civita connection of M: C_s x is the covariant derivative of a
+        constant x along q̇.
+        """
         return sum(self.coriolis_terms(q, qd))
 
     def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
         """Return what C_s is the sum of.
 
-        For joints of one degree of freedom these are the Christoffel symbols, ½[Ṁ + N − Nᵀ] with N = ∂(Mq̇)/∂q. Rates
-        of the others are no derivatives of coordinates, so their Lie brackets ad come in (Koszul's formula).
+        For joints of one degree of freedom these are the Christoffel symbols, ½[Ṁ + N − Nᵀ] with N
+        = ∂(Mq̇)/∂q. Rates of the others are no derivatives of coordinates, so their Lie brackets ad
+        come in (Koszul's formula).
         """
         N = self.newton_euler_by_position(q, qd)
         terms = [self.mass_matrix_rate(q, qd), N, -N.T]
@@ -105,7 +115,9 @@ def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
 def jacobian(
     oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link"
 ) -> np.ndarray:
-    """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes of link or world."""
+    """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes
+    of link or world.
+    """
     if isinstance(oracle, Coupled):
         return jacobian(oracle.full, oracle.q_full(q), link, point, frame) @ oracle.G
     at = oracle.model.getFrameId(link, pin.FrameType.BODY)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pinocchio and MuJoCo integrate the motions that `Simulation` integrates; MuJoCo reads URDFs as a second oracle."""
+"""Pinocchio and MuJoCo integrate the motions that `Simulation` integrates; MuJoCo reads URDFs as a
+second oracle.
+"""
 
 import xml.etree.ElementTree as ET
 from typing import NamedTuple
@@ -16,7 +18,9 @@ from robots import robot_path
 
 
 def bare(urdf: str) -> str:
-    """Return a URDF with nothing but what both are to read, and with MuJoCo's corrections switched off."""
+    """Return a URDF with nothing but what both are to read, and with MuJoCo's corrections switched
+    off.
+    """
     robot = ET.fromstring(urdf)
     for parent, useless in (
         (robot, ("material", "gazebo", "transmission")),
@@ -87,10 +91,11 @@ def start(model, seed, speed=1.0):
 
 
 def reference(oracle, q, qd, effort, duration, h, more=lambda x, v: 0.0):
-    """Runge-Kutta-Munthe-Kaas steps on Pinocchio's aba and integrate; its charts' rates by differences of pin.difference.
+    """Runge-Kutta-Munthe-Kaas steps on Pinocchio's aba and integrate; its charts' rates by
+    differences of pin.difference.
 
-    `more` gives efforts that depend on configuration and velocity, all in Pinocchio's order. The chart is Pinocchio's own, so
-    neither the exponential nor its differential is ours.
+    `more` gives efforts that depend on configuration and velocity, all in Pinocchio's order. The
+    chart is Pinocchio's own, so neither the exponential nor its differential is ours.
     """
     model, data = oracle.model, oracle.data
     x, v = oracle.configuration(q), oracle.to_pin(qd)
@@ -124,7 +129,9 @@ def distance(oracle, sim, x, qd):
 
 
 PAYLOAD = 0.5, (0.02, -0.01, 0.05), 1e-3 * np.diag([1.0, 2.0, 2.5])
-"""Mass [kg], centre of mass [m] and inertia about it [kg m²], in the axes of the link that is pushed, too."""
+"""Mass [kg], centre of mass [m] and inertia about it [kg m²], in the axes of the link that is
+pushed, too.
+"""
 PUSH = np.array([0.3, -0.4, 0.5, 0.02, 0.01, -0.03])
 """Force [N] and torque [N m] on its origin, along the axes of the world."""
 DAMPING = 0.2
@@ -188,7 +195,9 @@ def ours(scene, duration):
 
 
 def by_pinocchio(scene, duration, h):
-    """Configuration and velocity by Runge-Kutta-Munthe-Kaas steps on aba and Pinocchio's own charts."""
+    """Configuration and velocity by Runge-Kutta-Munthe-Kaas steps on aba and Pinocchio's own
+    charts.
+    """
     oracle = scene.oracle
     model, data, damping = oracle.model, oracle.model.createData(), oracle.to_pin(scene.damping)
     frame, axes = model.getFrameId(scene.link), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

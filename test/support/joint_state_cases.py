@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decision table of the rules of joint states: parameters and messages in, states, causes and counters out.
+"""Decision table of the rules of joint states: parameters and messages in, states, causes and
+counters out.
 
 joint_states.yaml has the cases and describes their notation. It holds nothing of the library:
 messages become bytes by rosbags, parameters have the monitor's names, expected states are numbers.

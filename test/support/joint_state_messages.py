@@ -82,7 +82,9 @@ FLOATING = ("floating", "brick")
 
 
 def joint_state(names, position=(), velocity=(), effort=(), stamp=NOW, frame="", order="<"):
-    """Return the bytes of a sensor_msgs/JointState; `stamp` in nanoseconds, or seconds and nanoseconds."""
+    """Return the bytes of a sensor_msgs/JointState; `stamp` in nanoseconds, or seconds and
+    nanoseconds.
+    """
     return bags.serialized(stamp, names, position, velocity, effort, frame, order)
 
 

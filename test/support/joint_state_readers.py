@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every implementation of the rules of joint states behind one function: messages in, states and counters out."""
+"""Every implementation of the rules of joint states behind one function: messages in, states and
+counters out.
+"""
 
 from collections import Counter
 from functools import cache, partial

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The laws of diagonalized dynamics over robots in one state, the library's answers beside the oracle's.
+"""The laws of diagonalized dynamics over robots in one state, the library's answers beside the
+oracle's.
 
-A law is a function of a `Case`. Errors are measured in the units of ν (√J), in which all dofs weigh alike: rates times
-√M_kk, torques over it.
+A law is a function of a `Case`. Errors are measured in the units of ν (√J), in which all dofs weigh
+alike: rates times √M_kk, torques over it.
 """
 
 from typing import NamedTuple
@@ -167,7 +168,9 @@ def m_is_the_udu_factor(c):
 
 
 def m_factors_the_mass_matrix(c):
-    """M = m mᵀ, with M of the library, of Pinocchio, and of the factors; both triangles of M are alike."""
+    """M = m mᵀ, with M of the library, of Pinocchio, and of the factors; both triangles of M are
+    alike.
+    """
     M, scale = c.dyn.mass_matrix(c.t.q), np.outer(c.unit, c.unit)
     assert_close(c.f.m @ c.f.m.T / scale, c.t.M / scale, 1e-12)
     assert_close(c.f.unit * c.f.D @ c.f.unit.T / scale, c.t.M / scale, 1e-12)
@@ -213,7 +216,9 @@ def working_moments(c):
 
 
 def gravity(c):
-    """ε_g = ℓ g and g. Where gravity has no moment at all, relative to √mass·|g|, which bounds |ε_g|."""
+    """ε_g = ℓ g and g. Where gravity has no moment at all, relative to √mass·|g|, which bounds
+    |ε_g|.
+    """
     scale = np.sqrt(c.oracle.mass) * norm(c.model.gravity)
     assert_close(c.s.gravity, c.t.gravity, c.tolerance, max(norm(c.t.gravity), 1e-3 * scale))
     g, expected = c.dyn.gravity_torque(c.t.q) / c.unit, c.t.g / c.unit
@@ -236,7 +241,9 @@ def link_energy(c):
 
 
 def base_energy(c):
-    """The shares of a floating base's six dofs sum to ½V*ᵀPV*, whatever the order of its twist's components."""
+    """The shares of a floating base's six dofs sum to ½V*ᵀPV*, whatever the order of its twist's
+    components.
+    """
     if not c.model.floating_base:
         assert c.s.base_energy == 0.0
         return
@@ -298,7 +305,8 @@ def equation_of_motion(c):
 def nu_and_xi_move_by_the_equations_of_motion(c):
     """The library's ν and ξ, differenced along aba's motion: ν̇ = ε − C − ε_g, Dξ̇ = κ − C_ξ − κ_g.
 
-    Fourth-order differences of a curve through the state: 1e-8 of ν̇, plus 2e-14 of ν over the step.
+    Fourth-order differences of a curve through the state: 1e-8 of ν̇, plus 2e-14 of ν over the
+    step.
     """
     s, t, root = c.s, c.t, np.sqrt(c.t.D)
     h = 1e-3 / max(1.0, np.abs(t.qd).max(), np.sqrt(np.abs(t.acceleration).max()))
@@ -357,7 +365,8 @@ def external_wrenches(c):
 
 
 def friction(c):
-    """Damping and Coulomb friction of the URDF, only on request, against Pinocchio driven by τ − τ_fric.
+    """Damping and Coulomb friction of the URDF, only on request, against Pinocchio driven by τ −
+    τ_fric.
 
     Mimic joints brake their source joints: GᵀdG and |G|ᵀf.
     """
@@ -396,7 +405,9 @@ def friction(c):
 
 
 def sweeps_are_the_factors(c):
-    """ν = mᵀq̇, q̇ = ℓᵀν, ε = ℓτ, τ = mε for any vector, without a matrix; the evaluation's ν and ε are theirs."""
+    """ν = mᵀq̇, q̇ = ℓᵀν, ε = ℓτ, τ = mε for any vector, without a matrix; the evaluation's ν and ε
+    are theirs.
+    """
     dyn, t, x = c.dyn, c.t, np.array(c.sample.qdd)
     assert_close(dyn.nu_from_qd(t.q, x), t.m.T @ x, c.tolerance)
     assert_close(dyn.qd_from_nu(t.q, x) * c.unit, np.linalg.solve(t.m.T, x) * c.unit, c.tolerance)

@@ -26,7 +26,9 @@ def _joint(name, parent, child, xyz, kind="continuous", axis="0 1 0", more=""):
 
 
 def four_bar(rocker="", crank="", kind="continuous"):
-    """Return the URDF of a crank and rocker with an arm on the coupler; more elements of the joints rocker and crank."""
+    """Return the URDF of a crank and rocker with an arm on the coupler; more elements of the joints
+    rocker and crank.
+    """
     return (
         '<robot name="four_bar"><link name="base"/>'
         + _link("crank", 1.0, (0.1, 0.0, 0.02))
@@ -73,7 +75,9 @@ def four_bar_followers(crank):
 
 
 def five_bar(more=""):
-    """Return the URDF of two arms on a carrier that meet at their ends, of two degrees of freedom; one more element of p2."""
+    """Return the URDF of two arms on a carrier that meet at their ends, of two degrees of freedom;
+    one more element of p2.
+    """
     links = ("carrier", "a1", "a2", "b1", "b2")
     return (
         '<robot name="five_bar"><link name="base"/>'

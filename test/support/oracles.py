@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Independent answers, from Pinocchio, for what diag_dynamics computes. Imports nothing of diag_dynamics.
+"""Independent answers, from Pinocchio, for what diag_dynamics computes. Imports nothing of
+diag_dynamics.
 
-`Oracle` is a robot, `State` one (q, q̇, τ) of it. Vectors and matrices are in the caller's order of dofs: they
-are mapped to Pinocchio's joints by name, one angle stands for a continuous joint or the heading of a planar one.
-The upper factor m is taken in Pinocchio's own base-to-tip order and permuted: ν_k does not depend on how siblings
-are numbered. Degrees of freedom of one joint are in Pinocchio's order, linear first, and count as a chain.
+`Oracle` is a robot, `State` one (q, q̇, τ) of it. Vectors and matrices are in the caller's order of
+dofs: they are mapped to Pinocchio's joints by name, one angle stands for a continuous joint or the
+heading of a planar one. The upper factor m is taken in Pinocchio's own base-to-tip order and
+permuted: ν_k does not depend on how siblings are numbered. Degrees of freedom of one joint are in
+Pinocchio's order, linear first, and count as a chain.
 """
 
 import xml.etree.ElementTree as ET
@@ -29,7 +31,9 @@ ROOT = "root_joint"
 
 
 class Oracle:
-    """A robot in Pinocchio, mimic followers independent. It ignores the axis of planar joints: let that be z."""
+    """A robot in Pinocchio, mimic followers independent. It ignores the axis of planar joints: let
+    that be z.
+    """
 
     def __init__(
         self,
@@ -40,7 +44,9 @@ class Oracle:
         floating_base: bool = False,
         locked_joints: Mapping[str, float] | None = None,
     ):
-        """Build the model from URDF text; `armature`: reflected inertia by joint name [kg m²] or [kg]."""
+        """Build the model from URDF text; `armature`: reflected inertia by joint name [kg m²] or
+        [kg].
+        """
         self.xml = ET.fromstring(urdf)
         if floating_base:
             self.model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer(), ROOT, False)
@@ -99,7 +105,9 @@ class Oracle:
         self.data = self.model.createData()
 
     def parent_dof(self, k: int) -> int | None:
-        """Return the dof next inboard of dof k, of the same joint or the nearest one inboard; None at the root."""
+        """Return the dof next inboard of dof k, of the same joint or the nearest one inboard; None
+        at the root.
+        """
         joint, at = self._joint[k], self._order[k]
         if at > self.model.idx_vs[joint]:
             return self._at[at - 1]
@@ -117,11 +125,15 @@ class Oracle:
         return [found[k] for k in range(self.nv)]
 
     def ancestors(self, k: int) -> frozenset[int]:
-        """Return the dofs strictly inboard of dof k, those of its own joint that come before it among them."""
+        """Return the dofs strictly inboard of dof k, those of its own joint that come before it
+        among them.
+        """
         return self._ancestors[k]
 
     def descendants(self, k: int) -> set[int]:
-        """Return the dofs strictly outboard of dof k, those of its own joint that come after it among them."""
+        """Return the dofs strictly outboard of dof k, those of its own joint that come after it
+        among them.
+        """
         return {j for j in range(self.nv) if k in self._ancestors[j]}
 
     def joint_mates(self, k: int) -> set[int]:
@@ -164,7 +176,9 @@ class Oracle:
         return out
 
     def from_pin(self, x: np.ndarray) -> np.ndarray:
-        """Put a velocity-like vector, or both axes of a matrix, into the caller's order (always a copy)."""
+        """Put a velocity-like vector, or both axes of a matrix, into the caller's order (always a
+        copy).
+        """
         return x[self._order].copy() if x.ndim == 1 else x[np.ix_(self._order, self._order)]
 
     def configuration(self, q: np.ndarray) -> np.ndarray:
@@ -193,7 +207,9 @@ class Oracle:
         return q
 
     def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """Return q after a step: sums, and where a joint has several dofs the motion along a constant twist."""
+        """Return q after a step: sums, and where a joint has several dofs the motion along a
+        constant twist.
+        """
         out = np.array(q, dtype=float)
         end = None
         for k, j in enumerate(self._joint):
@@ -283,7 +299,9 @@ class Oracle:
     def effort_of(
         self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
     ) -> np.ndarray:
-        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or the world."""
+        """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or
+        the world.
+        """
         axes = {"link": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}[frame]
         tau, configuration = np.zeros(self.nv), self.configuration(q)
         for name, wrench in wrenches.items():
@@ -313,7 +331,9 @@ class Oracle:
     # --- energy, link by link
 
     def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
-        """Return each URDF link's kinetic energy from its own <inertial>; no armature, no merged bodies."""
+        """Return each URDF link's kinetic energy from its own <inertial>; no armature, no merged
+        bodies.
+        """
         pin.forwardKinematics(self.model, self.data, self.configuration(q), self.to_pin(qd))
         energy = {}
         for link in self.xml.findall("link"):
@@ -334,7 +354,9 @@ class Oracle:
 
 
 def link_regressor(model, data, arguments, links) -> np.ndarray:
-    """Return Pinocchio's regressor at (q, q̇, q̈) by parameters of links, from that of its joints' bodies."""
+    """Return Pinocchio's regressor at (q, q̇, q̈) by parameters of links, from that of its joints'
+    bodies.
+    """
     by_body = pin.computeJointTorqueRegressor(model, data, *arguments)
     by_body = by_body.reshape(model.nv, -1)  # a vector if there is one joint
     by_body = np.hstack([np.zeros((model.nv, 10)), by_body])  # of the world
@@ -343,7 +365,9 @@ def link_regressor(model, data, arguments, links) -> np.ndarray:
         frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
 
         def in_body(parameters, placement=frame.placement):
-            """Return parameters of a body in the axes of its joint; linear, but the mass may not be 0."""
+            """Return parameters of a body in the axes of its joint; linear, but the mass may not be
+            0.
+            """
             inertia = pin.Inertia.FromDynamicParameters(parameters)
             return placement.act(inertia).toDynamicParameters()
 
@@ -356,7 +380,9 @@ def link_regressor(model, data, arguments, links) -> np.ndarray:
 
 
 class State:
-    """What the oracle says at one (q, q̇, τ); every quantity is computed once, when first asked for."""
+    """What the oracle says at one (q, q̇, τ); every quantity is computed once, when first asked
+    for.
+    """
 
     def __init__(self, oracle: Oracle, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None):
         """Keep the state; see `Oracle.at`."""
@@ -398,7 +424,9 @@ class State:
 
     @cached_property
     def scaled_condition(self) -> float:
-        """Return cond(M) in units in which M_kk = 1: what rounding is amplified by, whatever the units."""
+        """Return cond(M) in units in which M_kk = 1: what rounding is amplified by, whatever the
+        units.
+        """
         unit = np.sqrt(np.diag(self.M))
         return float(np.linalg.cond(self.M / np.outer(unit, unit))) if len(unit) else 1.0
 
@@ -449,7 +477,9 @@ class State:
 
     @cached_property
     def mdot(self) -> np.ndarray:
-        """Return ṁ, exact: M = mmᵀ gives ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular, and Ṁ = C_s + C_sᵀ."""
+        """Return ṁ, exact: M = mmᵀ gives ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular, and Ṁ = C_s +
+        C_sᵀ.
+        """
         o = self.oracle
         m, Mdot = (np.empty((o.nv, o.nv)) for _ in range(2))
         at = np.ix_(o._order, o._order)  # in Pinocchio's order, where m is upper triangular
@@ -466,8 +496,9 @@ class State:
     def coriolis_scale(self) -> float:
         """Return |ℓc| + |ṁᵀq̇|, the two terms whose difference C is, for errors to be relative to.
 
-        Where both vanish identically (one joint, a gantry, rotors about principal axes) all is rounding, and
-        10⁻²|ν||q̇| stands in; in every robot that has a Coriolis term they are that and more.
+        Where both vanish identically (one joint, a gantry, rotors about principal axes) all is
+        rounding, and 10⁻²|ν||q̇| stands in; in every robot that has a Coriolis term they are that
+        and more.
         """
         terms = np.linalg.norm(np.linalg.solve(self.m, self.c)) + np.linalg.norm(
             self.mdot.T @ self.qd
@@ -481,7 +512,9 @@ class State:
 
     @cached_property
     def coriolis_unnormalized(self) -> np.ndarray:
-        """Return C_ξ: D ξ̇ + C_ξ = κ with ξ = D^−½ν, each by its own D, and ν̇ = ε − C gives D^½ C + ½ Ḋ ξ."""
+        """Return C_ξ: D ξ̇ + C_ξ = κ with ξ = D^−½ν, each by its own D, and ν̇ = ε − C gives D^½ C
+        + ½ Ḋ ξ.
+        """
         return np.sqrt(self.D) * self.coriolis + 0.5 * self.Ddot * self.xi
 
     @cached_property

@@ -3,10 +3,11 @@
 
 """The stacked operators of Jain and Rodriguez (1995), dense. Imports nothing of diag_dynamics.
 
-`Operators` builds the paper's stacked operators, as dense matrices, from Pinocchio's placements, inertias and motion
-subspaces, in the paper's own axes: spatial vectors are angular first, at each body's origin, in the axes of the world,
-so that φ(k, k−1) is [[1, l~], [0, 1]] (4.7). Bodies are numbered base to tip here, and a body may carry several: E_φ
-has the tree's pattern, which changes none of the identities.
+`Operators` builds the paper's stacked operators, as dense matrices, from Pinocchio's placements,
+inertias and motion subspaces, in the paper's own axes: spatial vectors are angular first, at each
+body's origin, in the axes of the world, so that φ(k, k−1) is [[1, l~], [0, 1]] (4.7). Bodies are
+numbered base to tip here, and a body may carry several: E_φ has the tree's pattern, which changes
+none of the identities.
 """
 
 from functools import cached_property
@@ -40,10 +41,12 @@ ANGULAR_FIRST = np.r_[3:6, 0:3]
 
 
 class Operators:
-    """H, φ, M, P, D, G, K, ψ … of a robot with joints of one degree of freedom, in Pinocchio's order of bodies.
+    """H, φ, M, P, D, G, K, ψ … of a robot with joints of one degree of freedom, in Pinocchio's
+    order of bodies.
 
-    Where the paper has Ω_δ = (H*θ')~ left of P it means the rotation of a revolute joint, for which Ω_δ* = −Ω_δ. With
-    `turn` = −Ω_δ* there instead, the identities hold for prismatic joints too. Both are the same for revolute ones.
+    Where the paper has Ω_δ = (H*θ')~ left of P it means the rotation of a revolute joint, for which
+    Ω_δ* = −Ω_δ. With `turn` = −Ω_δ* there instead, the identities hold for prismatic joints too.
+    Both are the same for revolute ones.
     """
 
     def __init__(self, oracle: RateOracle, q: np.ndarray, qd: np.ndarray):
@@ -101,7 +104,9 @@ class Operators:
         return [j for j, parent in enumerate(self.parents) if parent == k]
 
     def _algorithm_4_1(self):
-        """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the base."""
+        """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the
+        base.
+        """
         P, D, G, rest = (
             self.M.copy(),
             np.zeros(self.n),

@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The URDFs of the `example-robot-data` wheel, and which of them have no diagonalized dynamics to check.
+"""The URDFs of the `example-robot-data` wheel, and which of them have no diagonalized dynamics to
+check.
 
-A robot is *regular* when the mass matrix of its fixed-base model, every joint independent (`mimic="free"`),
-is regular at random configurations. `EXCLUDED` lists the other files with their reasons, and `test_massless.py` shows
-each reason. `robots_to_test` decides which robots the laws run over, in the gate and in the full tier.
+A robot is *regular* when the mass matrix of its fixed-base model, every joint independent
+(`mimic="free"`), is regular at random configurations. `EXCLUDED` lists the other files with their
+reasons, and `test_massless.py` shows each reason. `robots_to_test` decides which robots the laws
+run over, in the gate and in the full tier.
 """
 
 import re
@@ -36,7 +38,8 @@ class Exclusion(NamedTuple):
     joints: tuple[str, ...] = ()
 
 
-# Every link of Romeo's hands has an <inertial> of zeros: 24 joints with D = 0 exactly, 24 zero rows in M. In
+# Every link of Romeo's hands has an <inertial> of zeros: 24 joints with D = 0 exactly, 24 zero rows
+# in M. In
 # romeo_laas_small only the two grippers are such: 2 zero rows. The next smallest D are above 1e-4.
 _ROMEO_HANDS = tuple(
     f"{side}{name}"
@@ -217,7 +220,9 @@ def changed(old: str, new: str, text: str = ARM) -> str:
 
 
 class TwoLinkArm(NamedTuple):
-    """The textbook planar arm: masses m, length a, distances r of the centres of mass, inertias I there."""
+    """The textbook planar arm: masses m, length a, distances r of the centres of mass, inertias I
+    there.
+    """
 
     m1: float = 1.3
     m2: float = 0.7
@@ -266,7 +271,9 @@ SEVERAL = ("planar", "floating")
 
 
 def random_tree(seed: int, joints: int = 12, kinds: tuple[str, ...] = KINDS) -> str:
-    """Return a tree of mixed joints with crooked axes and frames, fixed joints, and links without inertia."""
+    """Return a tree of mixed joints with crooked axes and frames, fixed joints, and links without
+    inertia.
+    """
     rng = np.random.default_rng(seed)
     elements, moving = [link("root", *_random_inertia(rng))], ["root"]
     for k in range(joints):
@@ -350,7 +357,9 @@ def cured_robots() -> tuple[Robot, ...]:
 
 
 def coupled_robots() -> tuple[Robot, ...]:
-    """Return robots whose mimic joints are coupled: those of the wheel, and those written for the tests."""
+    """Return robots whose mimic joints are coupled: those of the wheel, and those written for the
+    tests.
+    """
     from coupling import NAMED, wheel  # which import this module
 
     return tuple(
@@ -375,11 +384,15 @@ GATE = (
     "geared_tree_10+floating",
     "panda_description/urdf/panda.urdf+coupled+floating",
 )
-"""The gate's robots: all types of joints, free bases, rotor inertias, locked and mimic joints, links without inertia."""
+"""The gate's robots: all types of joints, free bases, rotor inertias, locked and mimic joints,
+links without inertia.
+"""
 
 
 def robots_to_test() -> tuple[Robot, ...]:
-    """Return the robots that the laws run over: :data:`GATE` in the gate, all of them in the full tier."""
+    """Return the robots that the laws run over: :data:`GATE` in the gate, all of them in the full
+    tier.
+    """
     fixed = (
         *(robot(id) for id in regular_robots()),
         *cured_robots(),
