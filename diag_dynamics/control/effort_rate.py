@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 import numpy as np
 
@@ -58,15 +57,17 @@ class EffortRate:
     def begin(self) -> None:
         """Scale nothing until the next command."""
         self._moving, self._scale, self._fastest = np.zeros(len(self._names)), 1.0, ""
-        self._ratios = deque([0.0 * self._moving], CYCLES)
+        self._demands = CYCLES * [self._moving]
 
     def scaled(self, command: Command, period: float) -> Command:
         """Return the command of a law, scaled for the rate of its efforts since the last one a period [s] before."""
         moving = command.tau - command.gravity_torque
         if period:
-            self._ratios.append(np.abs(moving - self._moving) / (SHARE * period * self.rate))
-            ratio = np.min(self._ratios, axis=0)
-            k = int(np.argmax(ratio))
+            ratio = np.abs(moving - self._moving) / (SHARE * period * self.rate)
+            self._demands = [*self._demands[1:], ratio]
+            for demand in self._demands[:-1]:
+                ratio = np.minimum(ratio, demand)
+            k = int(ratio.argmax())
             if ratio[k] * self._scale > 1.0:
                 slower = self._scale * math.exp(-DECAY * period)
                 self._scale, self._fastest = max(1.0 / float(ratio[k]), slower), self._names[k]
@@ -83,26 +84,28 @@ class EffortRate:
         waiting = np.abs(sent - demand) > ROUNDING * (1.0 + np.abs(demand))
         if self._scale < 1.0:
             waiting[self._names.index(self._fastest)] = True
-        return names_where(self._names, waiting)
+        return names_where(self._names, waiting) if waiting.any() else ()
 
     def towards(self, demand: Array, last: Array, period: float) -> Array:
         """Return the efforts nearest to a demand that are reached within a period [s]."""
         change = period * self.rate
-        return np.clip(demand, last - change, last + change)
+        efforts: Array = np.minimum(np.maximum(demand, last - change), last + change)
+        return efforts
 
     def foreseen(
         self, q: Array, command: Command, demand: Array, last: Array, bound: Array, period: float
-    ) -> Array:
-        """Return efforts without gravity [N m, N] as of :meth:`towards`, from which braking keeps the energy limit.
+    ) -> tuple[Array, bool]:
+        """Return efforts without gravity [N m, N] from which braking keeps the energy limit.
 
-        `bound` are the largest efforts with gravity.
+        They are those of :meth:`towards`, or nearer to braking, for which the second result is
+        true. `bound` are the largest efforts with gravity.
         """
         energy = self._energy
         if energy is None or not period:
-            return self.towards(demand, last, period)
+            return self.towards(demand, last, period), False
         nu, g, rows = command.nu, command.gravity_torque, np.empty((4, len(last)))
         share, back = 0.5 * nu * nu, 1.0 - min(energy.rate * period, 1.0)
-        foresee(
+        brakes = foresee(
             self._dynamics.factors(q).l,
             nu,
             last,
@@ -115,4 +118,4 @@ class EffortRate:
             bound - g,
             rows,
         )
-        return rows[0]
+        return rows[0], bool(brakes)

@@ -196,8 +196,7 @@ class Limits:
             demand = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
             offset = np.zeros_like(g)
         moving = demand - offset, self.sent - offset
-        reached = self._rate.foreseen(q, command, *moving, bound, period)
-        brakes = not np.array_equal(reached, self._rate.towards(*moving, period))
+        reached, brakes = self._rate.foreseen(q, command, *moving, bound, period)
         return Limited(
             self._send(offset + reached),
             demand,

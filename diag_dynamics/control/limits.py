@@ -176,7 +176,8 @@ class PositionRepulsion:
 
     def depth(self, q: VectorLike) -> Array:
         """Return the depth in the margin [rad, m], shape (nv,): positive at the upper end, negative at the lower."""
-        return np.clip(self._distance(q), -self._margin, self._margin)
+        depth: Array = np.minimum(np.maximum(self._distance(q), -self._margin), self._margin)
+        return depth
 
     def _distance(self, q: VectorLike) -> Array:
         q = vector("q", q, self.dynamics.model.dof_names)
@@ -189,7 +190,9 @@ class PositionRepulsion:
 
     def effort(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return the joint efforts of springs and dampers [N m, N], shape (nv,)."""
-        d, qd = self.depth(q), vector("qd", qd, self.dynamics.model.dof_names)
+        return self._effort(self.depth(q), vector("qd", qd, self.dynamics.model.dof_names))
+
+    def _effort(self, d: Array, qd: Array) -> Array:
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
         return -self.stiffness * d - self.damping * outward * qd
 
@@ -198,13 +201,13 @@ class PositionRepulsion:
 
         `period` is h > 0, until the next command [s].
         """
-        qd = vector("qd", qd, self.dynamics.model.dof_names)
-        effort, h = self.effort(q, qd), positive("period", period, "[s]")
-        if not effort.any():
+        h, d = positive("period", period, "[s]"), self.depth(q)
+        if not d.any():
             return command
+        qd = vector("qd", qd, self.dynamics.model.dof_names)
         inertia = 1.0 / np.square(self.dynamics.factors(q).l).sum(axis=0)
-        bound = inertia * (SPRING * np.abs(self.depth(q)) / h + DAMPER * np.abs(qd)) / h
-        effort = np.clip(effort, -bound, bound)
+        bound = inertia * (SPRING * np.abs(d) / h + DAMPER * np.abs(qd)) / h
+        effort = np.clip(self._effort(d, qd), -bound, bound)
         added = self.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 

@@ -55,6 +55,7 @@ class EnergyTank:
             positive("rate", rate, "[1/s]"),
         )
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        self._turns = bool(self._continuous.any())
         self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
         dynamics.compile("tau_from_epsilon", "forward_dynamics", "potential_energy")
@@ -74,8 +75,8 @@ class EnergyTank:
         q = vector("q", q, names)
         last, self._at = self._at, (q, self._potential(q))
         if tau is not None and last is not None:
-            moved = nearest(q, last[0], self._continuous) - last[0]
-            work = float(vector("tau", tau, names) @ moved) - (self._at[1] - last[1])
+            there = nearest(q, last[0], self._continuous) if self._turns else q
+            work = float(vector("tau", tau, names) @ (there - last[0])) - (self._at[1] - last[1])
             self.energy = min(self.energy - (work if held else max(work, 0.0)), self.capacity)
         return self.energy
 

@@ -92,7 +92,7 @@ def _keeps(inverse, nu, u, change, period, limit, joint_limit, lower, upper):
     nk.FILLED_MATRIX,
 )
 def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, lower, upper, rows):
-    """Fill rows[0] with efforts between full braking and those within the change from `effort` to `demand`.
+    """Fill rows[0] with efforts between full braking and those within the change of `effort`; 1 if they brake.
 
     They are the nearest to the demand after which braking keeps the limits [J]; without any, full
     braking. The prediction is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without
@@ -115,7 +115,8 @@ def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, low
             fraction += step
         else:
             fraction -= step
-    if good < 1.0:
-        for i in range(len(nu)):
-            near[i] = brake[i] + good * (near[i] - brake[i])
-    return 0
+    if good == 1.0:
+        return 0
+    for i in range(len(nu)):
+        near[i] = brake[i] + good * (near[i] - brake[i])
+    return 1
