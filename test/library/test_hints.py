@@ -53,7 +53,7 @@ def test_parameters_that_hints_name(analysed, case):
     columns = PARAMETERS[case]()
     status, summary, text = analysed(columns, *off)
     assert status == 1 and summary["explained"] < 0.8
-    if hint := re.search(r"\((effort_\w+): '([^']+)'", summary["efforts"]["says"]):
+    if hint := re.search(r"\((effort_\w+): '([^']+)'", summary["efforts"]["text"]):
         options = f"{hint[1]}={hint[2]}"
     else:
         vector = re.search(r"along \[([^]]+)\] m/s².*\(parameter gravity\)", text)[1]
