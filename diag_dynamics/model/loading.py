@@ -11,7 +11,7 @@ from typing import IO, Any, Literal
 
 import numpy as np
 
-from diag_dynamics.arrays import VectorLike
+from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import choice, not_negative, whole
 from diag_dynamics.description.catalog import robot_path
 from diag_dynamics.description.checks import warn, warn_of_inertias
@@ -207,21 +207,25 @@ def build_described(
 
 def _warn_of_balls(model: RobotModel) -> None:
     """Warn of ball joints that are near the singularity of their hinges at the start."""
+    for name, angle in singular_balls(model, model.start).items():
+        warn(
+            f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
+            "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
+            "its body in the file.",
+            stacklevel=5,
+        )
+
+
+def singular_balls(model: RobotModel, q: Array) -> dict[str, float]:
+    """Return angles of middle hinges [rad] of ball joints within 10° of ±90°, by ball joint."""
     if not model.description.balls:
-        return
-    start = dict(zip(model.coordinate_names, model.start, strict=True))
+        return {}
+    angles = dict(zip(model.coordinate_names, q.tolist(), strict=True))
     if model.followers:
-        followers = model.followers_at(model.start)
-        start |= dict(zip(followers.names, followers.position, strict=True))
-    for name in model.description.balls:
-        angle = start.get(f"{name}_y")
-        if angle is not None and abs(np.cos(angle)) < NEAR_SINGULAR:
-            warn(
-                f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
-                "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
-                "its body in the file.",
-                stacklevel=5,
-            )
+        followers = model.followers_at(q)
+        angles |= dict(zip(followers.names, followers.position.tolist(), strict=True))
+    balls = {name: angles.get(f"{name}_y", 0.0) for name in model.description.balls}
+    return {name: angle for name, angle in balls.items() if abs(np.cos(angle)) < NEAR_SINGULAR}
 
 
 def load_robot(name: str, **options: Any) -> RobotModel:

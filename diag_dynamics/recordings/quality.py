@@ -3,9 +3,12 @@
 
 """Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
 
+from collections import Counter
+
 import numpy as np
 
 from diag_dynamics.joint_states.stamps import SECOND
+from diag_dynamics.model.loading import singular_balls
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.velocities import (
@@ -51,7 +54,7 @@ class Quality:
 
     def __init__(self, model):
         skip = 6 if model.floating_base else 0  # a floating base is left out
-        self._joints = model.dof_names[skip:]
+        self._model, self._joints = model, model.dof_names[skip:]
         count = len(self._joints)
         self._q, self._v = slice(model.nq - count, None), slice(skip, None)
         self._continuous = np.array(
@@ -172,6 +175,7 @@ class Quality:
             sample.stamp, signals["position"], signals["velocity"], self._continuous
         )
         wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
+        warnings += self._warn_of_balls(sample)
         period, jitter, gaps = self._regularity()
         report = {
             "rate": None if period is None else 1.0 / period,
@@ -185,6 +189,17 @@ class Quality:
             "joints": joints,
         }
         return report, [*warnings, *self._warnings(report)]
+
+    def _warn_of_balls(self, sample):
+        """Return warnings of ball joints that come near the singularity of their hinges."""
+        counts = Counter()
+        for q in sample.position if self._model.description.balls else ():
+            counts.update(singular_balls(self._model, q).keys())
+        return [
+            f"ball joint '{name}' is within 10° of the singularity of its hinges in {count} of "
+            f"the first {len(sample)} states: rates and efforts of its hinges are large there"
+            for name, count in counts.items()
+        ]
 
     def _report_joint(self, j):
         relation, largest = self._relation, self._largest.items()

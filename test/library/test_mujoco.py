@@ -13,8 +13,10 @@ from test_loops import ratios
 
 import diag_dynamics as dd
 from accuracy import assert_close
+from diag_dynamics.recordings.quality import Quality
 from engines import SCENES, Mujoco, by_mujoco, by_pinocchio, distance, ours, scene
 from examples import some_of
+from motions import recorded
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
@@ -192,3 +194,18 @@ def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near):
         warnings.simplefilter("always")
         dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
     assert ["singular at ±90°" in str(one.message) for one in caught] == [True] * is_near
+
+
+def test_recording_near_the_singularity_of_hinges():
+    """The crank turns from 0.3 to 1.5 rad at constant rate, and the rod is 10° from 90° at 1.396 rad."""
+    start = {"motor": -0.3, "rod_y": 0.3, "rocker": -0.3}
+    model = dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
+    t = np.linspace(0.0, 1.2, 121)
+    place = model.dof_names.index("motor")
+    q, qd = np.zeros((2, len(t), model.nv))
+    q[:, place], qd[:, place] = -0.3 - t, -1.0
+    quality = Quality(model)
+    quality.add_states(recorded(model, t, q, qd, 0.0 * q).states)
+    expected = np.count_nonzero(0.3 + t > np.radians(80.0))
+    text = f"ball joint 'rod' is within 10° of the singularity of its hinges in {expected} of"
+    assert any(text in warning for warning in quality.report()[1])
