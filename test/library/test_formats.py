@@ -680,6 +680,15 @@ def test_disabled_features(mujoco, flag):
     )
 
 
+def test_hinges_of_a_ball_have_names_of_their_own(mujoco):
+    text = """<mujoco><worldbody><body><joint name="a" type="ball"/><geom size="0.1"/>
+        <body><joint name="{}" axis="0 1 0"/><geom size="0.1" pos="1 0 0"/></body></body>
+        </worldbody></mujoco>"""
+    assert len(dd.load_mjcf(text.format("b")).dof_names) == 4
+    with pytest.raises(dd.UrdfError, match="Two joints have the name 'a_y'"):
+        dd.load_mjcf(text.format("a_y"))
+
+
 OF_JOINT = 'actuatorfrcrange="-3 5"'
 
 EFFORTS = {  # actuators, attributes of the joint, its limit
