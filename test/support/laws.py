@@ -404,6 +404,32 @@ def friction(c):
     )
 
 
+def inverse_mass_matrix(c):
+    """M⁻¹ by ℓᵀℓ is that by a dense solve with Pinocchio's M."""
+    scale = np.outer(c.unit, c.unit)
+    expected = np.linalg.solve(c.t.M / scale, np.eye(c.model.nv))
+    assert_close(c.dyn.inverse_mass_matrix(c.t.q) * scale, expected, c.tolerance)
+
+
+def energy_of_gravity_and_centre_of_mass(c):
+    """U and the centre of mass of all links, that of a fixed base included."""
+    mass, centre = c.oracle.center_of_mass(c.t.q)
+    assert_close(c.model.total_mass, mass, 1e-14)
+    reach = norm(centre) + 1.0
+    assert_close(c.dyn.center_of_mass(c.t.q), centre, 1e-14, reach)
+    U = c.oracle.potential_energy(c.t.q)
+    assert_close(c.dyn.potential_energy(c.t.q), U, 1e-14, mass * norm(c.model.gravity) * reach)
+
+
+def regressor(c):
+    """Y of every link is Pinocchio's, column by column, and rotors are apart."""
+    arguments = c.t.q, c.t.qd, c.sample.qdd
+    Y = c.dyn.regressor(*arguments) / c.unit[:, None]
+    expected = c.oracle.regressor(*arguments, c.model.link_names) / c.unit[:, None]
+    for column, values in zip(Y.T, expected.T, strict=True):
+        assert_close(column, values, 1e-12, max(norm(values), 1e-3 * norm(expected)))
+
+
 def sweeps_are_the_factors(c):
     """ν = mᵀq̇, q̇ = ℓᵀν, ε = ℓτ, τ = mε for any vector, without a matrix; the evaluation's ν and ε
     are theirs.
@@ -439,5 +465,8 @@ LAWS = (
     power,
     external_wrenches,
     friction,
+    inverse_mass_matrix,
+    energy_of_gravity_and_centre_of_mass,
+    regressor,
     sweeps_are_the_factors,
 )
