@@ -25,6 +25,7 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
 from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.model.massless import joint_inertias
+from diag_dynamics.numerics.callback import FAILED
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
     batch,
@@ -466,6 +467,8 @@ def _require_finite(at: States, values: Array, problem: str) -> None:
 
 def raise_failure(model: RobotModel, status: int, D: float, at: States) -> NoReturn:
     """Raise the error of a kernel's status other than 0; D is of a singular joint, or NaN."""
+    if status == FAILED:
+        raise RuntimeError("a step of the sweep could not be compiled; see the error above.")
     if np.isfinite(D):
         joint = model.dof_names[model.bodies["dof"][status]]
         raise SingularMassMatrixError(

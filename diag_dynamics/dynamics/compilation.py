@@ -4,14 +4,17 @@
 """The compiled functions that methods of DiagonalDynamics call, to compile them in advance."""
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps import (
     batch,
     classical,
     contacts,
+    couplings,
     derivatives,
     evaluation,
     external,
     factorization,
+    group_steps,
     kinematics,
     mobilities,
     regressors,
@@ -65,8 +68,11 @@ ROWS = {
 """Methods by the function that they call for rows of states."""
 
 
-def compile_methods(*methods: str, rows: bool) -> None:
-    """Compile the functions of these methods, and those for rows of states if required."""
+def compile_methods(model: RobotModel, *methods: str, rows: bool) -> None:
+    """Compile the functions of these methods, and those for rows of states if required.
+
+    Functions that only groups or changing ratios of the model call are compiled, too.
+    """
     names = set(" ".join(METHODS.values()).split())
     for name in methods:
         if name not in names:
@@ -76,3 +82,8 @@ def compile_methods(*methods: str, rows: bool) -> None:
         for entry, users in table.items():
             if not methods or not set(methods).isdisjoint(users.split()):
                 entry.compile()
+    if (model.bodies["first"] < model.bodies["last"]).any():
+        for step in group_steps.STEPS.values():
+            step.compile()
+    if model.coupling_tables:
+        couplings.couple.compile()

@@ -116,7 +116,7 @@ class DiagonalDynamics:
         rows : bool
             Whether to compile the named methods for rows of states, too.
         """
-        compile_methods(*methods, rows=rows)
+        compile_methods(self.model, *methods, rows=rows)
 
     # --- All quantities
 

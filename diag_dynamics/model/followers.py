@@ -57,7 +57,7 @@ class FollowerMotion:
     def __init__(self, model: RobotModel) -> None:
         self.model, self.names = model, (*model.mimics, *model.followers)
         self._rows = [model.first_body(name) for name in self.names]
-        self.workspace = model.new_workspace(eliminates=False)
+        self.workspace = model.new_workspace()
 
     def memory(self) -> Array:
         """Return memory for sweeps.followers."""

@@ -292,7 +292,7 @@ class _Cut:
     def __init__(self, tree: Tree) -> None:
         self.tree = tree
         bodies, _ = tree.records({})
-        self._workspace = Workspace(bodies, np.zeros(3), eliminates=False)
+        self._workspace = Workspace(bodies, np.zeros(3))
         self._places = {link.name: (body, place) for link, body, place in tree.links}
         self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
         self._of_body = {body: name for name, body in tree.last_body.items()}

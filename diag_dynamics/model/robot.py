@@ -404,11 +404,11 @@ class RobotModel:
 
         Shared, so only for those that write to no memory of the workspace.
         """
-        return self.new_workspace(eliminates=False)
+        return self.new_workspace()
 
-    def new_workspace(self, eliminates: bool = True) -> Workspace:
+    def new_workspace(self) -> Workspace:
         """Return arguments of sweeps with memory of their own."""
-        return Workspace(self.bodies, self.gravity, self.coupling_tables, eliminates)
+        return Workspace(self.bodies, self.gravity, self.coupling_tables)
 
     def with_gravity(self, gravity: VectorLike) -> RobotModel:
         """Return this model with another acceleration of gravity [m/s²], shape (3,).

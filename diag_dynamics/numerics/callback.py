@@ -1,67 +1,114 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Functions that kernels call by address: what few robots need is compiled for these alone."""
+"""Functions that kernels call by address: their code is compiled when a kernel first calls it."""
 
+import _thread
+import ctypes
 import functools
 import logging
+import threading
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from diag_dynamics.numerics.cache import code_folder
-from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock
+from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock, without_collection
 from diag_dynamics.numerics.progress import report_compilation
 
 logger = logging.getLogger(__name__)
 
 _NUMBER = types.int64
 
+FAILED = -3
+"""Status of a function that could not be compiled."""
+
+INTERRUPT_DELAY = 0.1
+"""Time [s] from the end of a compilation to an interrupt during it."""
+
 
 class Callback:
-    """A function of integers that returns one, and the address of its code."""
+    """A function of integers that returns one.
+
+    `address` is that of a cell with the address of the code: at first of code that compiles the
+    function, and then calls it.
+    """
 
     def __init__(self, function):
         functools.update_wrapper(self, function)
+        count = 1 + function.__code__.co_argcount
+        self._prototype = ctypes.CFUNCTYPE(*[ctypes.c_int64] * count)
+        self._first_call = self._prototype(self._compile_and_call)
+        self._cell = np.array([ctypes.cast(self._first_call, ctypes.c_void_p).value], np.int64)
+        self.address = self._cell.ctypes.data
+        self._is_compiled = False
         compile_ahead(self)
 
     def compile(self):
         """Compile the function, or load it from the cache."""
-        return self.address
+        with compiler_lock, without_collection():
+            self._cell[0] = self._compiled.address
+            self._is_compiled = True
+
+    def _compile_and_call(self, *numbers):
+        """Compile the function in a thread and call it. An interrupt follows: kernels raise nothing."""
+        compiled, interrupted = threading.Event(), False
+        try:
+            _thread.start_new_thread(self._compile_and_report, (compiled,))
+            while not compiled.is_set():
+                try:
+                    compiled.wait()
+                except KeyboardInterrupt:
+                    interrupted = True
+            if interrupted:
+                threading.Timer(INTERRUPT_DELAY, _thread.interrupt_main).start()
+            return self._prototype(int(self._cell[0]))(*numbers) if self._is_compiled else FAILED
+        except BaseException as error:  # an exception would make the result 0
+            logger.error("%s cannot be called: %r", self.__name__, error)
+            return FAILED
+
+    def _compile_and_report(self, compiled):
+        """Compile the function; set an event at the end, after a failure too."""
+        try:
+            self.compile()
+        except Exception as error:
+            logger.error("%s cannot be compiled: %s", self.__name__, error)
+        finally:
+            compiled.set()
 
     @functools.cached_property
-    def address(self):
-        """Where the machine code begins; compiled when it is first asked for, and kept on disk."""
-        with compiler_lock, report_compilation(self.__name__):
+    def _compiled(self):
+        """The compiled function, kept on disk."""
+        with report_compilation(self.__name__):
             function, before = self.__wrapped__, numba.config.CACHE_DIR
             folder = code_folder(self.__module__)
             signature = _NUMBER(*[_NUMBER] * function.__code__.co_argcount)
+            compiler = functools.partial(numba.cfunc, signature, error_model="numpy")
             try:
                 numba.config.CACHE_DIR = str(folder or before)
-                self._compiled = numba.cfunc(
-                    signature, cache=folder is not None, error_model="numpy"
-                )(function)
+                return compiler(cache=folder is not None)(function)
             except Exception as error:  # a full disk; a damaged file may unpickle into any
                 logger.warning(
                     "The cache %s cannot be used for %s: %r", folder, self.__name__, error
                 )
-                self._compiled = numba.cfunc(signature, error_model="numpy")(function)
+                return compiler()(function)
             finally:
                 numba.config.CACHE_DIR = before
-            return self._compiled.address
 
 
 @intrinsic
 def call_address(typingctx, address, numbers):
-    """Call the :class:`Callback` at an address with a tuple of integers."""
+    """Call the :class:`Callback` of this address with a tuple of integers."""
     count = len(numbers)
 
     def lower(context, builder, signature, args):
         number = context.get_value_type(_NUMBER)
-        function = ir.FunctionType(number, [number] * count)
+        function = ir.FunctionType(number, [number] * count).as_pointer()
+        code = builder.load(builder.inttoptr(args[0], function.as_pointer()))
         values = [builder.extract_value(args[1], k) for k in range(count)]
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), values)
+        return builder.call(code, values)
 
     return _NUMBER(_NUMBER, types.UniTuple(_NUMBER, count)), lower

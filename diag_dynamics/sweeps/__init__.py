@@ -21,7 +21,7 @@ A sweep takes the address of a memory.Workspace: `bodies` are the records of Rob
 `work` those of records.WORK, one each per body, `table` the matrices 𝓜 and 𝓜̇ of groups. Sweeps
 that can fail return a status: 0, `i` if body i has no articulated inertia, -1 if an input is not
 finite or no orientation, or is so large that a result is not finite, BAD_LENGTH if a vector has not
-the robot's length.
+the robot's length, callback.FAILED if a step could not be compiled.
 
 records: memory of a body; workspace, memory: that of a robot. joints: steps that sweeps share.
 groups: degrees of freedom that are eliminated together. evaluation, factorization, classical,

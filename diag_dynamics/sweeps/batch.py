@@ -195,7 +195,7 @@ def _inward_group(robot, i, QD, TAU, first, last):
         for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
-        if evaluation.call_inward_group(robot, i, QD[t], tau, out) != 0:
+        if evaluation.inward_group(robot, i, QD[t], tau, out) != 0:
             return 1
         if base > 0:
             _store(at, base, b)

@@ -101,11 +101,12 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
         records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
 
     ws.copy(tau, qdd)
+    addresses = address_of(qd), address_of(qdd)
     i = n - 1
     while i > 0:  # q̈ ← D⁻¹u with u = τ − Sᵀy; y is the articulated bias force
         body = bodies[i]
         if groups.is_grouped(body):
-            status = ws.step_group(robot, ws.ABA_INWARD, i, address_of(qd), address_of(qdd))
+            status = ws.step_group(robot, ws.ABA_INWARD, (robot, i, *addresses))
         elif body.direction == sp.ANGULAR_Z:
             status = _aba_inward_step(bodies, i, sp.ANGULAR_Z, qd, work, qdd)
         else:
@@ -120,7 +121,9 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
         if not groups.is_grouped(body):
             _aba_outward_step(body, work[i], work[body.parent], qdd)
         elif i == body.last:
-            ws.step_group(robot, ws.ABA_OUTWARD, body.first, address_of(qd), address_of(qdd))
+            status = ws.step_group(robot, ws.ABA_OUTWARD, (robot, body.first, *addresses))
+            if status != 0:
+                return status
     return 0 if joints.are_finite(qdd) else -1
 
 

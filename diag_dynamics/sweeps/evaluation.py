@@ -156,7 +156,7 @@ def _inward_step(bodies, i, direction, qd, tau, work, out):
 
 
 @nk.large_kernel
-def _inward_coupled(robot, last, qd, tau, out):
+def inward_coupled(robot, last, qd, tau, out):
     """The inward step of one state at a group."""
     bodies, _, work, table = ws.opened(robot)
     first, Q, Q_rate, kappa, bias = (
@@ -274,7 +274,7 @@ def _moved_up_inertia(P):
 
 
 @nk.large_kernel
-def _inward_base(robot, last, tau, out):
+def inward_base(robot, last, tau, out):
     """The inward step of one state at a floating base."""
     bodies, _, work, _ = ws.opened(robot)
     w, first = work[last], bodies[last].first
@@ -291,16 +291,10 @@ def _inward_base(robot, last, tau, out):
 @nk.kernel
 def inward_group(robot, last, qd, tau, out):
     """The inward step of one state at degrees of freedom that are eliminated together."""
-    if is_floating_base(ws.robot_of(robot).bodies, last):
-        return _inward_base(robot, last, tau, out)
-    return _inward_coupled(robot, last, qd, tau, out)
-
-
-@nk.kernel
-def call_inward_group(robot, last, qd, tau, out):
-    """Call :func:`inward_group` by address."""
+    is_base = is_floating_base(ws.robot_of(robot).bodies, last)
     addresses = address_of(qd), address_of(tau), address_of(out)
-    return ws.step_group(robot, ws.INWARD, last, *addresses, out.shape[1])
+    step = ws.INWARD_BASE if is_base else ws.INWARD
+    return ws.step_group(robot, step, (robot, last, *addresses, out.shape[1]))
 
 
 @nk.kernel
@@ -340,7 +334,7 @@ def _inward(robot, qd, tau, out):
     while i > 0:
         first = bodies[i].first
         if groups.is_grouped(bodies[i]):
-            status = call_inward_group(robot, i, qd, tau, out)
+            status = inward_group(robot, i, qd, tau, out)
         elif bodies[i].direction == sp.ANGULAR_Z:
             status = _inward_step(bodies, i, sp.ANGULAR_Z, qd, tau, work, out)
         else:

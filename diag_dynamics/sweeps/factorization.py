@@ -44,7 +44,7 @@ def factorize(robot):
     while i > 0:
         body = bodies[i]
         if groups.is_grouped(body):
-            status = ws.step_group(robot, ws.FACTORIZE, i)
+            status = ws.step_group(robot, ws.FACTORIZE, (robot, i))
             if status != 0:
                 return status
         elif not factor_joint(body, work[i], work[body.parent]):

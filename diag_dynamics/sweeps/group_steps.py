@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps of sweeps at groups, compiled for robots that have groups alone: sweeps call them by address."""
+"""Steps of sweeps at groups: sweeps call them by address, so that robots without groups compile none."""
 
+import numpy as np
 from numba import types
 
 from diag_dynamics.numerics.callback import Callback
@@ -14,19 +15,48 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 
 
 @Callback
-def step(robot, which, i, x, y, out, columns):
-    """Run a step at body i of a group; returns a status.
-
-    The others are addresses: for ws.INWARD q̇, τ and `out` of evaluation.inward_group, a matrix of
-    as many columns, for ws.ABA_INWARD and ws.ABA_OUTWARD q̇ and q̈.
-    """
+def inward(robot, i, qd, tau, out, columns):
+    """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of these columns."""
     at = ws.robot_of(robot)
-    if which == ws.FACTORIZE:
-        return factorization.factorize_group(robot, i)
-    qd, vector = _vector_at(x, (at.nv,)), _vector_at(y, (at.nv,))
-    if which == ws.INWARD:
-        return evaluation.inward_group(robot, i, qd, vector, _matrix_at(out, (ws.N_ROWS, columns)))
-    if which == ws.ABA_INWARD:
-        return classical.aba_inward_group(robot, i, qd, vector)
-    classical.aba_outward_group(robot, i, qd, vector)
+    rates, efforts = _vector_at(qd, (at.nv,)), _vector_at(tau, (at.nv,))
+    results = _matrix_at(out, (ws.N_ROWS, columns))
+    return evaluation.inward_coupled(robot, i, rates, efforts, results)
+
+
+@Callback
+def inward_base(robot, i, _, tau, out, columns):
+    """Run evaluation.inward_base, as :func:`inward`."""
+    efforts = _vector_at(tau, (ws.robot_of(robot).nv,))
+    return evaluation.inward_base(robot, i, efforts, _matrix_at(out, (ws.N_ROWS, columns)))
+
+
+@Callback
+def factorize(robot, i):
+    """Run factorization.factorize_group."""
+    return factorization.factorize_group(robot, i)
+
+
+@Callback
+def aba_inward(robot, i, qd, qdd):
+    """Run classical.aba_inward_group at the addresses of q̇ and q̈."""
+    count = (ws.robot_of(robot).nv,)
+    return classical.aba_inward_group(robot, i, _vector_at(qd, count), _vector_at(qdd, count))
+
+
+@Callback
+def aba_outward(robot, i, qd, qdd):
+    """Run classical.aba_outward_group at the addresses of q̇ and q̈."""
+    count = (ws.robot_of(robot).nv,)
+    classical.aba_outward_group(robot, i, _vector_at(qd, count), _vector_at(qdd, count))
     return 0
+
+
+STEPS = {
+    ws.INWARD: inward,
+    ws.INWARD_BASE: inward_base,
+    ws.FACTORIZE: factorize,
+    ws.ABA_INWARD: aba_inward,
+    ws.ABA_OUTWARD: aba_outward,
+}
+ADDRESSES = np.array([STEPS[number].address for number in range(len(STEPS))])
+"""Addresses of the steps, by their numbers."""

@@ -21,12 +21,9 @@ class Workspace:
         as much as the arithmetic of a small robot. Keep the Workspace while a sweep runs.
     bodies, gravity, work, table : ndarray
         Those of the table.
-
-    For sweeps that eliminate no degrees of freedom `eliminates` may be False: then nothing is
-    compiled for groups.
     """
 
-    def __init__(self, bodies, gravity, couplings=None, eliminates=True):
+    def __init__(self, bodies, gravity, couplings=None):
         moving, body = bodies[1:], np.arange(1, len(bodies))
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
@@ -43,7 +40,7 @@ class Workspace:
             self.work[name] = bodies[name]
         self.couplings = couplings and Couplings(self.bodies, self.work, nq, nv, couplings)
         lanes = np.zeros(len(bodies), records.LANES)
-        self._options = couplings, eliminates
+        self._coupling_tables = couplings
         self._addresses = Addresses(
             ws.ROBOT,
             bodies=self.bodies,
@@ -56,7 +53,7 @@ class Workspace:
             numbers=self.work.view(np.float64).reshape(len(bodies), -1),
             lanes=lanes,
             rows=lanes.view(np.float64).reshape(len(bodies), -1),
-            group_step=group_steps.step.address if eliminates and grouped.any() else 0,
+            group_steps=group_steps.ADDRESSES,
         )
         self.robot = self._addresses.at
 
@@ -64,5 +61,5 @@ class Workspace:
         return type(self), (
             self.bodies,
             self.gravity,
-            *self._options,
+            self._coupling_tables,
         )  # addresses would be those of the original

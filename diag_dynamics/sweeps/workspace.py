@@ -3,6 +3,8 @@
 
 """Table of the memory that sweeps work in, by whose address they find it: see memory."""
 
+import numpy as np
+
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.callback import call_address
 from diag_dynamics.numerics.tables import Table, array
@@ -39,7 +41,7 @@ ROBOT = Table(
     numbers=array(float, 2),  # the memory of `work`
     lanes=array(records.LANES),  # WIDTH states, see batch
     rows=array(float, 2),  # the memory of `lanes`
-    group_step=int,  # address of group_steps.step, 0 if no degrees of freedom are eliminated together
+    group_steps=array(np.int64),  # group_steps.ADDRESSES
 )
 """The robot, and memory to work in, by the address of this table."""
 
@@ -55,14 +57,14 @@ def opened(robot):
     return at.bodies, at.gravity, at.work, at.table
 
 
-INWARD, FACTORIZE, ABA_INWARD, ABA_OUTWARD = range(4)
+INWARD, INWARD_BASE, FACTORIZE, ABA_INWARD, ABA_OUTWARD = range(5)
 """Steps of :func:`step_group`."""
 
 
 @nk.kernel
-def step_group(robot, step, i, x=0, y=0, out=0, columns=0):
-    """Run a step at body i of a group; the other arguments and the result are those of group_steps.step."""
-    return call_address(robot_of(robot).group_step, (robot, step, i, x, y, out, columns))
+def step_group(robot, step, arguments):
+    """Run a step at a group with the arguments, and the result, of its function in group_steps."""
+    return call_address(robot_of(robot).group_steps[step], arguments)
 
 
 @nk.kernel

@@ -386,7 +386,7 @@ from diag_dynamics.parameters.controller import PARAMETERS
 
 def compiled():
     entries = {entry.__name__ for entry in kernel._entries if hasattr(getattr(entry, "run", None), "signatures")}
-    return entries | {entry.__name__ for entry in kernel._entries if "address" in vars(entry)}  # callbacks
+    return entries | {entry.__name__ for entry in kernel._entries if "_compiled" in vars(entry)}  # callbacks
 
 arm = dd.load_urdf(sys.argv[1])
 points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))

@@ -5,6 +5,7 @@
 other sources.
 """
 
+import _thread
 import logging
 import math
 import os
@@ -20,9 +21,11 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from diag_dynamics.numerics import cache, linking, progress, tables
+from diag_dynamics.numerics import cache, callback, linking, progress, tables
 from diag_dynamics.numerics import kernel as kernels
+from diag_dynamics.numerics.callback import FAILED, Callback, call_address
 from diag_dynamics.numerics.kernel import (
+    COUNT,
     FILLED_VECTOR,
     NUMBER,
     VECTOR,
@@ -86,6 +89,59 @@ def test_first_calls():
     for entry, wrong in ((doubled, "x"), (total, np.ones(3, np.int64))):
         with pytest.raises(TypeError):
             entry(wrong)
+
+
+def test_callbacks(caplog):
+    """A callback is compiled at its first call, also by threads together; a failure is a status."""
+
+    @Callback
+    def added(x, y):
+        return x + y
+
+    @Callback
+    def wrong(x):
+        return x.missing
+
+    @entry_kernel(COUNT, COUNT, nogil=True)
+    def total(address, x):
+        return call_address(address, (x, 2)) if x > 0 else -1
+
+    @entry_kernel(COUNT)
+    def failing(address):
+        return call_address(address, (1,))
+
+    assert total(added.address, 0) == -1 and "_compiled" not in vars(added)
+    with ThreadPoolExecutor(4) as pool:
+        totals = pool.map(lambda x: total(added.address, x), [1, 2, 3, 4])
+        assert list(totals) == [3, 4, 5, 6]
+    assert "_compiled" in vars(added)
+    assert failing(wrong.address) == FAILED and "wrong cannot be compiled" in caplog.text
+
+
+def test_an_interrupt_while_a_callback_is_compiled(monkeypatch):
+    """The kernel gives the right result; the interrupt follows."""
+
+    @Callback
+    def doubled(x):
+        return 2 * x
+
+    @entry_kernel(COUNT)
+    def entry(address):
+        return call_address(address, (21,))
+
+    def interrupt_and_compile(function):
+        _thread.interrupt_main()
+        time.sleep(0.1)
+        compile_callback(function)
+
+    entry.compile()
+    compile_callback = Callback.compile
+    monkeypatch.setattr(Callback, "compile", interrupt_and_compile)
+    monkeypatch.setattr(callback, "INTERRUPT_DELAY", 0.3)
+    assert entry(doubled.address) == 42
+    with pytest.raises(KeyboardInterrupt):
+        for _ in range(6000):
+            time.sleep(0.01)
 
 
 @pytest.mark.parametrize(
