@@ -5,6 +5,7 @@
 
 import functools
 import hashlib
+import importlib
 import logging
 import os
 import re
@@ -12,10 +13,12 @@ import shutil
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import numba
+
+from diag_dynamics.numerics.progress import send_message
 
 logger = logging.getLogger(__name__)
 
@@ -84,6 +87,23 @@ def code_folder(module):
         logger.warning("No folder for compiled code; each process compiles it again: %s", error)
         return None
     return folder
+
+
+@contextmanager
+def only_process(folder, name):
+    """Let one process at a time compile a kernel; the others load its code after that."""
+    with ExitStack() as stack:
+        with suppress(OSError, ImportError):  # no folder that can be locked, or Windows
+            fcntl = importlib.import_module("fcntl")
+            lock = stack.enter_context(
+                (folder or Path(os.devnull)).joinpath(f"{name}.lock").open("w")
+            )
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                send_message(f"another process compiles {name}; this one waits for it")
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def remove_unused(folder):

@@ -15,8 +15,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from diag_dynamics.numerics.cache import code_folder
-from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock, without_collection
+from diag_dynamics.numerics.cache import code_folder, only_process
+from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock, linking, without_collection
 from diag_dynamics.numerics.progress import report_compilation
 
 logger = logging.getLogger(__name__)
@@ -82,9 +82,12 @@ class Callback:
     @functools.cached_property
     def _compiled(self):
         """The compiled function, kept on disk."""
-        with report_compilation(self.__name__):
+        folder = code_folder(self.__module__)
+        with (
+            report_compilation(self.__name__, linking is not None),
+            only_process(folder, self.__name__),
+        ):
             function, before = self.__wrapped__, numba.config.CACHE_DIR
-            folder = code_folder(self.__module__)
             signature = _NUMBER(*[_NUMBER] * function.__code__.co_argcount)
             compiler = functools.partial(numba.cfunc, signature, error_model="numpy")
             try:

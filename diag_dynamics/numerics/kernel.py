@@ -20,7 +20,7 @@ import numba
 from numba import types
 from numba.extending import typeof_impl
 
-from diag_dynamics.numerics.cache import code_folder
+from diag_dynamics.numerics.cache import code_folder, only_process
 from diag_dynamics.numerics.progress import report_compilation
 
 logger = logging.getLogger(__name__)
@@ -138,15 +138,20 @@ class Entry:
         """Compile the function, or load it from the cache, so that its first call does not wait."""
         with compiler_lock:
             if self.run == self._compile_and_run:  # else another thread was first
-                with without_collection(), report_compilation(self.__name__):
-                    self.run = self._compile()
+                folder = code_folder(self.__module__)
+                with (
+                    without_collection(),
+                    report_compilation(self.__name__, linking is not None),
+                    only_process(folder, self.__name__),
+                ):
+                    self.run = self._compile(folder)
 
     def _compile_and_run(self, *arguments):
         self.compile()
         return self.run(*arguments)
 
-    def _compile(self):
-        folder, before = code_folder(self.__module__), numba.config.CACHE_DIR
+    def _compile(self, folder):
+        before = numba.config.CACHE_DIR
         try:
             numba.config.CACHE_DIR = str(folder or before)
             compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(

@@ -20,6 +20,8 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
+from diag_dynamics.numerics.progress import begin_compilation
+
 logger = logging.getLogger(__name__)
 
 
@@ -64,6 +66,7 @@ class KernelCompiler(Compiler):
     def define_pipelines(self):
         """Return numba's passes."""
         state = self.state
+        begin_compilation()
         if works():
             state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()

@@ -34,6 +34,7 @@ class Progress:
 
     def __init__(self):
         self.callback = print_message
+        self.loads = False  # what begins is loaded from the cache, as far as is known
         self._begun, self._ended, self._sent = 0.0, -MAX_PAUSE, None
         self._lock = threading.Lock()
 
@@ -66,10 +67,24 @@ def set_progress_callback(callback=None):
     _progress.callback = callback or print_message
 
 
+def send_message(text):
+    """Pass a message to the receiver."""
+    _progress.callback(text)
+
+
+def begin_compilation():
+    """Note that the compiler works: the cache lacks the kernel."""
+    _progress.loads = False
+
+
 @contextmanager
-def report_compilation(name):
-    """Send messages while a kernel compiles, if that takes long; log its time at the end."""
+def report_compilation(name, loads):
+    """Send messages while a kernel compiles, if that takes long; log its time at the end.
+
+    With `loads` it does not compile until :func:`begin_compilation`.
+    """
     begun, done = time.perf_counter(), threading.Event()
+    _progress.loads = loads
     threading.Thread(
         target=_report, args=(name, begun, done), name="compiling", daemon=True
     ).start()
@@ -84,5 +99,6 @@ def report_compilation(name):
 
 def _report(name, begun, done):
     due = _progress.begin(begun)
-    while not done.wait(max(0.3, due - time.perf_counter())):  # a kernel in the cache loads in less
-        due = _progress.send(name, begun, time.perf_counter())
+    while not done.wait(max(0.1, due - time.perf_counter())):
+        if not _progress.loads:
+            due = _progress.send(name, begun, time.perf_counter())

@@ -6,14 +6,17 @@ other sources.
 """
 
 import _thread
+import fcntl
 import logging
 import math
 import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numba
@@ -258,6 +261,43 @@ def compile_small():
 
     assert tripled(2.0) == 6.0
     return sum(tripled.run.stats.cache_hits.values())
+
+
+def test_messages_of_kernels_in_the_cache(folder, monkeypatch):
+    """A kernel that is loaded is not reported as compiled, however long that takes."""
+    messages, begin = [], progress.begin_compilation
+
+    @contextmanager
+    def only_process_slowly(*_):
+        time.sleep(0.5)
+        yield
+
+    def begin_slowly():
+        begin()
+        time.sleep(0.5)
+
+    monkeypatch.setattr(kernels, "only_process", only_process_slowly)
+    monkeypatch.setattr(linking, "begin_compilation", begin_slowly)
+    monkeypatch.setattr(progress, "DELAY", 0.0)
+    monkeypatch.setattr(progress, "_progress", progress.Progress())
+    progress.set_progress_callback(messages.append)
+    assert compile_small() == 0 and messages == [f"compiling tripled {progress.RULE}"]
+    assert compile_small() == 1 and len(messages) == 1
+
+
+def test_processes_compile_a_kernel_once(folder, monkeypatch):
+    """A process waits for another one that compiles the kernel, and says so."""
+    messages, waited = [], threading.Event()
+    monkeypatch.setattr(progress, "_progress", progress.Progress())
+    progress.set_progress_callback(lambda text: (messages.append(text), waited.set()))
+    with ThreadPoolExecutor(1) as pool, (folder / "tripled.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        hits = pool.submit(compile_small)
+        assert waited.wait(60.0) and not list(folder.rglob("*.nbc"))
+        lock.close()
+        assert hits.result() == 0
+    assert messages == ["another process compiles tripled; this one waits for it"]
+    assert compile_small() == 1 and len(messages) == 1
 
 
 def written(folder, pattern):
