@@ -16,7 +16,7 @@ if(DIAG_DYNAMICS_COMPILE AND NOT CMAKE_CROSSCOMPILING)
       message(STATUS \"Compiling the dynamics, for about half a minute; -DDIAG_DYNAMICS_COMPILE=OFF leaves it to the nodes\")
       execute_process(
         COMMAND \"${CMAKE_COMMAND}\" -E env \"PYTHONPATH=\${python_path}\"
-          \"${Python3_EXECUTABLE}\" -m diag_dynamics compile --if-needed --quiet
+          \"${Python3_EXECUTABLE}\" -m diag_dynamics compile --if-needed
         WORKING_DIRECTORY \"\${CMAKE_INSTALL_PREFIX}\"  # Python looks here first, and finds none of ours
         RESULT_VARIABLE status)
       if(NOT status EQUAL 0)
