@@ -156,13 +156,6 @@ def bracket_is_skew(c):
         assert_close(work, 0.0, max(1e-12, EPS * c.t.scaled_condition), c.size * x @ x)
 
 
-def bracket_makes_the_coriolis_term(c):
-    """Bν = C, C of the evaluation and of Pinocchio."""
-    actual = c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, c.s.nu)
-    assert_close(actual, c.s.coriolis, c.tolerance, c.t.coriolis_scale)
-    assert_close(actual, c.t.coriolis, c.tolerance, c.t.coriolis_scale)
-
-
 # --- dM/dt and C_s
 
 
@@ -320,7 +313,6 @@ LAWS = (
     m_rate_transposed_times,
     coriolis_bracket_times,
     bracket_is_skew,
-    bracket_makes_the_coriolis_term,
     mass_matrix_rate,
     mass_matrix_rate_applied,
     coriolis_matrix_times,
