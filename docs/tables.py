@@ -340,7 +340,7 @@ INTERFACES = {
         ),
         Interface(
             IN,
-            "trajectory",
+            "~/joint_trajectory",
             "trajectory_msgs/JointTrajectory",
             "tracking, regulation: interpolated like ros2_control's controller; within position and velocity limits",
         ),
@@ -375,19 +375,14 @@ INTERFACES = {
             OUT,
             "~/status",
             "ControllerStatus",
-            "mode, phase, energies, V and its rate, errors, limited joints",
+            "mode, phase, energies, V and its rate, desired and actual motion, last trajectory, limited joints",
         ),
         Interface(
             OUT,
-            "~/trajectory_feedback",
-            "trajectory_msgs/JointTrajectory",
-            "points: desired and actual motion and their difference",
-        ),
-        Interface(
-            OUT,
-            "~/trajectory_result",
-            "diagnostic_msgs/DiagnosticStatus",
-            "end or rejection of a trajectory: reason, and error_code of FollowJointTrajectory",
+            "~/controller_state",
+            "control_msgs/JointTrajectoryControllerState",
+            "desired and actual motion, their difference and the efforts",
+            "control_msgs",
         ),
         Interface(
             OUT,

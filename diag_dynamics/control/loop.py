@@ -20,6 +20,7 @@ from diag_dynamics.control.laws import Command
 from diag_dynamics.control.limits import names_where
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
 from diag_dynamics.control.observer import DisturbanceObserver
+from diag_dynamics.control.references import at_rest
 from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
@@ -237,10 +238,9 @@ class ControlLoop:
         return self._mode.shortfall if self.supervisor.phase == ACTIVE else ""
 
     @property
-    def desired_position(self):
-        """Position that the mode demands [rad, m]; that of the last state without one, shape (nv,)."""
-        desired = getattr(self._mode, "desired", None)
-        return self.state.position if desired is None else desired.position
+    def desired(self):
+        """Motion that the mode demands; rest at the last state without one."""
+        return self._mode.desired or at_rest(self.state.position)
 
     def take_trajectory(self, waypoints, stamp, now, tolerances=None):
         """Follow Waypoints within position and velocity limits and Tolerances; see :class:`Trajectory`.
@@ -248,7 +248,7 @@ class ControlLoop:
         The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the
         last state.
         """
-        self.require("trajectory")
+        self.require("joint_trajectory")
         tolerances = tolerances or self.tolerances
         following = self._mode.take_trajectory(self.state, waypoints, stamp, now, tolerances)
         self._finish("a newer trajectory replaced the trajectory", canceled=True)

@@ -232,7 +232,7 @@ class PoseMode(Mode):
 class JointMode(Mode):
     """Mode with set-points and trajectories, whose law follows a desired motion of the joints."""
 
-    targets = ("trajectory", "set_point")
+    targets = ("joint_trajectory", "set_point")
     _spring = 0.0  # stiffness at rest, where friction is compensated [N m/rad, N/m]
 
     def __init__(self, law, approach, values):

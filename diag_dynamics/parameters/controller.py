@@ -151,9 +151,8 @@ _WHILE_UNCONFIGURED = {
         0.0,
         10.0,
     ),
-    "max_rate.status": Spec(0.0, "Maximum rate of ~/status [Hz]; 0: every command.", 0.0),
-    "max_rate.feedback": Spec(
-        20.0, "Maximum rate of the feedback of trajectories [Hz]; 0: every command.", 0.0
+    "max_rate.status": Spec(
+        0.0, "Maximum rate of ~/status and ~/controller_state [Hz]; 0: every command.", 0.0
     ),
 }
 

@@ -30,7 +30,6 @@ PARAMETERS = {
     "max_state_age": 1.0,
     "hold_time": 10.0,
     "following_energy": 0.0,
-    "max_rate.feedback": 0.0,
 }
 
 

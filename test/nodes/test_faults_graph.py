@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from controllers import NODE
 from diag_dynamics.nodes.support.statuses import WARN
 from diag_dynamics.text import MAX_LENGTH, shortened
 from nodes import (
@@ -361,7 +362,7 @@ def test_names_in_control(peer, tmp_path):
     path = tmp_path / "hostile.urdf"
     path.write_text(URDF, encoding="utf-8")
     diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
-    trajectory = peer.publisher(JointTrajectory, "/held/trajectory", MANY)
+    trajectory = peer.publisher(JointTrajectory, f"/held/{NODE}/joint_trajectory", MANY)
     command = peer.publisher(Float64MultiArray, "/held/effort_controller/commands", MANY)
     settings = {"robot_compensates_gravity": False, "check_time": 0.0, "autostart": True}
     arguments = ("-r", "__ns:=/held", "-p", f"robot_description:={path}")

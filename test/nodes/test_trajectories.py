@@ -13,9 +13,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticStatus
+from control_msgs.msg import JointTrajectoryControllerState
 from rclpy.action import CancelResponse, GoalResponse
-from trajectory_msgs.msg import JointTrajectory
 from unique_identifier_msgs.msg import UUID
 
 from controllers import (
@@ -154,19 +153,16 @@ def arm(peer):
         values = {
             "controlled_link": "tool0",
             "effort_rate": ["*=5000.0"],
-            "max_rate.feedback": 50.0,
         }
         arm = stack.enter_context(lockstep_arm(peer, "/followed", list(NAMES), **values))
-        arm.results = peer.topic(DiagnosticStatus, f"{arm.name}/trajectory_result")
-        arm.feedback = peer.topic(JointTrajectory, f"{arm.name}/trajectory_feedback")
+        arm.states = peer.topic(JointTrajectoryControllerState, f"{arm.name}/controller_state")
         yield arm
 
 
 @pytest.fixture(autouse=True)
 def from_the_start(arm):
     begin_at_rest(arm)
-    arm.results.forget()
-    arm.feedback.forget()
+    arm.states.forget()
 
 
 def to_goal(names=NAMES, goal=GOAL):
@@ -184,26 +180,30 @@ def go(arm, seconds):
     return np.array(arm.simulator.states.messages[-1].position), status
 
 
-def result(arm):
-    (status,) = arm.results.messages
-    return int(status.values[0].value), status
-
-
-def test_a_topic_reports_feedback_and_success(arm):
+def test_a_topic_reports_motion_and_success(arm):
+    """Status and controller state have desired and actual motion, and the status the outcome."""
     arm.trajectory.publish(to_goal())
-    arm.peer.wait_until(lambda: arm.results.messages, "the result")
-    assert result(arm)[0] == 0 and result(arm)[1].level == DiagnosticStatus.OK
-    assert 40 <= len(arm.feedback.messages) <= 55
-    for message in arm.feedback.messages:
-        desired, actual, error = message.points
-        state = arm.simulator.states.repeated(nanoseconds(message.header.stamp))
+    begun = nanoseconds(arm.wait_for(lambda s: s.trajectory_active, "the trajectory").header.stamp)
+    status = arm.wait_for(lambda s: not s.trajectory_active, "its end")
+    assert (status.trajectory_code, status.trajectory_reason) == (0, "")
+    assert len(arm.states.messages) > 200  # in a second, one for each state
+    statuses = {nanoseconds(status.header.stamp): status for status in arm.status.messages}
+    for message in arm.states.messages:
+        stamp = nanoseconds(message.header.stamp)
+        state, status = arm.simulator.states.repeated(stamp), statuses[stamp]
+        desired, actual, error = message.reference, message.feedback, message.error
         np.testing.assert_array_equal(actual.positions, state.position)
-        np.testing.assert_allclose(
-            error.positions, np.subtract(desired.positions, actual.positions), atol=1e-12
-        )
-        t = desired.time_from_start.sec + 1e-9 * desired.time_from_start.nanosec
-        part = min(t, 1.0) ** 2 * (3.0 - 2.0 * min(t, 1.0))  # a cubic between rests, written out
+        np.testing.assert_array_equal(actual.velocities, state.velocity)
+        np.testing.assert_array_equal(message.output.effort, status.effort_command)
+        np.testing.assert_array_equal(desired.positions, status.desired_position)
+        np.testing.assert_array_equal(actual.velocities, status.actual_velocity)
+        for name in ("positions", "velocities"):
+            expected = np.subtract(getattr(desired, name), getattr(actual, name))
+            np.testing.assert_allclose(getattr(error, name), expected, atol=1e-12)
+        t = min(max((stamp - begun) / S, 0.0), 1.0)
+        part = t**2 * (3.0 - 2.0 * t)  # a cubic between rests, written out
         np.testing.assert_allclose(desired.positions, START + part * 0.1, atol=2e-3)
+        np.testing.assert_allclose(desired.velocities, 0.6 * (t - t**2), atol=0.02)
 
 
 def test_an_action_of_some_joints_in_another_order_succeeds(arm):
@@ -213,12 +213,12 @@ def test_an_action_of_some_joints_in_another_order_succeeds(arm):
     handle = server(arm).send(goal)
     assert "trajectory.points have efforts." in arm.process.output
     go(arm, 0.5)
-    assert handle.state == "executing" and len(handle.feedback) > 20
+    assert handle.state == "executing" and len(handle.feedback) >= 8
     assert handle.feedback[-1].joint_names == list(NAMES)
-    q, _ = go(arm, 0.8)
+    q, status = go(arm, 0.8)
+    assert status.trajectory_code == 0 and not status.trajectory_active
     assert handle.state == "succeeded" and handle.result() == Message(error_code=0, error_string="")
     np.testing.assert_allclose(q, [START[0], *GOAL[1:]], atol=5e-3)
-    assert result(arm)[0] == 0
 
 
 def test_cancel_holds_the_position(arm):
@@ -256,11 +256,9 @@ def test_rejection_names_the_joint(arm):
         ),
         (lambda: arm.trajectory.publish(wrong), unknown),
     ):
-        arm.results.forget()
         assert send() is None
-        arm.peer.wait_until(lambda: arm.results.messages, "the result")
-        code, status = result(arm)
-        assert code == -1 and reason in status.message and status.level == DiagnosticStatus.ERROR
+        status = arm.wait_for(lambda s, text=reason: text in s.trajectory_reason, "the reason")
+        assert status.trajectory_code == -1 and not status.trajectory_active
     log = "Rejected on follow_joint_trajectory: "
     for reason in (unknown, "goal_tolerance has 'wing'"):  # at once, each
         assert any(log in line and reason in line for line in arm.process.node.output)

@@ -47,7 +47,7 @@ class Controller:
         self.status = peer.topic(ControllerStatus, f"{self.name}/status")
         self.sent = peer.topic(Float64MultiArray, f"{namespace}/{commands}")
         self.target = peer.publisher(PoseStamped, f"{namespace}/target")
-        self.trajectory = peer.publisher(JointTrajectory, f"{namespace}/trajectory")
+        self.trajectory = peer.publisher(JointTrajectory, f"{self.name}/joint_trajectory")
         self.set_point = peer.publisher(JointState, f"{namespace}/set_point")
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)

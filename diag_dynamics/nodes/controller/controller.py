@@ -76,6 +76,7 @@ from diag_dynamics.parameters.spec import Spec
 from diag_dynamics.text import shortened
 
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
+TRAJECTORY = "joint_trajectory"
 
 RETRY_PERIOD = 0.3
 """Time [s] after which a request is repeated: a service that does not know its client yet drops the answer."""
@@ -189,7 +190,7 @@ class ControllerNode(ManagedNode):
                 "target",
                 lambda message: loop.take_pose(*received.pose(message, model, self._transforms)),
             ),
-            (JointTrajectory, "trajectory", self._take_trajectory),
+            (JointTrajectory, "~/joint_trajectory", self._take_trajectory),
             (
                 JointState,
                 "set_point",
@@ -197,8 +198,9 @@ class ControllerNode(ManagedNode):
             ),
             (Float64, SCALE, lambda message: loop.take_scale(message.data, self.time.now())),
         ):
+            target = topic.removeprefix("~/")
             self._subscribe(
-                kind, topic, partial(self._take_target, topic, take), QoSProfile(depth=1)
+                kind, topic, partial(self._take_target, target, take), QoSProfile(depth=1)
             )
         # Simulated time where the node uses it; else steady time: timers stop while system time is
         # set back.
@@ -394,7 +396,7 @@ class ControllerNode(ManagedNode):
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
-        """Send a command, and publish status and feedback."""
+        """Send a command, and publish status and controller state."""
         if sent is None:
             return
         if not sent.silent:
@@ -404,9 +406,12 @@ class ControllerNode(ManagedNode):
             self._record.refuse("targets aborted", sent.lost)
             self.get_logger().warning(shortened(sent.lost), throttle_duration_sec=1.0)
         self._record.command(now, sent, self._loop, self.values["max_state_age"])
-        if self._status.get_subscription_count() and self._status_limit.due(now):
-            self._status.publish(status_message(self._loop, sent))
         self._trajectories.update()
+        receivers = self._status.get_subscription_count() + self._trajectories.receivers
+        if receivers and self._status_limit.due(now):
+            message = status_message(self._loop, sent, self._trajectories)
+            self._trajectories.publish_state(message)
+            self._status.publish(message)
 
     def _report_phase(self):
         """Log that a hold or a ramp begins or ends, and report its begin, at once."""
@@ -445,7 +450,7 @@ class ControllerNode(ManagedNode):
             self.get_logger().debug(f"{topic} accepted")
             self._trajectories.update()
             return True
-        if topic in ("trajectory", ACTION):
+        if topic in (TRAJECTORY, ACTION):
             self._trajectories.reject(fault.reason)
         self._record.refuse(f"{topic} rejected", fault.reason)
         self._log_rejected(topic, fault.reason)
@@ -459,9 +464,8 @@ class ControllerNode(ManagedNode):
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
-            self._loop.require(
-                "trajectory" if topic == ACTION else topic
-            )  # before a long message is read
+            target = TRAJECTORY if topic == ACTION else topic
+            self._loop.require(target)  # before a long message is read
         take(message)
 
     def _take_trajectory(self, message, tolerances=None):
@@ -471,8 +475,8 @@ class ControllerNode(ManagedNode):
                 "trajectory.points have efforts. They are ignored because the law computes efforts.",
                 throttle_duration_sec=1.0,
             )
-        position = loop.desired_position
-        points = received.trajectory(message, loop.dynamics.model.dof_names, position)
+        names, position = loop.dynamics.model.dof_names, loop.desired.position
+        points = received.trajectory(message, names, position)
         loop.take_trajectory(*points, self.time.now(), tolerances)
         self._trajectories.add(loop.following)
 

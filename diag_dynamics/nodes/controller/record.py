@@ -179,8 +179,8 @@ def values_of_loop(loop):
     return values
 
 
-def status_message(loop, sent):
-    """Return the ControllerStatus of a command of a loop."""
+def status_message(loop, sent, trajectories):
+    """Return the ControllerStatus of a command of a loop, with the outcome of its Trajectories."""
     command = sent.command
     model, limiter = loop.dynamics.model, loop.limits.energy
     message = ControllerStatus(
@@ -195,6 +195,11 @@ def status_message(loop, sent):
     message.energy_limit_valid = limiter is not None and math.isfinite(limiter.limit)
     message.energy_limit = limiter.limit if message.energy_limit_valid else 0.0
     message.contact_limited = sent.contact_limited
+    message.actual_position = doubles(loop.state.position)
+    message.actual_velocity = doubles(loop.state.velocity)
+    message.trajectory_active = trajectories.is_active
+    message.trajectory_code = trajectories.outcome.code
+    message.trajectory_reason = shortened(trajectories.outcome.reason)
     if (bound := loop.limits.contact) and bound.seen and command is not None:
         message.contact_valid, message.contact_link = True, bound.seen.link
         message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit
@@ -211,4 +216,6 @@ def status_message(loop, sent):
             field.x, field.y, field.z = map(float, vector)
     elif command.error is not None:
         message.tracking_error, message.tracking_error_valid = doubles(command.error), True
+        message.desired_position = doubles(loop.desired.position)
+        message.desired_velocity = doubles(loop.desired.velocity)
     return message

@@ -1,25 +1,29 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feedback and results of trajectories: topics, and the action FollowJointTrajectory where control_msgs is installed."""
+"""Names of ros2_control's JointTrajectoryController where control_msgs is installed: action and controller state."""
 
+import numpy as np
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from diag_dynamics.control.following import INVALID_GOAL, SUCCESSFUL, Outcome
 from diag_dynamics.nodes.support.messages import doubles, to_time
 from diag_dynamics.nodes.support.publishing import RateLimit
-from diag_dynamics.text import shortened
 
 try:
     from control_msgs.action import FollowJointTrajectory
+    from control_msgs.msg import JointTrajectoryControllerState
 except ImportError:  # PyPI has no control_msgs
-    FollowJointTrajectory = None
+    FollowJointTrajectory = JointTrajectoryControllerState = None
 
 ACTION = "follow_joint_trajectory"
+
+FEEDBACK_RATE = 20.0
+"""Maximum rate of the feedback of the action [Hz]."""
 
 
 class _Goal:
@@ -34,19 +38,20 @@ class _Goal:
 
 
 class Trajectories:
-    """Feedback and results of a controller's trajectories.
+    """Action and controller state of a controller's trajectories.
 
     `publisher` makes a publisher from a message type and a topic. `accept` returns whether the goal
-    of an action is followed, and `cancel()` ends the trajectory.
+    of an action is followed, and `cancel()` ends the trajectory. `outcome` is that of the last
+    trajectory that ended or was rejected.
     """
 
     def __init__(self, node, publisher, accept, cancel):
         self._goals, self._accept, self._cancel, self._server = [], accept, cancel, None
         self._node, self._preempted = node, []  # handles of goals that newer trajectories replaced
-        self._feedback = publisher(JointTrajectory, "~/trajectory_feedback")
-        self._results = publisher(DiagnosticStatus, "~/trajectory_result")
-        self._limit = RateLimit(node.values["max_rate.feedback"])
+        self._limit, self.outcome = RateLimit(FEEDBACK_RATE), Outcome(SUCCESSFUL)
+        self._states = None  # publisher of the controller state
         if FollowJointTrajectory:
+            self._states = publisher(JointTrajectoryControllerState, "~/controller_state")
             self._canceler = node.create_client(CancelGoal, f"~/{ACTION}/_action/cancel_goal")
             self._server = ActionServer(
                 node,
@@ -69,19 +74,30 @@ class Trajectories:
         """Report a Following from now on."""
         self._goals.append(_Goal(following))
 
+    @property
+    def receivers(self):
+        """Number of receivers of the controller state."""
+        return self._states.get_subscription_count() if self._states else 0
+
+    @property
+    def is_active(self):
+        """Whether a trajectory is followed."""
+        return bool(self._goals)
+
     def update(self):
-        """Publish the results of trajectories that have ended, and the feedback of the present one if it is due."""
+        """End the goals of trajectories that have ended, and publish the feedback of the present one if it is due."""
         for goal in self._goals.copy():
             following = goal.following
             if following.outcome:
+                self.outcome = following.outcome
                 self._goals.remove(goal)
                 self._end(goal)
-            elif following.state and self._limit.due(following.state.newest):
+            elif goal.handle and following.state and self._limit.due(following.state.newest):
                 self._publish_feedback(goal)
 
     def reject(self, reason):
-        """Publish the result of a trajectory that is not followed."""
-        self._publish_result(Outcome(INVALID_GOAL, reason))
+        """Report a trajectory that is not followed."""
+        self.outcome = Outcome(INVALID_GOAL, reason)
 
     # --- The action
 
@@ -121,7 +137,6 @@ class Trajectories:
 
     def _finish(self, goal):
         outcome, handle = goal.following.outcome, goal.handle
-        self._publish_result(outcome)
         if handle is None:
             return
         if outcome.code == SUCCESSFUL:
@@ -134,36 +149,38 @@ class Trajectories:
             FollowJointTrajectory.Result(error_code=outcome.code, error_string=outcome.reason)
         )
 
-    def _publish_result(self, outcome):
-        level = DiagnosticStatus.OK if outcome.code == SUCCESSFUL else DiagnosticStatus.ERROR
-        code = KeyValue(key="error_code", value=str(outcome.code))
-        self._results.publish(
-            DiagnosticStatus(
-                level=level, name="trajectory", message=shortened(outcome.reason), values=[code]
-            )
+    def publish_state(self, status):
+        """Publish the controller state of a ControllerStatus, if somebody receives it."""
+        if not self.receivers:
+            return
+        message = JointTrajectoryControllerState(
+            header=status.header,
+            joint_names=status.dof_names,
+            feedback=JointTrajectoryPoint(
+                positions=status.actual_position, velocities=status.actual_velocity
+            ),
+            output=JointTrajectoryPoint(effort=status.effort_command),
         )
+        if status.tracking_error_valid:
+            reference, error = message.reference, message.error
+            reference.positions = status.desired_position
+            reference.velocities = status.desired_velocity
+            error.positions = status.tracking_error
+            error.velocities = doubles(np.subtract(status.desired_velocity, status.actual_velocity))
+        self._states.publish(message)
 
     def _publish_feedback(self, goal):
         following = goal.following
         state, desired = following.state, following.desired
         elapsed = state.newest - following.start
-        points = [
-            _point(desired.position, desired.velocity, elapsed),
-            _point(state.position, state.velocity, elapsed),
-            _point(*following.error, elapsed),
-        ]
-        message = JointTrajectory(joint_names=list(following.names), points=points)
-        message.header.stamp = to_time(state.newest)
-        self._feedback.publish(message)
-        if goal.handle:
-            names = ("desired", "actual", "error")
-            goal.handle.publish_feedback(
-                FollowJointTrajectory.Feedback(
-                    header=message.header,
-                    joint_names=message.joint_names,
-                    **dict(zip(names, points, strict=True)),
-                )
-            )
+        message = FollowJointTrajectory.Feedback(
+            header=Header(stamp=to_time(state.newest)),
+            joint_names=list(following.names),
+            desired=_point(desired.position, desired.velocity, elapsed),
+            actual=_point(state.position, state.velocity, elapsed),
+            error=_point(*following.error, elapsed),
+        )
+        goal.handle.publish_feedback(message)
 
 
 def _point(position, velocity, elapsed):
