@@ -37,6 +37,5 @@ def generate_launch_description():
         without_command="brake",  # brakes hold the robot before the first command and after the last one
         command_timeout="0.5",
     )
-    # The simulator has no parameter `joints` to compare.
-    controller = include("controller", robot_description="", check_time="0.0")
+    controller = include("controller", robot_description="")
     return LaunchDescription([compensates, autostart, simulator, controller, include("monitor")])

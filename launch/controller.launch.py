@@ -15,10 +15,6 @@ PARAMETERS = {
         "Required: whether the robot adds gravity compensation to efforts.",
     ),
     "autostart": (bool, "Whether the node configures and activates itself."),
-    "check_time": (
-        float,
-        "Timeout for reading the effort controller's joints [s]; 0 skips the check.",
-    ),
     "use_sim_time": (bool, "Whether the node uses /clock."),
 }
 """Parameters of the controller as arguments: type and description. If empty, params_file or the node determines them."""

@@ -40,12 +40,6 @@ _WHILE_UNCONFIGURED = {
         [""],
         "Joints in the order of a command's entries; by default all. Lock joints without effort interface.",
     ),
-    "check_time": Spec(
-        1.0,
-        "Timeout for reading the effort controller's `joints` parameter [s]; 0 skips the check.",
-        0.0,
-        60.0,
-    ),
     "initial_mode": Spec(REGULATION, "Mode on activation.", choices=MODES),
     # laws
     "damping": Spec(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),

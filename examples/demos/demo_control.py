@@ -40,7 +40,6 @@ CONTROLLER = {
     "use_sim_time": True,
     "autostart": True,
     "robot_compensates_gravity": False,
-    "check_time": 0.0,
 }
 CONTROLLER |= {
     "max_state_age": 0.5,

@@ -159,7 +159,6 @@ def test_names_of_the_policy(peer):
     simulator = {"robot_description": model.path, "floating_base": True, "real_time_factor": 0.9}
     controller = {
         "robot_compensates_gravity": False,
-        "check_time": 60.0,
         "autostart": True,
         "use_sim_time": True,
     }

@@ -33,7 +33,6 @@ OPTIONS = {
     "controller": {
         "robot_description": robot_path(UR5),
         "robot_compensates_gravity": False,
-        "check_time": 0.0,
     },
     "view": {"port": 0},
 }

@@ -26,7 +26,6 @@ PARAMETERS = {
     "robot_description": robot(UR5).path,
     "robot_compensates_gravity": True,
     "autostart": True,
-    "check_time": 0.0,
     "max_state_age": 1.0,
     "hold_time": 10.0,
     "following_energy": 0.0,

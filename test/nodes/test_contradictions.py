@@ -7,7 +7,7 @@ import pytest
 
 from diag_dynamics.exceptions import InputError
 
-SETTINGS = {"robot_compensates_gravity": False, "check_time": 0.0}
+SETTINGS = {"robot_compensates_gravity": False}
 CONTRADICTIONS = [
     ("controller", {"max_state_age": 0.5}, "hold_time"),
     ("controller", {"initial_mode": "pose"}, "controlled_link"),

@@ -21,7 +21,6 @@ from controllers import (
     Controller,
     effort_controller,
     gravity_of,
-    joints_by_graph,  # noqa: F401 (a fixture)
     pinocchio_command,
     pose_message,
     trajectory,
@@ -31,8 +30,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.controller.lifecycle import SUCCESS
 from diag_dynamics.nodes.support.statuses import LOG_PERIOD
 from nodes import LATCHED, MS, PANDA, UR5, S, description, joint_state, nanoseconds, robot
-
-pytestmark = pytest.mark.usefixtures("joints_by_graph")
 
 Q, REST = np.array(START_AT), np.zeros(6)
 NAMES = robot(UR5).names
@@ -571,7 +568,7 @@ def test_it_does_not_start_on_a_guess(peer):
     swapped = [model.names[1], model.names[0], *model.names[2:]]
     with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it has to be there first)
         with Controller(
-            peer, "/bare", robot_description=model.path, check_time=60, payloads="[]", energy_limt=1
+            peer, "/bare", robot_description=model.path, payloads="[]", energy_limt=1
         ) as controller:
             name = controller.name
             peer.wait_until(lambda: controller.reports, "a report")
@@ -579,7 +576,7 @@ def test_it_does_not_start_on_a_guess(peer):
             controller.process.wait_for_text(f"Waiting to be configured: {to_do}")
             wrong = "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?"
             controller.process.wait_for_text(wrong)
-            given = {"check_time": 60.0, "payloads": [""]}
+            given = {"max_state_age": 0.02, "payloads": [""]}
             assert peer.get_parameters(name, given) == given
             assert not peer.transition(name, "configure")
             controller.wait_until_told(

@@ -364,7 +364,7 @@ def test_names_in_control(peer, tmp_path):
     diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
     trajectory = peer.publisher(JointTrajectory, f"/held/{NODE}/joint_trajectory", MANY)
     command = peer.publisher(Float64MultiArray, "/held/effort_controller/commands", MANY)
-    settings = {"robot_compensates_gravity": False, "check_time": 0.0, "autostart": True}
+    settings = {"robot_compensates_gravity": False, "autostart": True}
     arguments = ("-r", "__ns:=/held", "-p", f"robot_description:={path}")
     with (
         peer.start("simulator", *arguments) as simulator,

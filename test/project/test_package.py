@@ -292,11 +292,7 @@ LAUNCHED = {
                 "compensates_gravity": True,
             }
             | {"without_command": "brake", "command_timeout": 0.5},
-            "controller": {
-                "robot_compensates_gravity": True,
-                "autostart": True,
-                "check_time": 0.0,
-            },
+            "controller": {"robot_compensates_gravity": True, "autostart": True},
             "monitor": {},
         },
     ),

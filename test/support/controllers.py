@@ -7,11 +7,9 @@ import contextlib
 
 import numpy as np
 import pinocchio as pin
-import pytest
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.srv import SetState
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.srv import GetParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -51,7 +49,7 @@ class Controller:
         self.set_point = peer.publisher(JointState, f"{namespace}/set_point")
         self.reports = Reports(peer.node, peer.wait_until, self.name)
         self._arguments = ("-r", f"effort_controller/commands:={commands}", *arguments)
-        self._parameters = {"check_time": 0.0, "initial_mode": "tracking"} | parameters
+        self._parameters = {"initial_mode": "tracking"} | parameters
         self.start()
 
     def start(self):
@@ -148,23 +146,6 @@ def effort_controller(peer, namespace, joints):
         yield f"{namespace}/effort_controller"
     finally:
         peer.drop_node(node)
-
-
-@pytest.fixture
-def joints_by_graph(peer, monkeypatch):
-    """Have controllers ask effort controllers on the graph: rclpy's executor, which they spin for it, serves no graph."""
-
-    def joints_of_controller(node, controller, patience):
-        if not (service := peer.graph.services.get(f"{controller}/get_parameters")):
-            return None
-        (joints,) = service.callback(
-            GetParameters.Request(names=["joints"]), GetParameters.Response()
-        ).values
-        return list(joints.string_array_value)
-
-    monkeypatch.setattr(
-        "diag_dynamics.nodes.controller.controller.joints_of_controller", joints_of_controller
-    )
 
 
 # --- with a simulator

@@ -6,6 +6,7 @@
 import contextlib
 from functools import cache
 from typing import NamedTuple
+from unittest import mock
 
 from diag_dynamics.msg import (
     CoriolisTerm,
@@ -138,9 +139,23 @@ class Peer(contextlib.AbstractContextManager):
         self.graph = Graph()
         self.node = self.graph.add(Node, node_name="test")
         self.clients = {}
+        # rclpy's executor, which controllers spin to ask for joints, serves no graph
+        module = "diag_dynamics.nodes.controller.controller"
+        self._asking = mock.patch(f"{module}.joints_of_controller", self._joints_of_controller)
+        self._asking.start()
 
     def __exit__(self, *_):
+        self._asking.stop()
         self.graph.__exit__()
+
+    def _joints_of_controller(self, node, controller, timeout):
+        """Return the parameter `joints` of an effort controller on the graph; None without one."""
+        service = self.graph.services.get(f"{controller}/get_parameters")
+        if service is None:
+            return None
+        request = GetParameters.Request(names=["joints"])
+        (joints,) = service.callback(request, GetParameters.Response()).values
+        return list(joints.string_array_value)
 
     def start(self, name, *arguments, **parameters):
         """Start a node of this package, such as "monitor"; `arguments` are ROS arguments."""

@@ -78,6 +78,9 @@ from diag_dynamics.text import shortened
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
 TRAJECTORY = "joint_trajectory"
 
+CHECK_TIMEOUT = 1.0
+"""Timeout for reading the parameter `joints` of the effort controller [s]."""
+
 RETRY_PERIOD = 0.3
 """Time [s] after which a request is repeated: a service that does not know its client yet drops the answer."""
 
@@ -323,13 +326,20 @@ class ControllerNode(ManagedNode):
         self._refused = shortened(f"robot_description rejected: {reason}")
         self.get_logger().error(self._refused)
 
+    @property
+    def _controller(self):
+        """Name of the effort controller by its topic."""
+        return self.resolve_topic_name(COMMANDS).rpartition("/")[0]
+
+    def _receivers(self):
+        """Return the names of the nodes that receive the commands."""
+        receivers = self.get_subscriptions_info_by_topic(self._commands.topic_name)
+        return [f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in receivers]
+
     def _compare_joints(self):
         """Raise InputError if the effort controller has another order of joints."""
-        controller = self.resolve_topic_name(COMMANDS).rpartition("/")[0]
-        if not self.values["check_time"]:
-            self._order_known = "not compared (check_time is 0)"
-            return
-        theirs = joints_of_controller(self, controller, self.values["check_time"])
+        controller = self._controller
+        theirs = joints_of_controller(self, controller, CHECK_TIMEOUT)
         if theirs is None:
             self._order_known = f"not compared: no parameter 'joints' from {controller}"
             self.get_logger().warning(f"The order of joints is {self._order_known}.")
@@ -568,7 +578,7 @@ class ControllerNode(ManagedNode):
         )
         if not receivers:
             problems.append(f"{topic} has no subscriber")
-        elif self.values["check_time"] and "not compared" in self._order_known:
+        elif "not compared" in self._order_known and self._controller in self._receivers():
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
             problems.append(f"other nodes publish {topic}")
