@@ -32,7 +32,7 @@ _NAMES = {
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "control.tank": "EnergyTank",
-    "collision.detector": "AlarmDetector AlarmThresholds",
+    "collision.detector": "Detector Thresholds",
     "collision.calibration": "Calibration",
     "recordings.recording": "Recording read_recording stream_recording",
     "recordings.fleet": "analyse_fleet",
@@ -51,8 +51,8 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.collision.contact_points import ContactLimits as ContactLimits
     from diag_dynamics.collision.contact_points import ContactPoint as ContactPoint
     from diag_dynamics.collision.contact_points import ContactPoints as ContactPoints
-    from diag_dynamics.collision.detector import AlarmDetector as AlarmDetector
-    from diag_dynamics.collision.detector import AlarmThresholds as AlarmThresholds
+    from diag_dynamics.collision.detector import Detector as Detector
+    from diag_dynamics.collision.detector import Thresholds as Thresholds
     from diag_dynamics.collision.link_geometry import link_geometry as link_geometry
     from diag_dynamics.control.adaptive import AdaptiveTracking as AdaptiveTracking
     from diag_dynamics.control.filters import Limits as Limits

@@ -84,7 +84,11 @@ def _describe(error: Any, text: str) -> str:
     return f"{place}. Check brackets, quotes, colons and indentation there."
 
 
-def yaml_text(content: Any) -> str:
-    """Return dicts, lists, texts and numbers as YAML; numbers are read back with the same bits."""
+def yaml_text(content: Any, in_braces: bool = False) -> str:
+    """Return dicts, lists, texts and numbers as YAML; numbers are read back with the same bits.
+
+    In braces, a cut text is no YAML.
+    """
     yaml = require("yaml", "writing YAML")
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
+    options = {"sort_keys": False, "allow_unicode": True, "width": 100}
+    return yaml.safe_dump(content, default_flow_style=in_braces, **options)

@@ -65,7 +65,7 @@ if __name__ == "__main__":
         parameters = [
             f"locked_joints={held}",
             "external_torque.gain=25.0",
-            "external_torque.threshold=12.0",
+            "collision.threshold=norm=12.0",
         ]
         main(
             ["analyse", path.name, "--urdf", "panda", "--set", *parameters, "--report", str(target)]

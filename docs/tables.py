@@ -36,7 +36,7 @@ GROUPS = {
         "stuck_timeout": "Stuck sensors and mimic joints",
         "energy.warn": "Energy thresholds",
         "external_torque.gain": "External torque",
-        "alarm.joints": "Collision detection",
+        "collision.threshold": "Collision detection",
         "external_wrench.frames": "External wrench",
         "reaction.service": "Reaction to a collision",
         "contact_limits.file": "Predicted contact",

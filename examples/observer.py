@@ -12,7 +12,7 @@ dyn, simulation = (
     dd.DiagonalDynamics(model),
     dd.Simulation(model, q=[0.0, -1.0, 1.2, 0.0, 0.5, 0.0]),
 )
-observer = dd.DisturbanceObserver(dyn, gain=25.0, threshold=2.0)
+observer = dd.DisturbanceObserver(dyn, gain=25.0)
 
 for k in range(1000):
     time = 1e-3 * k

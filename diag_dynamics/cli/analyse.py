@@ -37,15 +37,6 @@ from diag_dynamics.text import Progress, plain
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
 than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
 
-THRESHOLDS = {
-    "alarm.joints",
-    "alarm.external_torque",
-    "alarm.norm",
-    "alarm.rest_joints",
-    "external_torque.threshold",
-}
-"""Parameters of the monitor that set a threshold; a file of alarms sets at least one."""
-
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 
 
@@ -246,15 +237,14 @@ def _no_states(chosen, recording, analysis):
 def _parameters(chosen):
     """Return parameters of the monitor, with the thresholds of --alarms."""
     alarms = [chosen.alarms] if chosen.alarms else []
-    if alarms and not THRESHOLDS & set(parameters_of(alarms)):
+    if alarms and not parameters_of(alarms).get("collision.threshold"):
         raise InputError(
-            f"--alarms is '{plain(chosen.alarms)}', which has no thresholds; expected one of "
-            f"{', '.join(sorted(THRESHOLDS))}. Create it with diag-dynamics calibrate, or use --parameters."
+            f"--alarms is '{plain(chosen.alarms)}', which has no collision.threshold; expected a file "
+            "of diag-dynamics calibrate. Use --parameters for other files."
         )
     parameters = common.chosen_parameters(chosen, *alarms)
-    if chosen.gain is not None and parameters.get(
-        "external_torque.threshold"
-    ):  # it counts only with a gain
+    # it counts only with a gain
+    if chosen.gain is not None and parameters.get("collision.threshold"):
         parameters["external_torque.gain"] = parameters.get("external_torque.gain") or chosen.gain
     return parameters
 

@@ -11,11 +11,10 @@ from pathlib import Path
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.collision.calibration import format_rate
-from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING
+from diag_dynamics.collision.detector import HOLD_OFF, LABELS, RELEASE, STANDING, STICTION
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import sliding_dofs
-from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
 from diag_dynamics.text import Progress
@@ -53,6 +52,11 @@ def add_arguments(parser):
             STANDING,
             "age of an alarm at which a constant torque becomes an offset [s], 0 for never",
         ),
+        (
+            "--stiction",
+            STICTION,
+            "fraction of the Coulomb friction that standing joints hide",
+        ),
     ):
         parser.add_argument(
             option, type=float, default=default, help=f"{text} (default: %(default)g)"
@@ -65,21 +69,16 @@ def add_arguments(parser):
 
 def run(chosen):
     """Calibrate; return the exit status."""
-    rate, parameters = (
-        parse_rate("--false-alarms", chosen.false_alarms),
-        common.chosen_parameters(chosen),
-    )
+    rate = parse_rate("--false-alarms", chosen.false_alarms)
     contacts = chosen.false_contacts and parse_rate("--false-contacts", chosen.false_contacts)
+    parameters = common.chosen_parameters(chosen)
     with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
-        names = [f"external_torque.{name}" for name in ("friction", "max_gap", "settles_on")]
-        friction, max_gap, settles_on = (
-            parameters.get(name, PARAMETERS[name].default) for name in names
-        )
-        found = calibrate(
-            [one.pieces() for one in recordings],
+        friction = parameters.get("external_torque.friction", True)
+        calibration = calibrate(
+            [recording.pieces() for recording in recordings],
             DiagonalDynamics(model),
             chosen.gain,
             rate,
@@ -87,25 +86,24 @@ def run(chosen):
             release=chosen.release,
             hold_off=chosen.hold_off,
             standing=chosen.standing or math.inf,
+            stiction=chosen.stiction,
             friction=friction and model.has_friction,
-            max_gap=max_gap,
-            settles_on=settles_on,
             threads=chosen.threads,
         )
-    found.save(chosen.output, _notes(chosen))
+    calibration.save(chosen.output, _notes(chosen))
     findings = [
-        (one.path, finding)
-        for one in recordings
-        for finding in one.findings
+        (recording.path, finding)
+        for recording in recordings
+        for finding in recording.findings
         if finding.cause != "note"
     ]
     if not chosen.quiet:
         texts = [f"'{Path(path).name}': {finding}" for path, finding in findings]
-        print("\n".join(_summary(found, model, chosen.output, texts)))
+        print("\n".join(_summary(calibration, model, chosen.output, texts)))
     damaged = any(
         finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings
     )
-    return DOUBTFUL if found.warnings or damaged else DONE
+    return DOUBTFUL if calibration.warnings or damaged else DONE
 
 
 def _notes(chosen):
@@ -134,41 +132,44 @@ def parse_rate(option, text):
     return rate
 
 
-def _summary(found, model, path, findings):
-    contact = found.contact
-    width = max(len("|m r|"), *map(len, found.joints))
-    units = {
-        name: "N" if slides else "N m"
-        for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)
-    }
-    return [
-        f"{found.duration:.4g} s without contact, {found.rest:.4g} s of it at rest, observer gain {found.gain:g}/s, "
-        f"{'with' if found.friction else 'without'} friction of the model",
-        f"Requested false alarms: {format_rate(found.asked)}, all detectors together",
-        f"  {found.describe_rate()} With the final thresholds: {found.alarms}",
-        f"Requested false contacts: {format_rate(contact.asked)}",
-        f"  {contact.describe_rate()} With the final thresholds: {contact.alarms}",
-        "",
-        f"Thresholds of collision, {METHODS[found.method].format(found.peaks)}, "
-        f"and of contact, {METHODS[contact.method].format(contact.peaks)}",
-        *(
-            f"  {name:{width}}  {x:.4g} {units[name]}  {contact.joints[name]:.4g}"
-            for name, x in found.joints.items()
-        ),
-        f"  {'|m r|':{width}}  {found.external_torque:.4g} N m  {contact.external_torque:.4g}",
-        f"  {'|r|':{width}}  {found.norm:.4g} J^0.5/s  {contact.norm:.4g}",
-        *(
-            ["", "Thresholds of an arm at rest, on the change of m r within 0.2 s"]
-            if found.rest_joints
-            else []
-        ),
-        *(
-            f"  {name:{width}}  {x:.4g} {units[name]}  {contact.rest_joints.get(name, math.inf):.4g}"
-            for name, x in found.rest_joints.items()
-        ),
-        *(["", "Warnings"] if found.warnings or findings or contact.warnings else []),
-        *(f"  {text}" for text in (*found.warnings, *findings)),
-        *(f"  Contact: {text}" for text in contact.warnings),
-        "",
-        f"Wrote {path}. Give it to the monitor as --params-file and to analyse as --alarms.",
-    ]
+def _summary(calibration, model, path, findings):
+    """Yield lines about a Calibration."""
+    contact = calibration.contact
+    yield (
+        f"{calibration.duration:.4g} s without contact, observer gain {calibration.gain:g}/s, "
+        f"{'with' if calibration.friction else 'without'} friction of the model"
+    )
+    for event, thresholds in (("alarms", calibration), ("contacts", contact)):
+        yield f"Requested false {event}: {format_rate(thresholds.requested)}"
+        alarms = thresholds.alarms
+        yield f"  {thresholds.describe_rate()} With the final thresholds: {alarms}"
+    method, contact_method = (
+        METHODS[thresholds.method].format(thresholds.peaks) for thresholds in (calibration, contact)
+    )
+    yield ""
+    yield f"Thresholds of collision, {method}, and of contact, {contact_method}; for joints also"
+    yield "the smallest external torque that it shows while it stands"
+    names = [LABELS.get(name, (name, ""))[0] for name in calibration.limits]
+    width, units = max(map(len, names)), _units(model)
+    smallest = calibration.smallest_torques
+    for name, label in zip(calibration.limits, names, strict=True):
+        limits = f"{calibration.limits[name]:.4g} {units[name]}  {contact.limits[name]:.4g}"
+        standing = f"  {smallest[name]:.4g}" if name in smallest else ""
+        yield f"  {label:{width}}  {limits}{standing}"
+    warnings = [*calibration.warnings, *findings]
+    warnings += [f"Contact: {text}" for text in contact.warnings]
+    if warnings:
+        yield ""
+        yield "Warnings"
+    for text in warnings:
+        yield f"  {text}"
+    yield ""
+    yield f"Wrote {path}. Give it to the monitor as --params-file and to analyse as --alarms."
+
+
+def _units(model):
+    """Return the unit of each threshold by name."""
+    units = {name: unit for name, (_, unit) in LABELS.items()}
+    for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True):
+        units[name] = "N" if slides else "N m"
+    return units

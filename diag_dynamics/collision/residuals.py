@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, IntArray
-from diag_dynamics.collision.detector import SECOND, STANDING, NoAlarms
+from diag_dynamics.collision.detector import SECOND, detector_values
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
 
@@ -47,11 +47,8 @@ class Rows(NamedTuple):
     stamps: IntArray  # [ns], of a cell that of its first state
     segment: IntArray  # number of the segment without a gap
     recording: IntArray  # number of the recording
-    rest: BoolArray  # whether the arm is at rest
     x: Array  # [m r, r]
     values: Array  # of the detectors, shape (T, nv + 2)
-    changes: Array  # of the detectors at rest, shape (T, nv + 1)
-    speed: Array  # largest rate
 
     @property
     def starts(self) -> BoolArray:
@@ -73,11 +70,9 @@ class Rows(NamedTuple):
         cuts = np.flatnonzero(self.starts)[1:]
         return list(zip(np.split(self.stamps, cuts), np.split(values, cuts), strict=True))
 
-    def cut(self, parts: IntArray | BoolArray) -> Rows:
+    def cut(self, parts: IntArray) -> Rows:
         """Return the rows with a new segment where the number of a part changes."""
-        return self._replace(
-            segment=np.cumsum(self.starts | (np.diff(parts.astype(int), prepend=0) != 0))
-        )
+        return self._replace(segment=np.cumsum(self.starts | (np.diff(parts, prepend=0) != 0)))
 
     def select(self, rows: Any) -> Rows:
         """Return some of the rows."""
@@ -85,22 +80,23 @@ class Rows(NamedTuple):
 
 
 class Residuals:
-    """Collect residuals of an observer batch by batch; an interval above `max_gap` [s] starts another segment."""
+    """Collect residuals of an observer batch by batch.
 
-    def __init__(self, width: int, max_gap: float = 0.1, standing: float = STANDING) -> None:
+    An interval above `max_gap` [s] starts another segment.
+    """
+
+    def __init__(self, width: int, max_gap: float = 0.1) -> None:
         self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
         self._parts: list[Rows] = []
-        self._count = self._segment = self._reduced = (
-            0  # states, number of the segment, parts that are cells
-        )
+        self._count = self._segment = 0  # states, and number of the segment
+        self._reduced = 0  # parts that are cells
         self._recording = 0
         self._last: int | None = None
-        self._moment, self._detector = np.zeros((width, width)), NoAlarms(width, standing)
+        self._moment = np.zeros((width, width))
 
     def start_recording(self) -> None:
         """Start another recording."""
         self._recording, self._last = self._recording + 1, None
-        self._detector.reset()
 
     def add_states(
         self,
@@ -108,38 +104,35 @@ class Residuals:
         residual: Array,
         torque: Array,
         valid: BoolArray,
-        velocity: Array | None = None,
+        external_torque: Array | None = None,
     ) -> None:
-        """Add states in order: stamps [ns], r, m r, NaN where unknown, whether there is a result, and rates."""
-        unknown, residual, torque = np.isnan(torque), np.nan_to_num(residual), np.nan_to_num(torque)
-        judged = self._detector.judge(
-            stamps, residual, torque, valid, velocity=velocity, unknown=unknown
-        )
-        speed = (
-            np.full(len(stamps), np.inf)
-            if velocity is None
-            else np.abs(velocity).max(axis=1, initial=0.0)
-        )
-        x, number = (
-            np.concatenate([torque, residual], axis=1),
-            np.full(len(stamps), self._recording),
-        )
-        rows = Rows(
-            stamps, number, number, judged.rest, x, judged.values, judged.changes, speed
-        ).select(valid)
-        if not len(rows.stamps):
+        """Add states in order.
+
+        Parameters
+        ----------
+        stamps : ndarray of int64, shape (T,)
+            [ns].
+        residual, torque : ndarray, shape (T, nv)
+            r and m r as the detector has them, NaN where unknown.
+        valid : ndarray of bool, shape (T,)
+            Whether there is a result.
+        external_torque : ndarray, shape (T, nv), optional
+            m r without a dead zone, if it differs.
+        """
+        stamps = stamps[valid]
+        if not len(stamps):
             return
-        begins, last = (
-            self._last is None,
-            rows.stamps[0] if self._last is None else np.int64(self._last),
-        )
-        steps = np.diff(rows.stamps, prepend=last)
-        segment = self._segment + begins + np.cumsum((steps < 0) | (steps > self._max_gap))
-        self._last, self._segment = int(rows.stamps[-1]), int(segment[-1])
-        self._count += len(segment)
-        torque = torque[valid]
-        self._moment += torque.T @ torque
-        self._parts.append(rows._replace(segment=segment))
+        x = np.nan_to_num(np.concatenate([torque, residual], axis=1)[valid])
+        noise = torque if external_torque is None else external_torque
+        noise = np.nan_to_num(noise[valid])
+        self._moment += noise.T @ noise
+        is_first = self._last is None
+        steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
+        segment = self._segment + is_first + np.cumsum((steps < 0) | (steps > self._max_gap))
+        self._last, self._segment = int(stamps[-1]), int(segment[-1])
+        self._count += len(stamps)
+        number = np.full(len(stamps), self._recording)
+        self._parts.append(Rows(stamps, segment, number, x, detector_values(x)))
         if self._count > self._max_states:
             self._parts[self._reduced :] = [_reduce(self._parts[self._reduced :])]
             self._reduced += 1
@@ -166,19 +159,10 @@ def _concatenate(parts: list[Rows]) -> Rows:
 def _reduce(parts: list[Rows]) -> Rows:
     """Return a row of the largest values of each cell."""
     rows = _concatenate(parts)
-    begins = rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0)
-    first = np.flatnonzero(begins | np.diff(rows.rest, prepend=False))
+    first = np.flatnonzero(rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0))
     high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
-    values, changes, speed = (
-        np.maximum.reduceat(one, first) for one in (rows.values, rows.changes, rows.speed)
-    )
-    columns = {
-        "x": np.where(high >= -low, high, low),
-        "values": values,
-        "changes": changes,
-        "speed": speed,
-    }
-    return rows.select(first)._replace(**columns)
+    values = np.maximum.reduceat(rows.values, first)
+    return rows.select(first)._replace(x=np.where(high >= -low, high, low), values=values)
 
 
 def singular_joint(names: Sequence[str], covariance: Array) -> str:
@@ -254,15 +238,15 @@ def find_level(
 
 
 def fit_limits(
-    rows: Rows, values: Array, rate: float, release: float, hold_off: float
+    rows: Rows, rate: float, release: float, hold_off: float
 ) -> tuple[Array, Level | None]:
     """Return thresholds that values exceed at a rate [1/s], and the level that is their factor upon each spread."""
-    spread = np.quantile(block_maxima(rows.split(values)), SPREAD, axis=0, method="lower")
+    spread = np.quantile(block_maxima(rows.split(rows.values)), SPREAD, axis=0, method="lower")
     spread[spread <= MIN_NOISE * spread.max()] = (
         math.inf
     )  # a joint without residuals gets no threshold
     level = find_level(
-        rows.split((values / spread).max(axis=1)), rows.duration, rate, release, hold_off
+        rows.split((rows.values / spread).max(axis=1)), rows.duration, rate, release, hold_off
     )
     return spread * (level.value if level else math.inf), level
 

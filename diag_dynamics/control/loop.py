@@ -118,9 +118,7 @@ class ControlLoop:
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._slow = SLOW * self.modes[DAMPING].max_speed
         gain = values["observer_gain"]
-        self._observer = (
-            DisturbanceObserver(dynamics, gain, np.inf, effort="held") if gain else None
-        )
+        self._observer = DisturbanceObserver(dynamics, gain, effort="held") if gain else None
         self.supervisor = Supervisor(values["max_state_age"], values["hold_time"])
         self._initial_mode = self._mode_of(values["initial_mode"])
         self.following = None  # of the last trajectory

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,10 +26,6 @@ from diag_dynamics.control.limits import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 
-SettlesOn = Literal["torque", "working_moment"]
-SETTLES_ON: tuple[SettlesOn, ...] = "torque", "working_moment"
-"""What an observer settles on; the first is the default."""
-
 
 class Disturbance(NamedTuple):
     """Result of the observer for one sample. Arrays have shape (nv,) and are the caller's own."""
@@ -41,9 +37,6 @@ class Disturbance(NamedTuple):
         None  # m r, which follows the external torque τ_ext [N m, N]; None if not valid
     )
     norm: float = 0.0  # |r| [J^½/s]; |r|² follows τ_extᵀM⁻¹τ_ext
-    collision: bool = (
-        False  # whether the norm has exceeded the threshold, and not fallen below `release` since
-    )
 
     @property
     def is_whole(self) -> bool:
@@ -60,57 +53,42 @@ class Disturbance(NamedTuple):
 class _Sample(NamedTuple):
     time: float  # [s]
     q: Array
-    momentum: Array  # ν, or p = M q̇
-    resisting: Array  # C + ε_g + ε_fric, or g − C_sᵀq̇ + τ_fric
-    applied: Array  # ε, or τ
+    momentum: Array  # p = M q̇
+    resisting: Array  # g − C_sᵀq̇ + τ_fric
+    applied: Array  # τ
 
 
 class DisturbanceObserver:
     """Observer of the external torque τ_ext, and of its working moment r = ℓτ_ext. |r|² has one unit for all joints.
 
-    It needs no acceleration. `settles_on` is what each component follows as a first-order filter:
+    It needs no acceleration. Each component of m r follows as a first-order filter, on a moving arm
+    as well: (m r)˙ = K_O(τ_ext − m r), from ṗ = τ + τ_ext + C_sᵀq̇ − g − τ_fric with p = M q̇. In total
+    joint rates this is ṙ = K_O(ε_ext − r) − ℓṁ r.
 
-    * "torque" (default): (m r)˙ = K_O(τ_ext − m r), from ṗ = τ + τ_ext + C_sᵀq̇ − g − τ_fric with p = M q̇. It settles on a
-      constant torque, also on a moving arm. In total joint rates this is ṙ = K_O(ε_ext − r) − ℓṁ r.
-    * "working_moment": ṙ = K_O(ε_ext − r), from ν̇ = ε + ε_ext − C − ε_g − ε_fric. A constant τ_ext on a moving arm is a
-      varying ε_ext, which r follows with a lag of 1/K_O.
-
-    The mean of τ_ext or ε_ext between two samples is the change of p or ν over the interval, minus
-    the mean of the other terms by the trapezoidal rule. The filter's response to it is exact:
+    The mean of τ_ext between two samples is the change of p over the interval, minus the mean of the
+    other terms by the trapezoidal rule. The filter's response to it is exact:
     stable for any K_O dt, where an Euler step requires K_O dt < 0.5.
 
-    The gain is K_O > 0 [1/s], one for all components or one for each. `collision` is set above the
-    threshold of |r| [J^½/s], by default never, and reset below `release`, by default half of it.
-    Efforts are "sampled" with the state, or "held" on the joints since the last sample, as a
-    command is. The friction is that of the model, if any, without static friction, which remains in
-    r: :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. Use
-    an observer in one thread.
+    The gain is K_O > 0 [1/s], one for all components or one for each. Efforts are "sampled" with the
+    state, or "held" on the joints since the last sample, as a command is. The friction is that of
+    the model, if any, without static friction, which remains in r:
+    :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. Use an
+    observer in one thread.
     """
 
     def __init__(
         self,
         dynamics: DiagonalDynamics,
         gain: Gain,
-        threshold: float = math.inf,
-        release: float | None = None,
         *,
         effort: Literal["sampled", "held"] = "sampled",
         friction: bool = True,
         max_gap: float = 0.1,
-        settles_on: SettlesOn = "torque",
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
-        choice("settles_on", settles_on, SETTLES_ON)
-        self.settles_on = settles_on
         self._dynamics, self._names = dynamics, dynamics.model.dof_names
         self.gain = per_name("gain", gain, self._names, "a finite number > 0 [1/s]")
-        self.threshold = _threshold("threshold", threshold)
-        self.release = 0.5 * self.threshold if release is None else _threshold("release", release)
-        if self.release > self.threshold:
-            raise InputError(
-                f"release is {release!r} J^½/s, expected no more than the threshold, {threshold!r}."
-            )
         self.max_gap = positive("max_gap", max_gap, "[s]")
         self._held, self._friction = effort == "held", bool(friction)
         self.reset()
@@ -122,22 +100,14 @@ class DisturbanceObserver:
             others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
             raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
         before, self._dynamics = self._dynamics, dynamics
-        on_torque = "momentum", "epsilon_from_tau"
-        dynamics.compile(
-            *(
-                on_torque
-                if self._on_torque
-                else ("evaluate", "tau_from_epsilon", "epsilon_from_tau")
-            )
-        )
+        dynamics.compile("momentum", "epsilon_from_tau")
         if dynamics.model.bodies is not before.model.bodies:
             self.reset()
 
     def reset(self) -> None:
         """Reset r to zero; the next sample is the first one."""
         self._sample: _Sample | None = None
-        self._filtered: Array = np.zeros(len(self._names))  # m r, or r; 0 where it is unknown
-        self._collision = False
+        self._filtered: Array = np.zeros(len(self._names))  # m r; 0 where it is unknown
         self._last = Disturbance(False, "no sample since the reset")
 
     def update(
@@ -152,7 +122,7 @@ class DisturbanceObserver:
         The sample is the time [s], positions [rad, m], shape (nq,), rates [rad/s, m/s], shape
         (nv,), and joint efforts [N m, N] with gravity, shape (nv,): nan where unknown, None if all
         are. m r of joints with unknown efforts is nan, and so are the components of r that these
-        change; "working_moment" and "held" efforts require all.
+        change; "held" efforts require all.
         """
         time = number("time", time, "a finite number [s]")
         if tau is None:
@@ -163,7 +133,7 @@ class DisturbanceObserver:
         unknown = np.zeros(len(self._names), dtype=bool)
         if known is not None and known.shape == unknown.shape and np.isnan(known).any():
             unknown = np.isnan(known)
-            if unknown.all() or self._held or not self._on_torque:
+            if unknown.all() or self._held:
                 missing = ", ".join(f"'{name}'" for name in names_where(self._names, unknown))
                 return Disturbance(False, f"no effort of {missing}")
             effort = np.where(unknown, 0.0, known)
@@ -186,13 +156,7 @@ class DisturbanceObserver:
             self.reset()
             self._last = Disturbance(False, reason)
         else:
-            applied = before.applied
-            if self._held:
-                applied = (
-                    sample.applied
-                    if self._on_torque
-                    else self._dynamics.epsilon_from_tau(before.q, effort)
-                )
+            applied = sample.applied if self._held else before.applied
             mean = 0.5 * (applied + sample.applied - before.resisting - sample.resisting)
             external = (sample.momentum - before.momentum) / interval - mean
             filtered = self._filtered - np.expm1(-self.gain * interval) * (
@@ -204,57 +168,36 @@ class DisturbanceObserver:
         self._sample = sample
         return self._last
 
-    @property
-    def _on_torque(self) -> bool:
-        return self.settles_on == "torque"
-
     def _sample_at(self, time: float, q: Array, qd: VectorLike, effort: Any) -> _Sample:
         dynamics, friction = self._dynamics, self._friction and self._dynamics.model.has_friction
-        if self._on_torque:
-            applied = vector("tau", effort, self._names)
-            qd = vector("qd", qd, self._names)
-            p, rate = dynamics.momentum(q, qd)
-            return _Sample(
-                time, q, p, (dynamics.friction_torque(qd, q) if friction else 0.0) - rate, applied
-            )
-        s = dynamics.evaluate(q, qd, effort, friction=friction)
-        resisting = s.coriolis + s.gravity
-        resisting += 0.0 if s.friction is None else s.friction
-        return _Sample(time, q, s.nu, resisting, cast(Array, s.epsilon))  # there are efforts
+        applied = vector("tau", effort, self._names)
+        qd = vector("qd", qd, self._names)
+        p, rate = dynamics.momentum(q, qd)
+        resisting = (dynamics.friction_torque(qd, q) if friction else 0.0) - rate
+        return _Sample(time, q, p, resisting, applied)
 
     def _result(self, q: Array, unknown: BoolArray) -> Disturbance:
-        x, dynamics = self._filtered, self._dynamics
+        torque = self._filtered.copy()
         if unknown.all():
             return Disturbance(False, "no effort of any joint at both ends of the interval")
-        norm = _norm(x)
-        if self._on_torque and math.isfinite(norm):
-            r, torque = dynamics.epsilon_from_tau(q, x), x.copy()
-            norm = _norm(r)
-        if not math.isfinite(norm):  # an overflow does not recover
+        is_finite = math.isfinite(_norm(torque))
+        r = self._dynamics.epsilon_from_tau(q, torque) if is_finite else torque
+        if not math.isfinite(_norm(r)):  # an overflow does not recover
             self.reset()
             return Disturbance(False, "the residual was larger than any number")
-        if not self._on_torque:
-            r, torque = x.copy(), dynamics.tau_from_epsilon(q, x)
         if unknown.any():
-            torque[unknown], r[unknown @ influence(dynamics)] = np.nan, np.nan
-            norm = _norm(r)
-        self._collision = norm >= self.release if self._collision else norm > self.threshold
-        return Disturbance(True, "", r, torque, norm, self._collision)
+            torque[unknown], r[unknown @ influence(self._dynamics)] = np.nan, np.nan
+        return Disturbance(True, "", r, torque, _norm(r))
 
 
 def influence(dynamics: DiagonalDynamics) -> BoolArray:
     """Return which components of ε each joint's torque changes, bool (nv, nv), at any position."""
     nv = dynamics.model.nv
     q = np.tile(dynamics.model.random(0), (nv, 1))
-    found: BoolArray = dynamics.epsilon_from_tau(q, np.eye(nv)) != 0.0
-    return found
+    changes: BoolArray = dynamics.epsilon_from_tau(q, np.eye(nv)) != 0.0
+    return changes
 
 
 def _norm(x: Array) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         return math.sqrt(x @ x)
-
-
-def _threshold(name: str, value: float) -> float:
-    """Return a positive number, or inf."""
-    return np.inf if value == np.inf else positive(name, value, "[J^½/s]")

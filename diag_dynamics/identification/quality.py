@@ -77,8 +77,9 @@ def validate(models, parts):
                 tau = np.where(known, tau, rest)
             s = dynamics.evaluate(q, qd, tau)
             balance.add_windows(sums.integrate_states(part.states, s))
-            _, torque, _, valid, _ = observer.observe_batch(replace(part.states, effort=tau), s)
-            observed.append(np.where(known, torque[valid], np.nan))
+            seen = observer.observe_batch(replace(part.states, effort=tau))
+            torque = seen.external_torque[seen.valid]
+            observed.append(np.where(known, torque, np.nan))
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
                 measured = smoothed(*part.columns)[2]

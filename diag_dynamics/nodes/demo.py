@@ -193,8 +193,8 @@ def main(args=None):
             .ravel()
             .tolist(),
             "external_wrench.frames": [end_effector_link(model)],
-            "alarm.external_torque": ALARM * weight,
-            "alarm.contact_external_torque": CONTACT * weight,
+            "collision.threshold": [f"total={ALARM * weight}"],
+            "contact.threshold": [f"total={CONTACT * weight}"],
             **options,
         }
         nodes.append(MonitorNode(parameter_overrides=overrides(monitor)))

@@ -56,7 +56,9 @@ KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 MAX_ROBOTS = 32
 
 OBSERVED = [
-    name for name in MONITOR if name.startswith(("external_torque.", "external_wrench.", "alarm."))
+    name
+    for name in MONITOR
+    if name.startswith(("external_torque.", "external_wrench.", "collision.", "contact."))
 ]
 """Parameters of a monitor's observer."""
 

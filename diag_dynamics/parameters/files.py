@@ -13,7 +13,7 @@ from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters
 from diag_dynamics.parameters import controller, simulator, view
-from diag_dynamics.parameters.monitor import PARAMETERS, require_thresholds
+from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.spec import nearest
 from diag_dynamics.yaml_files import parsed_yaml, read_yaml
 
@@ -54,11 +54,8 @@ def parameters_of(files=(), assignments=()):
     """
     values = {}
     for path in files:
-        arrived = {}
         for name, value in _read_file(path).items():
-            arrived |= _check(name, value, f"'{path}'")
-        require_thresholds(arrived, f"'{path}': ")
-        values |= arrived
+            values |= _check(name, value, f"'{path}'")
     lists = {}
     for entry in assignments:
         name, equals, value = entry.partition("=")

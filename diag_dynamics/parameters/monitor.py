@@ -15,11 +15,11 @@ from diag_dynamics.collision.detector import (
     NORM,
     RELEASE,
     STANDING,
-    TORQUE,
-    AlarmThresholds,
+    STICTION,
+    TOTAL,
+    Thresholds,
 )
 from diag_dynamics.collision.residuals import singular_joint
-from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
@@ -139,21 +139,8 @@ _COLLISION = {
     "external_torque.gain": Spec(
         0.0, "Gain of the disturbance observer [1/s]; 0: no observer.", 0.0, 1e6
     ),
-    "external_torque.threshold": Spec(
-        0.0,
-        "Residual norm above which a collision is reported [J^0.5/s]; 0 disables (inf in the message).",
-        0.0,
-    ),
-    "external_torque.release_threshold": Spec(
-        0.0, "Residual norm below which a collision ends [J^0.5/s]; 0: half of the threshold.", 0.0
-    ),
     "external_torque.friction": Spec(
         True, "Whether the observer model includes damping and friction."
-    ),
-    "external_torque.settles_on": Spec(
-        SETTLES_ON[0],
-        "What each component of the observer follows: a constant torque also in motion, or its working moment.",
-        choices=SETTLES_ON,
     ),
     "external_torque.covariance_joints": Spec(
         [""], "Joints of external_torque.covariance, in order."
@@ -162,60 +149,34 @@ _COLLISION = {
         [0.0],
         "Noise of m r: rows of its second moment without contact [N^2 m^2, N^2 of prismatic joints]; 0: unknown.",
     ),
-    "external_torque.max_gap": Spec(
-        0.1,
-        "Maximum time between states [s]; the observer restarts after a longer one.",
-        1e-6,
-        100.0,
-    ),
-    "alarm.joints": Spec(
+    "collision.threshold": Spec(
         [""],
-        "External torque |m r| that raises an alarm, as joint=threshold [N m, N]; * for all others. 0 disables.",
+        "External torque of a collision: joint=|m r| [N m, N], *=for all other joints, total=‖m r‖ "
+        "[N m], norm=|r| [J^0.5/s]. 0 disables.",
     ),
-    "alarm.joint_count": Spec(
-        0,
-        "Number of joints in alarm.joints, of files of diag-dynamics calibrate; 0: unknown.",
-        read_only=True,
+    "contact.threshold": Spec(
+        [""], "External torque of a contact, as collision.threshold and no higher. 0 disables."
     ),
-    "alarm.external_torque": Spec(0.0, "Norm of m r that raises an alarm [N m]; 0 disables.", 0.0),
-    "alarm.norm": Spec(
-        0.0,
-        "Norm |r| that raises an alarm, in place of external_torque.threshold [J^0.5/s]; 0 disables.",
-        0.0,
-    ),
-    "alarm.rest_joints": Spec(
-        [""],
-        "Change of m r in 0.2 s that raises an alarm of an arm at rest, as joint=threshold; 0 disables.",
-    ),
-    "alarm.rest_external_torque": Spec(
-        0.0, "Change of all m r that raises an alarm at rest [N m]; 0 disables.", 0.0
-    ),
-    "alarm.contact_joints": Spec(
-        [""],
-        "External torque |m r| of a contact, as joint=threshold [N m, N]; * for all others. 0 disables.",
-    ),
-    "alarm.contact_external_torque": Spec(0.0, "Norm of m r of a contact [N m]; 0 disables.", 0.0),
-    "alarm.contact_norm": Spec(0.0, "Norm |r| of a contact [J^0.5/s]; 0 disables.", 0.0),
-    "alarm.contact_rest_joints": Spec(
-        [""], "Change of m r of a contact at rest, as joint=threshold; 0 disables."
-    ),
-    "alarm.contact_rest_external_torque": Spec(
-        0.0, "Change of all m r of a contact at rest [N m]; 0 disables.", 0.0
-    ),
-    "alarm.release": Spec(
+    "collision.release": Spec(
         RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0
     ),
-    "alarm.hold_off": Spec(
+    "collision.hold_off": Spec(
         HOLD_OFF,
         "Hold-off [s]: a rise within this time after an alarm is part of that alarm.",
         0.0,
         1000.0,
     ),
-    "alarm.standing": Spec(
+    "collision.standing": Spec(
         STANDING,
         "Time until a constant torque counts as an offset and its alarm ends [s]; 0: never.",
         0.0,
         1000.0,
+    ),
+    "collision.stiction": Spec(
+        STICTION,
+        "Fraction of its Coulomb friction by which |m r| of a standing joint is lowered.",
+        0.0,
+        10.0,
     ),
 }
 
@@ -318,10 +279,6 @@ PARAMETERS = {
 """Specs by name."""
 
 
-TOTAL = "total"
-"""Name of the sum over all joints in a list of thresholds."""
-
-
 class EnergyThresholds(NamedTuple):
     """Energies [J] of warnings and errors: of TOTAL and joints, ``*`` for all others; 0: none."""
 
@@ -355,21 +312,14 @@ def _threshold(entries, name):
 
 
 class Observation(NamedTuple):
-    """Arguments of the DisturbanceObserver; a threshold of inf for none.
-
-    With `alarms` an AlarmDetector judges the result, and the threshold is that of |r| in them.
-    """
+    """Arguments of the DisturbanceObserver, and thresholds of collision and contact."""
 
     gain: float
-    threshold: float
-    release: float
     friction: bool
-    max_gap: float
-    alarms: AlarmThresholds | None = None
-    settles_on: SettlesOn = SETTLES_ON[0]
+    collision: Thresholds
+    contact: Thresholds  # lower ones
     covariance_joints: tuple[str, ...] = ()
     covariance: tuple[float, ...] = ()  # of m r without contact, row by row
-    contact: AlarmThresholds | None = None  # lower thresholds of a second AlarmDetector
 
     def covariance_of(self, names):
         """Return the covariance in the order of a model's degrees of freedom; None if it is unknown."""
@@ -402,13 +352,10 @@ class Settings(NamedTuple):
     @property
     def unjudged_without(self):
         """Parameters without which no collision is reported; none where collisions are."""
-        if self.observation and self.observation.alarms:
+        if self.observation and self.observation.collision.limits:
             return ()
-        return tuple(
-            name
-            for name in ("external_torque.gain", "external_torque.threshold")
-            if not self.values[name]
-        )
+        threshold = ("collision.threshold",)
+        return threshold if self.observation else ("external_torque.gain", *threshold)
 
     @classmethod
     def of(cls, values):
@@ -446,32 +393,24 @@ class Settings(NamedTuple):
     def check_load(self):
         """Reject a link of the load without an observer whose noise is known."""
         link, observation = self.values["load.link"], self.observation
-        is_known = observation and observation.settles_on == "torque" and observation.covariance
-        if link and not is_known:
+        if link and not (observation and observation.covariance):
             raise InputError(
-                f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0, "
-                "external_torque.settles_on 'torque' and an external_torque.covariance beside it. "
-                "Calibrate (diag-dynamics calibrate)."
+                f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0 and an "
+                "external_torque.covariance beside it. Calibrate (diag-dynamics calibrate)."
             )
 
     def check_reaction(self):
         """Reject a service that would never be called."""
         values = self.values
-        on_contact = values["reaction.event"] == "contact"
-        if (
-            values["reaction.service"]
-            and on_contact
-            and not (self.observation and self.observation.contact)
-        ):
-            raise InputError(
-                "parameter alarm.contact_joints is empty, expected thresholds because reaction.event is contact. "
-                "Set alarm.contact_* (docs/collision.md)."
-            )
-        if values["reaction.service"] and not on_contact and (missing := self.unjudged_without):
-            raise InputError(
-                f"parameter {missing[-1]} is 0, expected a threshold because reaction.service is set. "
-                "Set external_torque.gain and thresholds (docs/collision.md)."
-            )
+        if values["reaction.service"]:
+            event = values["reaction.event"]
+            thresholds = getattr(self.observation, event) if self.observation else None
+            if not (thresholds and thresholds.limits):
+                raise InputError(
+                    f"parameter {event}.threshold is empty; expected thresholds and "
+                    "external_torque.gain above 0 because reaction.service is set. Calibrate "
+                    "(diag-dynamics calibrate)."
+                )
 
 
 def _with_defaults(name, values, defaults):
@@ -508,39 +447,31 @@ def _input_options(values):
 
 def observation_of(values):
     """Return the Observation; None if the gain is 0."""
-    gain, threshold, release = (
-        values[f"external_torque.{x}"] for x in ("gain", "threshold", "release_threshold")
-    )
-    if release > (threshold or math.inf):
-        value, bound = distinct(release, threshold)
+    gain = values["external_torque.gain"]
+    collision, contact = (_thresholds(values, event) for event in ("collision", "contact"))
+    _check_contact_order(collision, contact)
+    if (collision.limits or contact.limits) and not gain:
         raise InputError(
-            f"parameter external_torque.release_threshold is {value} J^0.5/s, expected at most {bound} "
-            "(external_torque.threshold)."
-        )
-    alarms, contact = _alarms(values), _alarms(values, "contact_")
-    _check_contact_order(alarms, contact)
-    if alarms and threshold:
-        raise InputError(
-            f"parameter external_torque.threshold is {threshold:g} J^0.5/s, expected 0 because alarm.* are set. "
-            "Set alarm.norm instead."
-        )
-    if (alarms or contact) and not gain:
-        raise InputError(
-            "parameter external_torque.gain is 0, expected a number above 0 because alarm.* are set."
+            "parameter external_torque.gain is 0; expected a number above 0 because "
+            "collision.threshold or contact.threshold is set. A file of diag-dynamics calibrate "
+            "without it is cut: calibrate again."
         )
     if not gain:
         return None
-    threshold = threshold or math.inf
-    release = release or 0.5 * threshold
-    if alarms:
-        threshold, release = alarms.norm, alarms.release * alarms.norm
-    friction, max_gap, settles_on = (
-        values[f"external_torque.{x}"] for x in ("friction", "max_gap", "settles_on")
-    )
-    covariance = _covariance(values)
-    return Observation(
-        gain, threshold, release, friction, max_gap, alarms, settles_on, *covariance, contact
-    )
+    friction = values["external_torque.friction"]
+    return Observation(gain, friction, collision, contact, *_covariance(values))
+
+
+def _thresholds(values, event):
+    """Return the Thresholds of collision or contact."""
+    parameter = f"{event}.threshold"
+    limits = assignments(parameter, values[parameter], minimum=0.0)
+    limits = {name: limit or math.inf for name, limit in limits.items()}
+    if set(limits.values()) == {math.inf}:
+        limits = {}
+    options = (values[f"collision.{name}"] for name in ("release", "hold_off"))
+    standing = values["collision.standing"] or math.inf
+    return Thresholds(limits, *options, standing, values["collision.stiction"])
 
 
 def _covariance(values):
@@ -569,60 +500,16 @@ def _covariance(values):
     return names, numbers
 
 
-def _check_contact_order(alarms, contact):
+def _check_contact_order(collision, contact):
     """Reject thresholds of contact above those of a collision."""
-    if not (alarms and contact):
-        return
-    joints = alarms.joints, contact.joints, alarms.rest_joints, contact.rest_joints
-    names = [*dict.fromkeys([name for one in joints for name in one] + [ALL])]
-    at_rest = [f"{name} at rest" for name in (*names, TORQUE)]
-    limits = (
-        *zip([*names, TORQUE, NORM], contact.limits(names), alarms.limits(names), strict=True),
-        *zip(at_rest, contact.rest_limits(names), alarms.rest_limits(names), strict=True),
+    names = [name for name in {**collision.limits, **contact.limits} if name not in (TOTAL, NORM)]
+    limits = zip(
+        (*names, TOTAL, NORM), contact.of_names(names), collision.of_names(names), strict=True
     )
     for name, low, high in limits:
         if high < low < math.inf:
             value, bound = distinct(low, high)
             raise InputError(
-                f"threshold of contact for '{name}' is {value} (alarm.contact_*), expected at most {bound} (alarm.*)."
+                f"parameter contact.threshold of '{name}' is {value}; expected at most {bound} "
+                "(collision.threshold)."
             )
-
-
-def require_thresholds(arrived, source=""):
-    """Reject parameters of a cut file of thresholds: external_torque.friction is the last one."""
-    count = arrived.get("alarm.joint_count")
-    entries = len([*filter(None, arrived.get("alarm.joints") or ())])
-    is_whole = "external_torque.friction" in arrived
-    if count and not (is_whole and entries == count):
-        raise InputError(
-            f"{source}parameter 'alarm.joint_count' is {count}; expected {entries}, the number of "
-            f"alarm.joints{'' if is_whole else ', and external_torque.friction'}. The file is cut: "
-            "calibrate again. After a change by hand, remove alarm.joint_count."
-        )
-
-
-def _alarms(values, kind=""):
-    """Return the thresholds of alarms or of contacts; None without any."""
-    joints, rest_joints = (
-        {
-            name: limit or math.inf
-            for name, limit in assignments(one, values[one], minimum=0.0).items()
-        }
-        for one in (f"alarm.{kind}joints", f"alarm.{kind}rest_joints")
-    )
-    torque, norm, rest = (
-        values[f"alarm.{kind}{name}"] or math.inf for name in (TORQUE, NORM, f"rest_{TORQUE}")
-    )
-    if min(torque, norm, rest, *joints.values(), *rest_joints.values()) == math.inf:
-        return None
-    standing = values["alarm.standing"] or math.inf
-    return AlarmThresholds(
-        joints,
-        torque,
-        norm,
-        values["alarm.release"],
-        values["alarm.hold_off"],
-        standing,
-        rest_joints,
-        rest,
-    )

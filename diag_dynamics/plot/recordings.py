@@ -13,7 +13,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance
 from diag_dynamics.collision.calibration import Calibration
-from diag_dynamics.collision.detector import AlarmThresholds
+from diag_dynamics.collision.detector import Thresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
@@ -162,7 +162,7 @@ def balance(of: Recording) -> Any:
 @styled
 def external_torque(
     of: Recording | Observed,
-    thresholds: Calibration | AlarmThresholds | Mapping[str, float] | None = None,
+    thresholds: Thresholds | Mapping[str, float] | None = None,
     *,
     gain: float = 25.0,
     model: RobotModel | None = None,
@@ -175,7 +175,7 @@ def external_torque(
     ----------
     of : Recording or Observed
         An Observed is the result of :func:`diag_dynamics.observe`.
-    thresholds : Calibration, AlarmThresholds or dict, optional
+    thresholds : Thresholds or dict, optional
         Thresholds of joints by name, ``*`` for all others [N m, N].
     gain : float
         Of the observer of a recording [1/s]. Gain and friction of a calibration have precedence.
@@ -188,9 +188,9 @@ def external_torque(
     """
     options: dict[str, Any] = {"gain": gain}
     if isinstance(thresholds, Calibration):
-        options = {name: getattr(thresholds, name) for name in ("gain", "friction", "settles_on")}
-    elif not isinstance(thresholds, AlarmThresholds):
-        thresholds = AlarmThresholds(thresholds or {})
+        options = {"gain": thresholds.gain, "friction": thresholds.friction}
+    elif not isinstance(thresholds, Thresholds):
+        thresholds = Thresholds(thresholds or {})
     if isinstance(of, Recording):
         model = of.model
         of = observe(DiagonalDynamics(model), of, **options)
@@ -200,7 +200,7 @@ def external_torque(
     rows = -(-model.nv // 2)
     figure = drawing.pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows))
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-    columns = (model.dof_names, sliding_dofs(model), thresholds.limits(model.dof_names))
+    columns = (model.dof_names, sliding_dofs(model), thresholds.of_names(model.dof_names))
     for k, (dof, slides, limit) in enumerate(zip(*columns, strict=False)):
         _draw_torque(grid.flat[k], of.t - of.t[0], of.external_torque[:, k], limit)
         grid.flat[k].set_title(f"{escape(dof)} [{'N' if slides else 'N m'}]", fontsize="small")

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.collision.detector import AlarmDetector, Alarms, Judged, NormCollisions
+from diag_dynamics.collision.detector import Alarms, Detector, Judged, Thresholds
+from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
@@ -35,8 +36,8 @@ class Piece(NamedTuple):
     states: States
     s: BatchEvaluation
     observed: ObservedStates
-    judged: Judged | None = None  # with thresholds of alarms
-    contact: Judged | None = None  # with thresholds of contact
+    judged: Judged  # by the thresholds of collision
+    contact: Judged  # by those of contact
 
 
 class Peaks:
@@ -123,39 +124,26 @@ class Analysis:
 
     def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings, values = reading.model, reading.settings, reading.settings.values
-        names, wanted, threshold, release, alarms = (
-            model.dof_names,
-            settings.observation,
-            np.inf,
-            None,
-            None,
-        )
-        if wanted:
-            gain, threshold, alarms = wanted.gain, wanted.threshold, wanted.alarms
-            release = None if threshold == np.inf else wanted.release
-        self.reading, self.model, self.friction, self._threads = (
-            reading,
-            model,
-            model.has_friction,
-            threads,
-        )
-        self.gain, self.threshold = gain, threshold
-        self.missing = tuple(
-            settings.unjudged_without
-        )  # parameters without which no collision is reported
+        names, observation = model.dof_names, settings.observation
+        collision = contact = Thresholds()
+        self._covariance = None
+        if observation:
+            gain, collision, contact = observation.gain, observation.collision, observation.contact
+            self._covariance = observation.covariance_of(names)
+        self.reading, self.model, self.gain = reading, model, gain
+        self.friction, self._threads = model.has_friction, threads
+        # parameters without which no collision is reported
+        self.missing = tuple(settings.unjudged_without)
         self._dynamics, self._windows = DiagonalDynamics(model), WindowSums(model.nv, self.friction)
-        options = {
-            name: values[f"external_torque.{name}"]
-            for name in ("friction", "max_gap", "settles_on")
-        }
-        options |= {"friction": self.friction and options["friction"], "threads": threads}
-        self._observer = Observer(self._dynamics, gain, threshold, release, **options)
-        self._detector = AlarmDetector(names, alarms) if alarms else None
-        self._covariance = wanted.covariance_of(names) if wanted else None
-        self.collisions = Alarms(self._detector) if alarms else NormCollisions(names)
-        contact = wanted.contact if wanted else None
-        self._contact_detector = AlarmDetector(names, contact) if contact else None
-        self.contacts = Alarms(self._contact_detector) if contact else None
+        self._observer = Observer(
+            self._dynamics,
+            gain,
+            friction=self.friction and values["external_torque.friction"],
+            threads=threads,
+        )
+        self._zone = DeadZone(self._dynamics, collision.stiction)
+        self._detectors = Detector(names, collision), Detector(names, contact)
+        self.collisions, self.contacts = (Alarms(detector) for detector in self._detectors)
         points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
         self.exposure = ContactExposure(self._points) if self._points else None
@@ -195,31 +183,19 @@ class Analysis:
         states, s = self._evaluate(self.efforts.hide_constant(states))
         if not len(states):
             return None
-        observed, judged, lower = self._observer.observe_batch(states, s), None, None
-        _, torque, norm, valid, collision = observed
+        observed = self._observer.observe_batch(states)
+        valid, torque = observed.valid, observed.external_torque
         self.unobserved |= np.isnan(torque[valid]).any(axis=0)
-        known, strength = observed[:2], norm
-        if self.unobserved.any():  # components that an unknown effort changes have no alarm
-            known = np.nan_to_num(known[0]), np.nan_to_num(torque)
-            strength = np.linalg.norm(known[0], axis=1)
-        columns = states.stamp, *known, valid, states.jumped
-        if self._detector:
-            judged = self._detector.judge(
-                *columns, velocity=states.velocity, unknown=np.isnan(torque)
-            )
-            touched = self._touched_links(states, observed, judged.alarm)
-            self.collisions.add_states(states.stamp, strength, judged, touched)
-            observed = observed._replace(collision=judged.alarm)
-        else:
-            touched = self._touched_links(states, observed, collision)
-            self.collisions.add_states(states.stamp, torque, norm, collision, touched)
-        if self._contact_detector:
-            lower = self._contact_detector.judge(
-                *columns, velocity=states.velocity, unknown=np.isnan(torque)
-            )
-            self.contacts.add_states(
-                states.stamp, strength, lower, self._touched_links(states, observed, lower.alarm)
-            )
+        # components that an unknown effort changes have no alarm
+        r, torque = np.nan_to_num(observed.residual), np.nan_to_num(torque)
+        motion = states.stamp, states.position, states.velocity
+        lowered = self._zone.lower(*motion, r, torque, states.jumped)
+        columns = states.stamp, *lowered, valid, states.jumped
+        strength, judged = np.linalg.norm(r, axis=1), []
+        for detector, alarms in zip(self._detectors, (self.collisions, self.contacts), strict=True):
+            judged.append(detector.judge(*columns))
+            touched = self._touched_links(states, observed, judged[-1].alarm)
+            alarms.add_states(states.stamp, strength, judged[-1], touched)
         self.balance.add_windows(
             self._windows.integrate_states(*self._with_model_efforts(states, s))
         )
@@ -233,7 +209,7 @@ class Analysis:
             )
             self.exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
-        return Piece(states, s, observed, judged, lower)
+        return Piece(states, s, observed, *judged)
 
     def _with_model_efforts(self, states, s):
         """Return states and their evaluation with the model's efforts where the unit is unknown."""
@@ -260,13 +236,9 @@ class Analysis:
         return expand(self._dynamics.touched_link(*columns, threads=self._threads), rows)
 
     def _add_figures(self, states, s, observed):
-        (_, torque, norm, valid, _), names, energy = (
-            observed,
-            self.model.dof_names,
-            s.kinetic_energy,
-        )
+        names, energy = self.model.dof_names, s.kinetic_energy
         self.states += len(states)
-        self.observed += int(valid.sum())
+        self.observed += int(observed.valid.sum())
         self.kinetic += float(energy.sum())
         bins = np.floor(BINS_PER_DECADE * np.log10(energy[energy > 0.0])).astype(int) - LOWEST_BIN
         self.histogram += np.bincount(bins, minlength=BINS)
@@ -275,8 +247,8 @@ class Analysis:
             ("energy_share", s.energy_share, names),
             ("velocity", np.abs(states.velocity), names),
             ("effort", np.abs(states.effort), names),
-            ("external_torque", np.abs(torque), names),
-            ("residual_norm", norm, ("",)),
+            ("external_torque", np.abs(observed.external_torque), names),
+            ("residual_norm", observed.norm, ("",)),
         ):
             self.peaks.add_values(quantity, values, states.stamp, entries)
 

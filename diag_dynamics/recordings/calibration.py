@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from diag_dynamics.checks import choice, instance, positive
+from diag_dynamics.checks import instance, positive
 from diag_dynamics.collision.calibration import Calibration, calibrate_residuals
-from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, AlarmThresholds
+from diag_dynamics.collision.detector import HOLD_OFF, RELEASE, STANDING, STICTION, Thresholds
 from diag_dynamics.collision.residuals import Residuals, poisson_interval
-from diag_dynamics.control.observer import SETTLES_ON, SettlesOn
+from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
@@ -30,12 +30,12 @@ def calibrate(
     release: float = RELEASE,
     hold_off: float = HOLD_OFF,
     standing: float = STANDING,
+    stiction: float = STICTION,
     friction: bool | None = None,
     max_gap: float = 0.1,
-    settles_on: SettlesOn = "torque",
     threads: int | None = None,
 ) -> Calibration:
-    """Return the thresholds of an :class:`AlarmDetector` for a rate of false alarms.
+    """Return the thresholds of an :class:`Detector` for a rate of false alarms.
 
     Each detector (a joint's |m r|, ‖m r‖, |r|) gets its own spread times one common factor. All
     detectors together then have alarms at the requested rate.
@@ -53,14 +53,12 @@ def calibrate(
         Rate of all detectors together [1/s].
     false_contacts : float, optional
         Rate of the lower thresholds, for contact [1/s]; by default ten times that of false alarms.
-    release, hold_off, standing
-        As of :class:`AlarmThresholds`.
+    release, hold_off, standing, stiction
+        As of :class:`Thresholds`.
     friction : bool, optional
         Whether the observer subtracts the friction of the model; by default if the model has any.
     max_gap : float
         Longest interval that the observer integrates over [s].
-    settles_on : str
-        As of :class:`DisturbanceObserver`.
     threads : int, optional
         For evaluation, by default one for each processor.
 
@@ -78,28 +76,26 @@ def calibrate(
     """
     poisson_interval(0)  # without SciPy fail before hours are read
     names = instance("dynamics", dynamics, DiagonalDynamics).model.dof_names
-    choice("settles_on", settles_on, SETTLES_ON)
     gain = positive("gain", gain, "[1/s]")
     if friction is None:
         friction = dynamics.model.has_friction
     positive("false_alarms", false_alarms, "[1/s]")
-    template = AlarmThresholds({}, release=release, hold_off=hold_off, standing=standing)
-    residuals = Residuals(len(names), max_gap, standing)
-    efforts = EffortRange(dynamics.model)
-    many, faults = [recordings] if isinstance(recordings, Recording) else recordings, {}
-    for one in many:
+    template = Thresholds({}, release, hold_off, standing, stiction)
+    residuals, efforts = Residuals(len(names), max_gap), EffortRange(dynamics.model)
+    zone, faults = DeadZone(dynamics, stiction), {}
+    for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         motion = MotionSample(dynamics.model)
         residuals.start_recording()
+        zone.reset()
         observer = Observer(
             dynamics,
             gain,
             friction=friction,
             max_gap=max_gap,
-            settles_on=settles_on,
             threads=threads,
         )
         states, with_efforts, counts, findings, path = 0, False, {}, [], None
-        for piece in [one] if isinstance(one, Recording) else one:
+        for piece in [recording] if isinstance(recording, Recording) else recording:
             require_same_robot(dynamics, piece)
             states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
             counts, findings = piece.counts, piece.findings  # of all pieces until here
@@ -107,9 +103,12 @@ def calibrate(
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
             motion.add_states(piece.states)
             first = 0
-            for stamps, (residual, torque, _, valid, _) in observer.observe_states(piece.states):
-                rates = piece.states.velocity[first : first + len(stamps)]
-                residuals.add_states(stamps, residual, torque, valid, rates)
+            for stamps, observed in observer.observe_states(piece.states):
+                batch = piece.states[first : first + len(stamps)]
+                columns = observed.residual, observed.external_torque
+                motion = stamps, batch.position, batch.velocity
+                lowered = zone.lower(*motion, *columns, batch.jumped)
+                residuals.add_states(stamps, *lowered, observed.valid, observed.external_torque)
                 first += len(stamps)
         refuse_units(findings)
         if not with_efforts:
@@ -122,17 +121,17 @@ def calibrate(
     unmeasured = efforts.unmeasured()
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
-    still = "" if efforts.moved else "no joint moves: the thresholds hold for a robot at rest"
     warnings = [unmeasured] if unmeasured else list(faults)
-    warnings += [still] * bool(still)
+    if not efforts.moved:
+        warnings.append("no joint moves: the thresholds hold for a robot at rest")
     return calibrate_residuals(
         residuals,
         names,
         false_alarms,
         template,
-        warnings,
         false_contacts=false_contacts,
         gain=gain,
         friction=friction,
-        settles_on=settles_on,
+        warnings=tuple(warnings),
+        dead_zones=dict(zip(names, zone.largest.tolist(), strict=True)),
     )

@@ -38,7 +38,7 @@ def summarize(analysis):
     quality["longest_gap_at"] = time(quality["longest_gap_at"])
     unmeasured = _unmeasured(analysis, quality["without_effort"])
     good = balance.explained is not None and balance.explained >= MIN_EXPLAINED
-    good |= balance.is_explained_beside(analysis.collisions.found)
+    good |= balance.is_explained_beside(analysis.collisions.alarms)
     fault = None if good or unmeasured or not analysis.efforts.moved else analysis.motion.fault()
     fault_text = fault.text if fault else ""
     unscaled = analysis.efforts.unscaled
@@ -64,11 +64,10 @@ def summarize(analysis):
         "explained": balance.explained,
         "explained_with_potential": balance.explained_total,
         "residual_power": balance.residual_power,
-        "balance": balance.summary(unmeasured or fault_text, analysis.collisions.found, partial),
+        "balance": balance.summary(unmeasured or fault_text, analysis.collisions.alarms, partial),
         "efforts": {"unmeasured": unmeasured, "text": fault_text},
         "observer": {
             "gain": analysis.gain,
-            "threshold": None if analysis.threshold == np.inf else analysis.threshold,
             "judged": list(analysis.collisions.judged),
             "missing": list(analysis.missing),
             "observed": analysis.observed,
@@ -81,7 +80,7 @@ def summarize(analysis):
             ),
         },
         "collisions": _entries(analysis.collisions, time),
-        "contacts": _entries(analysis.contacts, time) if analysis.contacts else None,
+        "contacts": _entries(analysis.contacts, time) if analysis.contacts.judged else None,
         "contact_limits": analysis.exposure.summary(time) if analysis.exposure else None,
         "quality": quality,
         "warnings": [unmeasured, *warnings] if unmeasured else warnings,
@@ -151,25 +150,20 @@ def _entries(alarms, time):
     """Return collisions or contacts."""
     return [
         {
-            "start": time(one.start),
-            "end": time(one.end),
-            "joints": list(one.joints),
-            "norm": one.norm,
+            "start": time(alarm.start),
+            "end": time(alarm.end),
+            "joints": list(alarm.joints),
+            "norm": alarm.norm,
+            "first": alarm.first,
+            "exceeded": {
+                event.detector: {"value": event.value, "threshold": event.threshold}
+                for event in alarm.exceeded
+            },
+            "told": alarm.describe(),
         }
-        | _exceeded(one)
-        | ({"link": one.link, "confidence": one.confidence} if one.chi_square else {})
-        for one in alarms.found
+        | ({"link": alarm.link, "confidence": alarm.confidence} if alarm.chi_square else {})
+        for alarm in alarms.alarms
     ]
-
-
-def _exceeded(alarm):
-    """Return which detector rose first, and values and thresholds of those that did; nothing of a collision by |r|."""
-    if not alarm.exceeded:
-        return {}
-    exceeded = {
-        one.detector: {"value": one.value, "threshold": one.threshold} for one in alarm.exceeded
-    }
-    return {"first": alarm.first, "exceeded": exceeded, "told": alarm.describe()}
 
 
 def count_collisions(summary):
@@ -319,8 +313,8 @@ def _about_balance(summary):
 
 
 def _about_collisions(summary):
-    observer, peaks, found = summary["observer"], summary["peaks"], summary["collisions"]
-    count = f"{len(found)} collision{_s(len(found))}"
+    observer, peaks, alarms = summary["observer"], summary["peaks"], summary["collisions"]
+    count = f"{len(alarms)} collision{_s(len(alarms))}"
     if "residual_norm" in peaks:
         torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
         yield (
@@ -331,17 +325,14 @@ def _about_collisions(summary):
         yield "External torque"
     if observer["observed"] and observer["judged"]:
         yield f"  {count}, by thresholds of {', '.join(observer['judged'])}"
-    elif observer["observed"] and observer["threshold"] is not None:
-        yield f"  {count} with |r| above {observer['threshold']:g} J^0.5/s"
     if summary["contacts"] is not None:
         yield f"  {len(summary['contacts'])} contact{_s(len(summary['contacts']))}, by the lower thresholds"
     if observer["text"]:
         yield f"  {observer['text']}"
     lines = [
-        f"{_after(summary, one['start'])} to {_after(summary, one['end'])}, "
-        + (one.get("told") or f"|r| {one['norm']:.3g}, {', '.join(one['joints'])}")
-        + (f", touched {one['link']} ({one['confidence']:.0%})" if one.get("link") else "")
-        for one in found
+        f"{_after(summary, alarm['start'])} to {_after(summary, alarm['end'])}, {alarm['told']}"
+        + (f", touched {alarm['link']} ({alarm['confidence']:.0%})" if alarm.get("link") else "")
+        for alarm in alarms
     ]
     yield from _some(lines, "more")
 

@@ -29,13 +29,14 @@ class Alarming(NamedTuple):
         Thresholds of joints [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s]; inf for none.
     joints : ndarray of bool, shape (nv,)
         Joints whose collision lasts.
-    contact : bool
-        Whether there is a contact.
+    collision, contact : bool
+        Whether there is one.
     """
 
     collision_limits: np.ndarray
     contact_limits: np.ndarray
     joints: np.ndarray
+    collision: bool
     contact: bool
 
 
@@ -100,8 +101,8 @@ def torque_fields(seen, valid, state, alarming, touched):
     `seen` is a Disturbance or many, `alarming` their Alarming, `touched` the probabilities of
     links, None without a touched link.
     """
-    values = flags_of(state) | {"valid": valid, "collision": seen.collision}
-    values |= {"contact": alarming.contact, "touched_link_probability": touched}
+    values = flags_of(state) | {"valid": valid, "touched_link_probability": touched}
+    values |= {"collision": alarming.collision, "contact": alarming.contact}
     values |= {"collision_threshold": alarming.collision_limits}
     values |= {"contact_threshold": alarming.contact_limits}
     if not valid:

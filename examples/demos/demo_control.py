@@ -48,7 +48,7 @@ CONTROLLER |= {
     "controlled_link": "panda_hand",
 }
 MONITOR = {"use_sim_time": True, "effort_scale": ["*=1.0"], "effort_includes_gravity": ["*=true"]}
-MONITOR |= {"external_torque.gain": 50.0, "external_torque.threshold": THRESHOLD}
+MONITOR |= {"external_torque.gain": 50.0, "collision.threshold": [f"norm={THRESHOLD}"]}
 NODES = {
     SimulatorNode: SIMULATOR | {"sensor_noise": [0.0, 0.001, 0.05]},
     ControllerNode: CONTROLLER | {"energy_limit": BOUND, "observer_gain": 200.0},

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import diag_dynamics as dd
-from diag_dynamics.collision.detector import AlarmDetector
+from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.simulation.drives import Sensors
 
 ROBOTS = {
@@ -124,10 +124,11 @@ def random_pushes(robot, motion, rng):
 def judge(dynamics, thresholds, recording, pushes):
     """Return what a model makes of pushes: ratio to the threshold, delays, number of false alarms, kinetic energy."""
     observed = dd.observe(dynamics, recording, GAIN)
-    detector = AlarmDetector(dynamics.model.dof_names, thresholds)
-    alarms = detector.judge(
-        recording.stamp, observed.residual, observed.external_torque, observed.valid
-    )
+    detector = dd.Detector(dynamics.model.dof_names, thresholds)
+    zone, motion = DeadZone(dynamics, thresholds.stiction), (recording.q, recording.qd)
+    columns = observed.residual, observed.external_torque
+    lowered = zone.lower(recording.stamp, *motion, *columns)
+    alarms = detector.judge(recording.stamp, *lowered, observed.valid)
     begins = recording.t[alarms.begins]
     first = [
         begins[(begins >= push.begin) & (begins < push.end + 0.1)][:1] - push.begin

@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+import robots
+from described import subject
 from diag_dynamics.cli.calibrate import METHODS
 from diag_dynamics.cli.main import main
 from diag_dynamics.collision import calibration, residuals
 from diag_dynamics.collision.calibration import calibrate_residuals
 from diag_dynamics.collision.detector import Alarms
 from diag_dynamics.collision.residuals import poisson_interval
+from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
@@ -25,9 +28,8 @@ from motions import recorded
 NAMES = ("shoulder", "elbow", "wrist")
 MS = 1_000_000  # [ns]
 PERIOD = 10 * MS
-THRESHOLDS = dd.AlarmThresholds(
-    {"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}, 12.0, 20.0, hold_off=0.5
-)
+JOINTS = {"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}
+THRESHOLDS = dd.Thresholds({**JOINTS, "total": 12.0, "norm": 20.0}, hold_off=0.5)
 
 
 def columns(seconds, torque=()):
@@ -45,11 +47,11 @@ def between(stamps, start, end):
 
 def detect(thresholds, stamps, r, torque, valid=None, restarts=None):
     """Return the alarms, and whether one is on at each state."""
-    detector = dd.AlarmDetector(NAMES, thresholds)
+    detector = dd.Detector(NAMES, thresholds)
     valid = np.ones(len(stamps), dtype=bool) if valid is None else valid
     judged, alarms = detector.judge(stamps, r, torque, valid, restarts), Alarms(detector)
     alarms.add_states(stamps, np.linalg.norm(r, axis=1), judged)
-    return alarms.found, judged.alarm
+    return alarms.alarms, judged.alarm
 
 
 def spans(alarms):
@@ -73,8 +75,8 @@ def test_a_joint_above_its_threshold():
 def test_norms_without_a_joint():
     """‖m r‖ above its threshold with no joint above its own: the alarm names the nearest joint."""
     stamps, r, torque = columns(3.0, [(1.0, 1.2, 0, 9.9), (1.0, 1.2, 1, 4.0), (1.0, 1.2, 2, 0.9)])
-    (alarm,), _ = detect(dd.AlarmThresholds(THRESHOLDS.joints, 10.0), stamps, r, torque)
-    assert (alarm.first, alarm.joints, len(alarm.exceeded)) == ("external_torque", ("shoulder",), 1)
+    (alarm,), _ = detect(dd.Thresholds({**JOINTS, "total": 10.0}), stamps, r, torque)
+    assert (alarm.first, alarm.joints, len(alarm.exceeded)) == ("total", ("shoulder",), 1)
     assert alarm.describe() == "|m r| 10.7 N m > 10, most of it at shoulder"
     r[between(stamps, 2.0, 2.1)] = 15.0
     (alarm,), _ = detect(THRESHOLDS, stamps, r, 0.0 * torque)
@@ -100,7 +102,7 @@ def test_release_and_hold_off():
     data = columns(
         4.0, [(1.0, 1.2, 0, 11.0), (0.0, 4.0, 1, 4.0)]
     )  # a joint below its own threshold holds no alarm
-    assert spans(detect(dd.AlarmThresholds(THRESHOLDS.joints), *data)[0]) == [(1.0, 1.19)]
+    assert spans(detect(dd.Thresholds(JOINTS), *data)[0]) == [(1.0, 1.19)]
 
 
 def test_states_without_a_result():
@@ -161,212 +163,166 @@ def test_states_one_by_one_have_the_alarms_of_columns():
     stamps = stamps + rng.integers(0, PERIOD // 2, len(stamps))
     torque[between(stamps, 20.0, 40.0), 1] += 9.0
     valid, restarts = rng.random(len(stamps)) >= 0.002, np.arange(len(stamps)) == 4321
-    velocity = 0.03 * (1.0 + np.sin(1e-9 * stamps)[:, None]) * rng.random((len(stamps), 3))
-    thresholds = replace(
-        THRESHOLDS, rest_joints={"elbow": 4.0, "shoulder": 9.0}, rest_external_torque=11.0
-    )
+    thresholds = THRESHOLDS
     columns_of = stamps, r, torque, valid, restarts
-    whole = dd.AlarmDetector(NAMES, thresholds).judge(*columns_of, velocity=velocity)
-    alarms = Alarms(dd.AlarmDetector(NAMES, thresholds))
+    whole = dd.Detector(NAMES, thresholds).judge(*columns_of)
+    alarms = Alarms(dd.Detector(NAMES, thresholds))
     alarms.add_states(stamps, np.linalg.norm(r, axis=1), whole)
-    expected = alarms.found
-    assert whole.begins.sum() == len(expected) > 5 and any(
-        "change" in one.first for one in expected
-    )
+    expected = alarms.alarms
+    assert whole.begins.sum() == len(expected) > 5
     for size in (1, 37, 1000):
-        detector, parts = dd.AlarmDetector(NAMES, thresholds), []
+        detector, parts = dd.Detector(NAMES, thresholds), []
         alarms = Alarms(detector)
         for first in range(0, len(stamps), size):
             part = slice(first, first + size)
             columns_of = [column[part] for column in (stamps, r, torque, valid, restarts)]
-            parts.append(detector.judge(*columns_of, velocity=velocity[part]))
+            parts.append(detector.judge(*columns_of))
             alarms.add_states(stamps[part], np.linalg.norm(r[part], axis=1), parts[-1])
         for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
             assert np.array_equal(column, np.concatenate(of_parts))
-        assert alarms.found == expected
+        assert alarms.alarms == expected
     some = np.flatnonzero(valid)[:500]
-    rows = r[some], torque[some], velocity[some]
-    whole = dd.AlarmDetector(NAMES, thresholds).judge(
-        stamps[some], *rows[:2], valid[some], velocity=rows[2]
-    )
-    single = dd.AlarmDetector(NAMES, thresholds)
+    whole = dd.Detector(NAMES, thresholds).judge(stamps[some], r[some], torque[some], valid[some])
+    single = dd.Detector(NAMES, thresholds)
     assert whole.alarm.tolist() == [
-        single.update(stamps[k] * 1e-9, r[k], torque[k], velocity[k]).alarm[0] for k in some
+        single.update(stamps[k] * 1e-9, r[k], torque[k]).alarm[0] for k in some
     ]
 
 
+def test_a_push_within_an_alarm_is_a_further_event():
+    """A rise by a whole threshold is one, also at another joint; a smaller rise, and the first one, is none."""
+    pushes = [
+        (1.0, 2.5, 0, 11.0),
+        (1.2, 1.25, 0, 25.0),  # belongs to the begin
+        (1.6, 1.65, 0, 19.0),  # a rise by 8 of 10
+        (2.0, 2.1, 0, 22.0),
+        (2.3, 2.4, 1, 5.5),
+    ]
+    stamps, r, torque = columns(4.0, pushes)
+    alarms, on = detect(dd.Thresholds(JOINTS), stamps, r, torque)
+    assert spans(alarms) == [(1.0, 1.99), (2.0, 2.49)]
+    assert np.array_equal(on, between(stamps, 1.0, 2.5))
+    torque[between(stamps, 2.3, 2.4), 1] = 0.0
+    torque[between(stamps, 2.35, 2.45), 1] = 5.5  # a whole threshold, 0.35 s after the last event
+    alarms, _ = detect(dd.Thresholds(JOINTS), stamps, r, torque)
+    assert [alarm.joints for alarm in alarms] == [
+        ("shoulder",),
+        ("shoulder",),
+        ("shoulder", "elbow"),
+    ]
+    ramp = between(stamps, 1.0, 3.9)
+    torque[:] = 0.0
+    torque[ramp, 0] = 10.5 + 3.0 * (1e-9 * stamps[ramp] - 1.0)  # no jump
+    assert len(detect(dd.Thresholds(JOINTS, standing=math.inf), stamps, r, torque)[0]) == 1
+
+
 def test_limits_of_joints():
-    wrong = {
-        "external_torque": 0.0,
-        "norm": -1.0,
-        "release": 1.5,
-        "hold_off": -1.0,
-        "standing": 0.0,
-    }
-    wrong |= {"rest_external_torque": 0.0, "rest_joints": {"elbow": 0.0}}
-    for key, value in (*wrong.items(), ("joints", {"elbow": -1.0}), ("joints", {"elbow": np.nan})):
-        with pytest.raises(InputError, match="elbow" if "joints" in key else key):
-            dd.AlarmThresholds(**{key: value})
-    everyone = dd.AlarmDetector(NAMES, dd.AlarmThresholds({"*": 2.0, "wrist": np.inf}))
+    wrong = {"release": 1.5, "hold_off": -1.0, "standing": 0.0, "stiction": -0.1}
+    limits = [{name: -1.0} for name in ("elbow", "total", "norm")] + [{"elbow": np.nan}]
+    for key, value in (*wrong.items(), *(("limits", limit) for limit in limits)):
+        with pytest.raises(InputError, match=next(iter(value)) if key == "limits" else key):
+            dd.Thresholds(**{key: value})
+    everyone = dd.Detector(NAMES, dd.Thresholds({"*": 2.0, "wrist": np.inf}))
     assert everyone.limits.tolist() == [2.0, 2.0, np.inf, np.inf, np.inf]
     with pytest.raises(InputError, match="knee"):
-        dd.AlarmDetector(NAMES, dd.AlarmThresholds({"knee": 1.0}))
+        dd.Detector(NAMES, dd.Thresholds({"knee": 1.0}))
     with pytest.raises(InputError, match="elbow"):
         everyone.update(0.0, [0, np.nan, 0], [0, 0, 0])
 
 
-# --- At rest
+# --- Dead zone
 
 
-REST = dd.AlarmThresholds(
-    {"elbow": 5.0}, release=0.7, hold_off=0.5, rest_joints={"elbow": 1.0, "wrist": 0.5}
-)
+FRICTION, LOAD = np.array([3.0, 0.0, 2.0, 1.0, 0.5, 0.5]), np.array([0.1, 0.2, 0.0, 0.0, 0.0, 0.0])
 
 
-def judge_rest(torque, speed, period=10 * MS, stamps=None, thresholds=REST, **options):
-    """Return stamps and the results of a detector, given m r of the elbow and the speed of the arm at each state."""
-    stamps = np.arange(len(torque)) * period if stamps is None else stamps
-    x, velocity = np.zeros((2, len(stamps), 3))
-    x[:, 1], velocity[:, 2] = torque, speed
-    options = {"valid": np.ones(len(stamps), dtype=bool)} | options
-    detector = dd.AlarmDetector(NAMES, thresholds)
-    return stamps, detector.judge(stamps, np.zeros_like(x), x, velocity=velocity, **options)
+@pytest.fixture(scope="module")
+def arm():
+    """A UR5 with Coulomb friction and load friction of some joints, and an oracle by Pinocchio."""
+    model = subject(robots.robot("ur_description/urdf/ur5_robot.urdf")).model
+    rows = zip(model.dof_names, FRICTION.tolist(), LOAD.tolist(), strict=True)
+    joints = {name: {"friction": f, "load_friction": load} for name, f, load in rows}
+    return dd.DiagonalDynamics(model.with_parameters({"joints": joints}))
 
 
-@pytest.mark.parametrize(
-    ("offset", "push", "speed", "seen"),
-    [
-        # m r at rest and by a push, greatest rate: whether there is an alarm
-        (0.0, 1.2, 0.049, True),
-        (0.0, 1.2, 0.051, False),  # the arm moves: thresholds of motion
-        (0.0, 5.2, 0.051, True),
-        (4.0, 1.2, 0.0, True),  # upon stiction
-        (4.0, 0.9, 0.0, False),
-        (
-            9.0,
-            0.9,
-            0.0,
-            True,
-        ),  # stiction above the threshold of motion is one alarm until it counts as an offset
-        (-4.0, 1.2, 0.0, True),
-    ],
-)
-def test_a_push_at_rest(offset, push, speed, seen):
-    """The change within 0.2 s is judged, not the torque; and only of an arm at rest."""
-    t = 0.01 * np.arange(1500)
-    _, judged = judge_rest(offset + push * ((t >= 10.0) & (t < 10.5)), np.full(len(t), speed))
-    late = judged.begins & (t > 9.0)
-    if abs(offset) > 5.0:
-        assert judged.begins.sum() == 1 and judged.begins[0] and not judged.alarm[t > 8.0].any()
-    else:
-        assert judged.begins.sum() == late.sum() == seen
-        assert not seen or (t[judged.alarm][0], t[judged.alarm][-1]) == pytest.approx((10.0, 10.49))
-    assert np.array_equal(judged.rest, (t >= 0.5) & (speed < 0.05))
+def stopping(seed=2, count=2000):
+    """Return stamps, q, q̇, r and m r of an arm whose joints stop at different times, and sometimes all."""
+    rng = np.random.default_rng(seed)
+    stamps = np.cumsum(rng.integers(1, 20, count)) * MS
+    moves = np.repeat(rng.random((count // 50, 6)) < 0.4, 50, axis=0)
+    moves[:200] = False
+    rates = np.where(moves, 0.3, 0.009) * rng.choice([-1.0, 1.0], (count, 6))
+    q = np.cumsum(0.01 * rates, axis=0)
+    torque = 4.0 * rng.normal(size=(count, 6))
+    return stamps, q, rates, torque
 
 
-def test_a_push_at_rest_is_one_alarm():
-    """While it lasts, also if it ends, if it sets the arm in motion, or begins in motion; a torque that stays ends it."""
-    t = 0.01 * np.arange(1200)
-    later = (t > 5.3) & (t < 7.0)
-    for moving, force, lasts in (
-        (t < 0, 1.5, 6.49),
-        (later, 1.5, 5.8),
-        (later, 8.0, 6.49),
-        (t < 5.4, 8.0, 7.0),
-    ):
-        _, judged = judge_rest(force * ((t >= 5.0) & (t < 6.5)), 0.2 * moving)
-        assert judged.begins.sum() == 1 and judged.begins[500]
-        begin, end = t[judged.alarm][[0, -1]]
-        assert (begin, end) == pytest.approx((5.0, lasts), abs=0.011)
-        assert np.array_equal(judged.alarm, (t >= begin - 1e-9) & (t <= end + 1e-9))
-    for force in (1.5, -40.0):
-        push = force * (t >= 4.0)
-        _, judged = judge_rest(
-            push + 1.2 * ((t >= 8.0) & (t < 8.2)), 0.0 * t, thresholds=replace(REST, joints={})
+def test_standing_joints_have_a_dead_zone(arm):
+    """Of a fraction of Coulomb and load friction, from 0.1 s below 10 mrad/s until 0.15 s later; r follows."""
+    oracle = subject(robots.robot("ur_description/urdf/ur5_robot.urdf")).oracle
+    stamps, q, rates, torque = stopping()
+    r = arm.epsilon_from_tau(q, torque)
+    zone = DeadZone(arm, 0.5)
+    lowered_r, lowered = zone.lower(stamps, q, rates, r, torque)
+    since, stood, standing = stamps[0] * np.ones(6), np.full(6, -np.inf), 0
+    for t, stamp in enumerate(stamps):
+        moves = np.abs(rates[t]) >= 0.01
+        since = np.where(moves, stamp, since)
+        stood = np.where(stamp - since >= 0.1e9, stamp, stood)
+        stands = stamp - stood <= 0.15e9
+        width = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
+        expected = np.where(
+            stands, np.sign(torque[t]) * np.maximum(0.0, np.abs(torque[t]) - width), torque[t]
         )
-        assert np.flatnonzero(judged.begins).tolist() == [
-            400,
-            800,
-        ]  # the torque stays, and a further push is another
-        assert not judged.alarm[(t > 6.3) & (t < 8.0)].any()
-        _, judged = judge_rest(push * (t < 9.0), 0.0 * t, thresholds=replace(REST, joints={}))
-        assert judged.begins.sum() == 1  # it ends where it was before
+        np.testing.assert_allclose(lowered[t], expected, rtol=1e-12, atol=1e-12)
+        standing += stands.sum()
+        if t % 20 == 0:
+            m = oracle.factor(q[t])
+            np.testing.assert_allclose(m @ lowered_r[t], expected, rtol=1e-8, atol=1e-8)
+    assert 4000 < standing < 11000
+    assert (zone.largest[[0, 2, 3]] >= 0.5 * FRICTION[[0, 2, 3]]).all()
 
 
-def test_changes_are_by_time():
-    """Of unequal samples a slow rise is that of 0.2 s: sampled at random, in bursts, or at 5 kHz."""
-    rng, slow = np.random.default_rng(5), replace(REST, joints={})
-    steps = (
-        rng.uniform(1 * MS, 30 * MS, 500),
-        np.where(np.arange(1000) % 10, 1 * MS, 91 * MS),
-        np.full(20_000, MS // 5),
-        np.append(np.full(300, 10 * MS), 0),  # the last state twice
-    )
-    for period in steps:
-        stamps = np.cumsum(period).astype(np.int64)
-        _, judged = judge_rest(
-            3.0 * stamps * 1e-9, np.zeros(len(stamps)), stamps=stamps, thresholds=slow
-        )
-        assert judged.rest[-1] and not judged.begins.any()
-        np.testing.assert_allclose(judged.changes[judged.rest, 1], 0.6, rtol=1e-9)
+def test_a_dead_zone_in_parts(arm):
+    """Parts of any size are the whole. Stamps that go back, and a reset, begin anew; unknown torques stay so."""
+    stamps, q, rates, torque = stopping(3, 500)
+    torque[100:150, 2] = np.nan
+    r = arm.epsilon_from_tau(q, np.nan_to_num(torque))
+    r[100:150, :3] = np.nan
+    whole = DeadZone(arm, 0.7).lower(stamps, q, rates, r, torque)
+    for size in (1, 33):
+        zone, parts = DeadZone(arm, 0.7), []
+        for first in range(0, len(stamps), size):
+            rows = slice(first, first + size)
+            parts.append(zone.lower(stamps[rows], q[rows], rates[rows], r[rows], torque[rows]))
+        for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
+            np.testing.assert_allclose(np.concatenate(of_parts), column, rtol=1e-12, atol=1e-14)
+    assert np.isnan(whole[1][100:150, 2]).all() and np.isnan(whole[0][100:150, :3]).all()
+    rates[:], rates[:, 5] = 0.0, 0.3
+    zone = DeadZone(arm, 0.7)
+    zone.lower(stamps, q, rates, r, torque)
+    again = zone.lower(stamps[:3], q[:3], rates[:3], r[:3], torque[:3])[1]
+    np.testing.assert_array_equal(again[0], torque[0])
+    zone.lower(stamps, q, rates, r, torque)
+    later = stamps[:3] + stamps[-1]
+    rows = later, q[:3], rates[:3], r[:3], torque[:3]
+    restarts = np.array([False, True, False])
+    again = zone.lower(*rows, restarts)[1]
+    assert not np.array_equal(again[0], torque[0])
+    np.testing.assert_array_equal(again[1], torque[1])
+    zone.reset()
+    np.testing.assert_array_equal(zone.lower(*rows)[1][0], torque[0])
 
 
-@pytest.mark.parametrize(
-    "kind", ["gap", "no result", "restart", "back", "stale", "motion", "unknown"]
-)
-def test_what_is_no_change(kind):
-    """After a gap, a state without a result, a restart or motion, another torque is no change; a repeated state is none."""
-    t = 0.01 * np.arange(600)
-    stamps, torque, speed = (1e9 * t).astype(np.int64), 3.0 * (t >= 3.0), np.zeros(len(t))
-    valid, restarts = np.ones(len(t), dtype=bool), np.zeros(len(t), dtype=bool)
-    k = 300
-    if kind == "gap":
-        stamps[k:] += 210 * MS
-    elif kind == "back":
-        stamps[k:] -= 100 * MS
-    elif kind == "no result":
-        valid[k] = False
-    elif kind == "restart":
-        restarts[k] = True
-    elif kind == "stale":
-        torque[:], stamps[k : k + 100] = 0.0, stamps[k]
-    elif kind == "motion":
-        speed[k] = 0.06
-    unknown = np.zeros((len(t), 3), dtype=bool)
-    unknown[:k, 1] = kind == "unknown"  # the effort of the joint
-    options = {"valid": valid, "restarts": restarts, "unknown": unknown}
-    _, judged = judge_rest(torque, speed, stamps=stamps, **options)
-    assert not judged.alarm.any() and judged.rest[-1]
-    if kind != "stale":
-        assert not judged.rest[k : k + 49].any()
-        control = judge_rest(torque, 0.0 * speed)[1]
-        assert control.begins.sum() == 1 and control.begins[k]
-
-
-def test_stiction_is_an_offset_of_the_other_detectors():
-    """At rest they begin at its torque, so that a slow push is one alarm at their own threshold, and its end is none."""
-    t = 0.01 * np.arange(2500)
-    slow = 0.5 * np.clip(t - 8.0, 0.0, 13.0) * (t < 21.0)
-    thresholds = replace(REST, rest_joints={"elbow": 100.0})
-    torque = 3.0 * (t < 23.0) + slow
-    _, judged = judge_rest(torque, 0.2 * (t < 1.0), thresholds=thresholds)
-    assert np.flatnonzero(judged.begins).tolist() == [1801]  # 3 + 5 N m
-    _, judged = judge_rest(3.0 + 0.0 * t + slow, 0.2 + 0.0 * t, thresholds=thresholds)
-    assert np.flatnonzero(judged.begins)[0] == 1201  # in motion 5 N m
-
-
-def test_alarms_at_rest_have_names():
-    t = 0.01 * np.arange(300)
-    stamps, judged = judge_rest(4.0 + 2.5 * (t >= 2.0), 0.0 * t)
-    alarms = Alarms(dd.AlarmDetector(NAMES, REST))
-    alarms.add_states(stamps, np.zeros(len(t)), judged)
-    (alarm,) = alarms.found
-    assert (alarm.joints, alarm.first) == (("elbow",), "elbow (change)") and alarm.exceeded[
-        0
-    ].value == 2.5
-    assert alarm.describe() == "elbow changed by 2.5 N m > 1"
-    assert alarms.judged == ("elbow", "elbow (change)", "wrist (change)")
-    assert judged.joints[200].tolist() == [False, True, False]
+def test_no_dead_zone_without_friction(arm):
+    bare = dd.DiagonalDynamics(dd.load_robot("ur5"))
+    stamps, q, rates, torque = stopping(4, 300)
+    r = arm.epsilon_from_tau(q, torque)
+    for dynamics, fraction in ((bare, 0.5), (arm, 0.0)):
+        lowered = DeadZone(dynamics, fraction).lower(stamps, q, rates, r, torque)
+        assert lowered[0] is r and lowered[1] is torque
+    with pytest.raises(InputError, match="fraction"):
+        DeadZone(arm, -0.1)
 
 
 # --- Calibration
@@ -388,22 +344,19 @@ def noise(rng, seconds, heavy=False, jerks=()):
     return np.arange(count) * (10**9 // HZ), x * R_SPREAD, x * TORQUE_SPREAD
 
 
-def calibrate(
-    stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, velocity=None, **options
-):
+def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, **options):
     """Return the Calibration of residuals that come in parts, of recordings of equal length."""
     collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
     for first in range(0, len(stamps), min(part, len(stamps) // recordings)):
         rows = slice(first, first + min(part, len(stamps) // recordings))
         if recordings > 1:
             collected.start_recording()
-        rates = None if velocity is None else velocity[rows]
-        collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows], rates)
+        collected.add_states(stamps[rows], r[rows], torque[rows], valid[rows])
     with pytest.MonkeyPatch.context() as patch:
         if not factor:
             patch.setattr(calibration, "FACTORS", [1.0])
         return calibrate_residuals(
-            collected, FOUR, rate, dd.AlarmThresholds(), gain=25.0, friction=False, **options
+            collected, FOUR, rate, dd.Thresholds(), gain=25.0, friction=False, **options
         )
 
 
@@ -421,9 +374,7 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
             method == "tail" or found.peaks == int(rate * found.duration)
         )
         stamps, r, torque = noise(rng, 1000, heavy)
-        judged = dd.AlarmDetector(FOUR, found).judge(
-            stamps, r, torque, np.ones(len(stamps), dtype=bool)
-        )
+        judged = dd.Detector(FOUR, found).judge(stamps, r, torque, np.ones(len(stamps), dtype=bool))
         ratios.append(judged.begins.sum() / (1000 * rate))
         low, high = found.rate_interval
         inside += low <= rate <= high
@@ -434,11 +385,11 @@ def test_one_jerk_is_one_alarm():
     """A jerk of 25 times the spread moves no threshold by an eighth, and joints have thresholds by their own spread."""
     with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]))
     without = calibrate(*noise(np.random.default_rng(2), 200))
-    limits, expected = (found.limits(FOUR).tolist() for found in (with_jerk, without))
+    limits, expected = (found.of_names(FOUR).tolist() for found in (with_jerk, without))
     assert limits == pytest.approx(expected, rel=0.12)
     assert with_jerk.alarms == without.alarms + 1 and with_jerk.held_out >= 1
     ratios = [
-        without.joints[name] / spread for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True)
+        without.limits[name] / spread for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True)
     ]
     assert max(ratios) < 1.25 * min(ratios)
 
@@ -452,7 +403,7 @@ def test_each_part_is_held_out():
             inside = part == k
             others = calibrate(*(column[~inside] for column in columns), rate=0.1, factor=False)
             rows = (column[inside] for column in columns)
-            judged = dd.AlarmDetector(FOUR, others).judge(*rows, np.ones(inside.sum(), dtype=bool))
+            judged = dd.Detector(FOUR, others).judge(*rows, np.ones(inside.sum(), dtype=bool))
             held_out += judged.begins.sum()
         found = calibrate(*columns, rate=0.1, recordings=number, factor=False)
         assert found.held_out == held_out > 10
@@ -487,7 +438,7 @@ def test_recordings_that_differ_raise_the_thresholds():
         for factor, found in rates.items():
             thresholds = calibrate(*some, rate=0.05, recordings=6, factor=factor)
             judged = [
-                dd.AlarmDetector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool))
+                dd.Detector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool))
                 for one in others
             ]
             found.append(sum(one.begins.sum() for one in judged) / (20 * 60 * 0.05))
@@ -497,7 +448,7 @@ def test_recordings_that_differ_raise_the_thresholds():
 def test_warnings_of_the_recording():
     """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds other thresholds."""
     found = calibrate(*noise(np.random.default_rng(3), 60))
-    assert found.vouched == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
+    assert found.demonstrable_rate == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
     assert any(
         "too short" in text and "3/min" in text and "180 s" in text for text in found.warnings
     )
@@ -523,59 +474,42 @@ def test_residuals_in_parts(max_numbers, monkeypatch):
     expected = calibrate(stamps, r, torque, part=len(stamps))
     monkeypatch.setattr(residuals, "MAX_NUMBERS", max_numbers)
     whole = calibrate(stamps, r, torque, part=len(stamps))
-    assert whole.limits(FOUR).tolist() == pytest.approx(expected.limits(FOUR).tolist(), rel=0.03)
+    assert whole.of_names(FOUR).tolist() == pytest.approx(
+        expected.of_names(FOUR).tolist(), rel=0.03
+    )
     assert whole.duration == pytest.approx(59.98, abs=0.04)
     assert (whole == expected) == (max_numbers == 10**6)
     for part in (1, 77):
         assert calibrate(stamps, r, torque, part=part) == whole
 
 
-def stopping(rng, seconds, stiction=3.0):
-    """Return stamps, r, m r and rates of an arm that moves 3 s and stands 3 s, under stiction and a tenth of the noise."""
-    stamps, r, torque = noise(rng, seconds)
-    moving = stamps % (6 * 10**9) < 3 * 10**9
-    held = stiction * rng.normal(size=(int(seconds / 6) + 1, 4))[stamps // (6 * 10**9)]
+def test_peaks_before_motions_are_in_the_thresholds():
+    """Peaks in the 0.3 s before each motion are alarms by thresholds without them, and at the rate by those with them."""
+    stamps, r, torque = noise(np.random.default_rng(6), 600)
+    quiet, phase = calibrate(stamps, r, torque, rate=0.1), 1e-9 * stamps % 6.0
+    start = (phase > 2.7) & (phase < 3.0)
     for column, spread in ((r, R_SPREAD), (torque, TORQUE_SPREAD)):
-        column[~moving] = 0.1 * column[~moving] + (held * spread)[~moving]
-    return stamps, r, torque, np.where(moving, 0.5, 0.01)[:, None]
+        column[start, 1] += 8.0 * spread[1]
+    valid = np.ones(len(stamps), dtype=bool)
+    rates = []
+    for thresholds in (quiet, calibrate(stamps, r, torque, rate=0.1)):
+        judged = dd.Detector(FOUR, thresholds).judge(stamps, r, torque, valid)
+        rates.append((judged.begins & start).sum() / 600.0)
+    assert rates[0] > 0.14 and rates[1] < 0.05
 
 
-def test_rest_has_thresholds_of_its_own(tmp_path, monkeypatch):
-    """By its own spread, in one file with those of motion; both together have the requested rate, also from cells."""
-    rng, rate = np.random.default_rng(1), 0.1
-    columns = stopping(rng, 600)
-    *columns, velocity = columns
-    found, without = (
-        calibrate(*columns, rate=rate, velocity=velocity),
-        calibrate(*columns, rate=rate),
-    )
-    assert found.rest == pytest.approx(600 * 2.5 / 6, rel=0.02) and without.rest == 0.0
-    assert not without.rest_joints and without.rest_external_torque == math.inf
-    for name, spread in zip(FOUR, TORQUE_SPREAD, strict=True):
-        assert found.rest_joints[name] / spread == pytest.approx(0.55, abs=0.15)
-        assert found.joints[name] > 5.0 * found.rest_joints[name]
-    assert (found.contact.rest_limits(FOUR) < found.rest_limits(FOUR)).all()
-    counts = []
-    for _ in range(4):
-        stamps, r, torque, rates = stopping(rng, 600)
-        judged = dd.AlarmDetector(FOUR, found).judge(
-            stamps, r, torque, np.ones(len(r), dtype=bool), velocity=rates
-        )
-        counts.append((judged.begins.sum(), (judged.begins & judged.rest).sum()))
-    total, at_rest = np.sum(counts, axis=0)
-    assert 0.5 < total / (2400 * rate) < 1.3 and 0.2 < at_rest / total < 0.7
-    monkeypatch.setattr(residuals, "MAX_NUMBERS", 20_000)
-    found.save(tmp_path / "alarms.yaml")
-    seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
-    for one, other in ((seen.alarms, found), (seen.contact, found.contact)):
-        assert one.rest_limits(FOUR).tolist() == pytest.approx(
-            other.rest_limits(FOUR).tolist(), rel=1e-3
-        )
-        assert (one.rest_limits(FOUR) >= other.rest_limits(FOUR) * (1 - 1e-9)).all()
-    cells = calibrate(*columns, rate=rate, velocity=velocity)
-    assert cells.rest_limits(FOUR).tolist() == pytest.approx(
-        found.rest_limits(FOUR).tolist(), rel=0.06
-    )
+def test_extrapolated_thresholds_are_a_warning():
+    """A threshold above 1.5 times the largest value in the recordings is named with its joint."""
+    columns = noise(np.random.default_rng(3), 200)
+    assert not calibrate(*columns).warnings
+    calibration = calibrate(*columns, rate=1e-9)
+    (text,) = (text for text in calibration.warnings if text.startswith("extrapolated"))
+    name = text.split("'")[1]
+    largest = dict(zip(FOUR, np.abs(columns[2]).max(axis=0), strict=True))
+    ratios = {name: calibration.limits[name] / largest[name] for name in FOUR}
+    if name in FOUR:
+        assert f"is {ratios[name]:.3g} times" in text
+    assert max(ratios.values()) > 1.5
 
 
 def test_contact_has_lower_thresholds():
@@ -586,9 +520,11 @@ def test_contact_has_lower_thresholds():
     assert contact == replace(
         other, contact=None, covariance=None, names=(), warnings=contact.warnings
     )
-    assert contact.asked == pytest.approx(1 / 6) and found.asked == pytest.approx(1 / 60)
-    assert (contact.limits(FOUR) < found.limits(FOUR)).all() and contact.held_out > found.held_out
-    assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.norm == found.norm
+    assert contact.requested == pytest.approx(1 / 6) and found.requested == pytest.approx(1 / 60)
+    assert (
+        contact.of_names(FOUR) < found.of_names(FOUR)
+    ).all() and contact.held_out > found.held_out
+    assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.limits == found.limits
     with pytest.raises(InputError, match=r"false_contacts is 0\.01"):
         calibrate(stamps, r, torque, false_contacts=0.01)
 
@@ -634,23 +570,20 @@ def settings(values):
         ({"external_torque.covariance": [4.0, 2.0, 2.0, 1.0]}, "singular at '[ab]'"),
         ({"external_torque.covariance_joints": ["a", "a"]}, "each joint once"),
         ({"external_torque.covariance_joints": [""]}, "4 numbers for 0"),
-        ({"alarm.contact_joints": ["*=1", "a=3"]}, "contact for 'a' is 3 .*at most 2"),
-        ({"alarm.contact_joints": ["*=2.5"]}, r"contact for '\*' is 2.5"),
-        ({"alarm.contact_norm": 5.0}, "contact for 'norm' is 5 .*at most 4"),
-        (
-            {"alarm.rest_joints": ["*=1"], "alarm.contact_rest_joints": ["a=3"]},
-            "'a at rest' is 3 .*at most 1",
-        ),
-        ({"external_torque.gain": 0.0, "alarm.joints": [""], "alarm.norm": 0.0}, "gain"),
+        ({"contact.threshold": ["*=1", "a=3"]}, r"contact\.threshold of 'a' is 3; .*at most 2"),
+        ({"contact.threshold": ["*=2.5"]}, r"contact\.threshold of '\*' is 2.5"),
+        ({"contact.threshold": ["norm=5"]}, r"contact\.threshold of 'norm' is 5; .*at most 4"),
+        ({"contact.threshold": ["total=9"]}, r"contact\.threshold of 'total' is 9; .*at most 8"),
+        ({"contact.threshold": ["a=-1"]}, "no less than 0"),
+        ({"external_torque.gain": 0.0, "collision.threshold": [""]}, "gain"),
     ],
 )
 def test_parameters_of_noise_and_contact(values, key):
     """Wrong ones are named, with the joint; right ones are the Observation's."""
     right = {
         "external_torque.gain": 25.0,
-        "alarm.joints": ["*=2"],
-        "alarm.norm": 4.0,
-        "alarm.contact_joints": ["a=1"],
+        "collision.threshold": ["*=2", "norm=4", "total=8"],
+        "contact.threshold": ["a=1"],
     }
     right |= {
         "external_torque.covariance_joints": ["a", "b"],
@@ -658,7 +591,7 @@ def test_parameters_of_noise_and_contact(values, key):
     }
     seen = settings(right)
     assert seen.covariance_of(["b", "a"]).tolist() == [[2.0, 0.5], [0.5, 1.0]]
-    assert seen.contact.limits(["a", "b"]).tolist() == [1.0, math.inf, math.inf, math.inf]
+    assert seen.contact.of_names(["a", "b"]).tolist() == [1.0, math.inf, math.inf, math.inf]
     with pytest.raises(InputError, match=key):
         settings(right | values)
 
@@ -669,33 +602,31 @@ def test_the_file_is_the_monitors(tmp_path):
     A joint without residuals has no threshold, and then the file has no covariance.
     """
     stamps, r, torque = noise(np.random.default_rng(7), 60)
-    found = calibrate(stamps, r, torque, settles_on="working_moment")
+    found = calibrate(stamps, r, torque)
     found.save(tmp_path / "all.yaml")
     seen = settings(parameters_of([tmp_path / "all.yaml"]))
-    assert seen.settles_on == "working_moment"
     for k in ([0, 1, 2, 3], [2, 0, 3]):
         names = [FOUR[one] for one in k]
         np.testing.assert_allclose(
             seen.covariance_of(names), found.covariance[np.ix_(k, k)], rtol=1e-9
         )
-    lower = seen.contact.limits(FOUR)
-    assert (lower >= found.contact.limits(FOUR) * (1 - 1e-9)).all() and (
-        lower < seen.alarms.limits(FOUR)
+    lower = seen.contact.of_names(FOUR)
+    assert (lower >= found.contact.of_names(FOUR) * (1 - 1e-9)).all() and (
+        lower < seen.collision.of_names(FOUR)
     ).all()
     with pytest.raises(InputError, match="covariance_joints lacks 'e'"):
         seen.covariance_of(["a", "e"])
     torque[:, 2] = 0.0
     found = calibrate(stamps, r, torque)
-    assert set(found.joints) == {"a", "b", "d"}
+    assert set(found.limits) == {"a", "b", "d", "total", "norm"}
     assert any("external torque of 'c' has no noise" in text for text in found.warnings)
     for rate in (0.0, math.nan):
         with pytest.raises(InputError, match="false_alarms"):
             calibrate(stamps, r, torque, rate=rate)
     found.save(tmp_path / "alarms.yaml")
     seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
-    assert seen.covariance_of(FOUR) is None and seen.settles_on == "torque"
-    assert seen.alarms.rest_limits(FOUR).tolist() == [math.inf] * 5
-    limits, least = seen.alarms.limits(FOUR), found.limits(FOUR)
+    assert seen.covariance_of(FOUR) is None
+    limits, least = seen.collision.of_names(FOUR), found.of_names(FOUR)
     assert (
         limits.tolist() == pytest.approx(least.tolist(), rel=1e-3)
         and (limits >= least * (1 - 1e-9)).all()
@@ -770,8 +701,10 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     )
     contact = found.contact
     methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
-    assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]}\n" in printed
-    assert printed.count(contact.describe_rate()) == 1 and f"{contact.norm:.4g}" in printed
+    assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]};" in printed
+    assert (
+        printed.count(contact.describe_rate()) == 1 and f"{contact.limits['norm']:.4g}" in printed
+    )
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())
@@ -812,7 +745,11 @@ def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):
     calibrated(free, files[2], "--false-alarms", "20/min", "--quiet", "--parameters", str(arm))
     without, known = (parameters_of([path]) for path in files[1:])
     assert not without["external_torque.friction"] and known["external_torque.friction"]
-    assert known["alarm.external_torque"] > 4.0 > without["alarm.external_torque"]
+    high, low = (
+        dict(entry.split("=") for entry in values["collision.threshold"])
+        for values in (known, without)
+    )
+    assert float(high["total"]) > 4.0 > float(low["total"])
     assert f"# With '{arm}'" in files[2].read_text()
 
 

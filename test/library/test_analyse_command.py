@@ -455,7 +455,7 @@ def test_several_recordings_say_what_they_share_once(tmp_path, table, analyse):
         if path.name != "all.json"
     ]
     assert len(ones) == 2 and all(one in every for one in ones)
-    threshold = "--set", "external_torque.threshold=0.001", "--gain", 25
+    threshold = "--set", "collision.threshold=norm=0.001", "--gain", 25
     found = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
     for options, count in (((), "-"), (threshold, str(found))):  # unknown without a threshold
         head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
@@ -548,20 +548,19 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
     """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its joint's rate squared."""
     file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"
     file.write_text(
-        "/**:\n  ros__parameters:\n    external_torque: {gain: 10, threshold: 0.5}\n    max_age: 2\n"
+        "/**:\n  ros__parameters:\n    external_torque: {gain: 10}\n    collision: {threshold: [norm=0.5]}\n    max_age: 2\n"
     )
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
     known = {
         "gain": 10.0,
-        "threshold": 0.5,
-        "judged": [],
+        "judged": ["norm"],
         "missing": [],
         "observed": COUNT - 1,
         "unobserved": [],
         "text": "",
     }
     assert summary["observer"] == known and summary["collisions"]
-    threshold = ("--set", "external_torque.threshold=0.5", "--gain", 10)
+    threshold = ("--set", "collision.threshold=norm=0.5", "--gain", 10)
     assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == known
     config = Path(__file__).parents[2] / "config" / "monitor.yaml"
     assert analyse(bag, "--parameters", config, "--quiet")[0] == UNJUDGED

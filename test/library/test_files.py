@@ -3,6 +3,7 @@
 
 """Written files are whole or absent, and files of parameters that were cut are rejected."""
 
+import math
 import os
 import re
 import resource
@@ -14,6 +15,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.parameters.files import parameters_of
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.recordings.tables.column_map import read_column_map
 from diag_dynamics.yaml_files import yaml_text
 
@@ -86,21 +88,25 @@ def test_a_truncated_file_of_parameters_is_rejected(tmp_path):
 
 
 def test_a_truncated_file_of_thresholds_is_rejected(tmp_path):
-    """At any length but without the last newline: the count is first, a truth value is last."""
-    path, trust = tmp_path / "alarms.yaml", {"asked": 1.0, "duration": 9.0, "alarms": 0}
+    """At any length but without the last newline: it lacks thresholds or a gain, or has an open brace."""
+    path, trust = tmp_path / "alarms.yaml", {"requested": 1.0, "duration": 9.0, "alarms": 0}
     trust |= {"held_out": 0, "method": "tail", "peaks": 9, "gain": 30.0, "friction": False}
     noise = {"names": ("a", "b"), "covariance": np.diag([2.5, 12.5])}
-    saved = dd.Calibration(joints={"a": 12.5, "b": 2.25}, norm=1.5, **trust, **noise)
+    saved = dd.Calibration(limits={"a": 12.5, "b": 2.25, "norm": 1.5}, **trust, **noise)
     saved.save(path)
-    whole = path.read_bytes()
-    assert parameters_of([path])["alarm.joint_count"] == 2
+    whole, defaults = path.read_bytes(), {name: spec.default for name, spec in PARAMETERS.items()}
+
+    def limits():
+        observation = Settings.of(defaults | parameters_of([path])).observation
+        return observation.collision.of_names(["a", "b"]) if observation else None
+
+    assert limits().tolist() == [12.5, 2.25, math.inf, 1.5]
     for size in range(len(whole) - 1):
         path.write_bytes(whole[:size])
-        with pytest.raises(dd.InputError, match=r"alarms\.yaml'"):
-            parameters_of([path])
-    path.write_bytes(whole.replace(b"      - b=2.25\n", b""))
-    with pytest.raises(dd.InputError, match=r"'alarm.joint_count' is 2; expected 1"):
-        parameters_of([path])
+        with pytest.raises(
+            dd.InputError, match=r"alarms\.yaml'|gain is 0|collision\.threshold|release is 0"
+        ):
+            limits()
 
 
 @pytest.mark.parametrize("read", [lambda path: parameters_of([path]), dd.Parameters.load])

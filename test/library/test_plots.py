@@ -183,7 +183,7 @@ def test_external_torque_of_each_joint(recording):
     observed = dd.observe(DYN, recording, 40.0)
     seen, thresholds = (
         observed.external_torque,
-        dd.AlarmThresholds({"panda_joint1": 0.5, "*": 100.0}),
+        dd.Thresholds({"panda_joint1": 0.5, "*": 100.0}),
     )
     panels = dd.plot.external_torque(observed, thresholds, model=PANDA).axes
     titles = [axes.get_title(loc="left") for axes in panels]
@@ -197,7 +197,7 @@ def test_external_torque_of_each_joint(recording):
         2
     ] * 7  # the joints without a threshold have one curve
     assert np.array_equal(panels[1].lines[1].get_ydata(), seen[:, 1], equal_nan=True)
-    trust = dict.fromkeys(("asked", "duration", "alarms", "held_out", "method", "peaks"), 1)
+    trust = dict.fromkeys(("requested", "duration", "alarms", "held_out", "method", "peaks"), 1)
     calibration = dd.Calibration({"*": 1.0}, gain=9.0, friction=False, **trust)
     line = dd.plot.external_torque(recording, calibration).axes[1].lines[1]
     torque = dd.observe(DYN, recording, 9.0, friction=False).external_torque

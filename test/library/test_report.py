@@ -380,7 +380,7 @@ def test_the_numbers_are_those_of_frames(recording):
     ("given", "efforts", "missing", "words"),
     [
         (WATCHED[:1], True, ["external_torque.gain"], ("gain is not set", "calibrate")),
-        (WATCHED[1:], True, ["external_torque.threshold"], ("threshold is not set", "calibrate")),
+        (WATCHED[1:], True, ["collision.threshold"], ("threshold is not set", "calibrate")),
         (WATCHED, False, [], ("no efforts",)),
     ],
     ids=["no gain", "no threshold", "no efforts"],
@@ -481,7 +481,8 @@ def test_contacts_and_the_touched_link(recording):
   ros__parameters:
     external_torque: {{gain: 25.0, covariance_joints: {list(names)}, covariance: {covariance.ravel().tolist()}}}
     external_wrench: {{frames: [tool]}}
-    alarm: {{external_torque: 30.0, contact_external_torque: 5.0}}
+    collision: {{threshold: [total=30]}}
+    contact: {{threshold: [total=5]}}
 """
     )
     t, q, qd, tau = recording.motion(((2.0, 2.3), (5.0, 5.4)), (40.0, 12.0))

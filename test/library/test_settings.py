@@ -113,7 +113,7 @@ BY_JOINT = "joint_timeout", "effort_available", "effort_scale", "effort_includes
             "name=true or name=false",
         ),
         (
-            ["joint_timeout", "armature", "alarm.joints"],
+            ["joint_timeout", "armature", "collision.threshold"],
             (["elbow=1", " elbow =1"],),
             "two entries for 'elbow'",
         ),
@@ -168,18 +168,20 @@ def test_thresholds(warn, error, expected):
     assert all(text in str(refusal.value) for text in (expected, "2 J", "1 J"))
 
 
-def test_threshold_of_the_end_of_a_collision():
-    """Half of the threshold by default; that of alarm.norm times alarm.release with alarms."""
-    gain = {"external_torque.gain": 25.0}
-    own, alarms = ({"external_torque.threshold": 4.0}, {"alarm.norm": 4.0, "alarm.release": 0.75})
-    observations = [Settings.of(DEFAULTS | gain | values).observation for values in (own, alarms)]
-    assert [(one.threshold, one.release) for one in observations] == [(4.0, 2.0), (4.0, 3.0)]
-    for values, text in (
-        (own | alarms, "because alarm.* are set"),
-        (alarms | {"external_torque.gain": 0.0}, "is 0"),
-    ):
-        with pytest.raises(InputError, match=text):
-            Settings.of(DEFAULTS | gain | values)
+def test_thresholds_of_collision_and_contact():
+    """Both share release, hold-off, standing and stiction; without a gain they are rejected."""
+    values = {"external_torque.gain": 25.0, "collision.threshold": ["norm=4", "elbow=2"]}
+    values |= {"contact.threshold": ["total=3", "elbow=0"], "collision.release": 0.75}
+    values |= {"collision.standing": 0.0, "collision.stiction": 0.25}
+    observation = Settings.of(DEFAULTS | values).observation
+    collision, contact = observation.collision, observation.contact
+    assert collision.of_names(["elbow", "wrist"]).tolist() == [2.0, INF, INF, 4.0]
+    assert contact.of_names(["elbow", "wrist"]).tolist() == [INF, INF, 3.0, INF]
+    for thresholds in (collision, contact):
+        options = thresholds.release, thresholds.hold_off, thresholds.standing, thresholds.stiction
+        assert options == (0.75, 1.0, INF, 0.25)
+    with pytest.raises(InputError, match="gain is 0"):
+        Settings.of(DEFAULTS | values | {"external_torque.gain": 0.0})
 
 
 def test_energy_thresholds_by_joint():

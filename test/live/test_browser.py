@@ -337,7 +337,7 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert f"{summary['kinetic_energy']['max']:.3f} J" in words["overall"]
         assert f"{summary['contact_limits']['worst'][0]['at']:.3f} s" in words["limits"]
         assert words["collisions"].startswith("1 collision")
-        assert "external_torque.threshold" in words["parameters"]
+        assert "collision.threshold" in words["parameters"]
         tab.page.locator("#collisions .link").first.click()
         tab.until(
             "diag.state.window[1] - diag.state.window[0] < 6 && diag.values.t === diag.state.now"

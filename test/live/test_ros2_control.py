@@ -275,7 +275,7 @@ def check_reaction(arm):
         "reaction.deactivate": f"[{POSITIONS}]",
         "reaction.activate": f"[{EFFORTS}]",
         "external_torque.gain": 50.0,
-        "alarm.joints": '["*=8.0"]',
+        "collision.threshold": '["*=8.0"]',
         "effort_scale": '["*=1.0"]',
         "effort_includes_gravity": '["*=true"]',
     }

@@ -244,7 +244,7 @@ def test_one_source_of_the_robot(by_topic, monitor):
 
 PARAMETERS = [
     ({"plausibility.jump": -1.0}, "plausibility.jump"),
-    ({"alarm.joints": ["elbow=1"]}, "gain is 0"),
+    ({"collision.threshold": ["elbow=1"]}, "gain is 0"),
     ({"armature": ["panda_joint1=0.5"]}, "read-only"),
     ({"contact_limits.file": "/nowhere/limits.yaml"}, "parameter 'contact_limits.file'"),
     ({"effort_includes_gravity": [f"{MIMIC_FINGER}=false"]}, MIMIC_FINGER),
@@ -252,10 +252,14 @@ PARAMETERS = [
     ({"gravity": -9.81}, "Wrong parameter type"),
     ({"payloads": ["tool=1"]}, "tool"),
     (
-        {"external_torque.gain": 9.0, "alarm.norm": 1.0, "external_torque.threshold": 2.0},
-        "threshold is 2",
+        {
+            "external_torque.gain": 9.0,
+            "collision.threshold": ["norm=1"],
+            "contact.threshold": ["norm=2"],
+        },
+        "contact.threshold of 'norm' is 2",
     ),
-    ({"external_torque.gain": 9.0, "alarm.joints": ["elbow=1"]}, "'elbow'"),
+    ({"external_torque.gain": 9.0, "collision.threshold": ["elbow=1"]}, "'elbow'"),
 ]
 
 

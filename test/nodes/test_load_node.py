@@ -26,7 +26,7 @@ OBSERVED = {
     "external_torque.friction": False,
     "external_torque.covariance_joints": list(NAMES),
     "external_torque.covariance": COVARIANCE.ravel().tolist(),
-    "alarm.external_torque": 5.0,
+    "collision.threshold": ["total=5"],
     "robot_description": robot(PANDA).path,
 }
 FREE = Motion(robot(PANDA))
@@ -195,7 +195,6 @@ def test_parameters_name_what_is_missing(peer):
             {"external_torque.covariance": [0.0], "external_torque.covariance_joints": [""]},
             "covariance",
         ),
-        ({"external_torque.settles_on": "working_moment"}, "settles_on"),
         ({"load.link": "panda_link0"}, "a joint moves"),
         ({"load.link": "hook"}, "'hook'"),
     ):

@@ -168,8 +168,8 @@ class Watch(TorqueWatch):
         values = {name: one.default for name, one in PARAMETERS.items()}
         values |= {
             "external_torque.gain": 25.0,
-            "alarm.external_torque": 2.0,
-            "alarm.contact_external_torque": 1.0,
+            "collision.threshold": ["total=2"],
+            "contact.threshold": ["total=1"],
         }
         if known:
             values |= {"external_torque.covariance_joints": [*names]}

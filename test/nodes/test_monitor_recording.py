@@ -120,12 +120,12 @@ ARM = """<robot name="arm"><link name="base"/>
 <joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0.5"/>
 <limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/></joint></robot>"""
 JOINTS = ("lift", "turn")
-PUSHED = {"external_torque.gain": 30.0, "external_torque.threshold": 6.0, "max_age": 0.0}
+PUSHED = {"external_torque.gain": 30.0, "collision.threshold": ["norm=6"], "max_age": 0.0}
 ALARMS = {
     "external_torque.gain": 30.0,
     "max_age": 0.0,
-    "alarm.joints": ["lift=2.5", "turn=1"],
-    "alarm.release": 0.5,
+    "collision.threshold": ["lift=2.5", "turn=1"],
+    "collision.release": 0.5,
 }
 
 IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
@@ -137,19 +137,12 @@ turn: {stiffness: 300, rotor_inertia: 1.0e-5, gear: 50}}}"""
 OBSERVED = {
     # by parameter: the value that differs from the one in force
     "external_torque.gain": (PUSHED, 60.0),
-    "external_torque.threshold": (PUSHED, 12.0),
-    "external_torque.release_threshold": (PUSHED, 0.5),
     "external_torque.friction": (PUSHED, False),
-    "external_torque.max_gap": (PUSHED, 0.3),
-    "external_torque.settles_on": (PUSHED, "working_moment"),
-    "alarm.joints": (ALARMS, ["*=1.5"]),
-    "alarm.external_torque": (ALARMS, 1.5),
-    "alarm.norm": (ALARMS, 3.0),
-    "alarm.rest_joints": (ALARMS, ["turn=0.7"]),
-    "alarm.rest_external_torque": (ALARMS, 0.8),
-    "alarm.release": (ALARMS, 0.9),
-    "alarm.hold_off": (ALARMS, 0.05),
-    "alarm.standing": (ALARMS, 0.3),
+    "collision.threshold": (ALARMS, ["*=1.5", "total=1.5", "norm=3"]),
+    "collision.release": (ALARMS, 0.9),
+    "collision.hold_off": (ALARMS, 0.05),
+    "collision.standing": (ALARMS, 0.3),
+    "collision.stiction": (ALARMS, 3.0),
     "payloads": (PUSHED, ["lower=0.8 0 0 0.3"]),
     "gravity": (PUSHED, [0.0, 3.0, -9.0]),
     "locked_joints": (PUSHED, ["turn=0.1"]),
@@ -168,7 +161,7 @@ OBSERVED = {
 """Parameters on which external torque or collisions depend."""
 
 OTHERS = (
-    "alarm.contact_",
+    "contact.",
     "contact_limits.",
     "external_torque.covariance",
     "external_wrench.",
@@ -182,7 +175,6 @@ NOT_OBSERVED = {
     *(
         "robot_description",
         "loops_file",
-        "alarm.joint_count",
         "floating_base",
         "mimic",
         "massless",
@@ -222,7 +214,7 @@ def pushed_messages():
         if k >= 600:  # at rest, under stiction, with messages of unequal age
             q, qd, stiction = (
                 np.array([0.3, 0.3]) + 1e-6 * k,
-                np.array([0.01, -0.02]),
+                np.array([0.02, 0.004]),
                 np.array([0.8, -0.4]),
             )
             tau = (
@@ -285,7 +277,7 @@ def analysed(folder, parameters, topics=("external_torque",)):
 
 NOISE = {"external_torque.covariance_joints": [*JOINTS]}
 NOISE["external_torque.covariance"] = [0.04, 0.0, 0.0, 0.02]
-CONTACTS = NOISE | {"alarm.contact_joints": ["*=0.5"]}
+CONTACTS = NOISE | {"contact.threshold": ["*=0.5"]}
 TOPICS = {topic: TYPES[topic] for topic in mcap.TOPICS}
 
 

@@ -25,9 +25,9 @@ REACTION = "reaction"
 THRESHOLDS = {
     "external_torque.gain": GAIN,
     "external_torque.friction": False,
-    "alarm.external_torque": 20.0,
+    "collision.threshold": ["total=20"],
 }
-THRESHOLDS["alarm.hold_off"] = 0.5
+THRESHOLDS["collision.hold_off"] = 0.5
 UR5 = {"robot_description": str(find_urdf("ur5"))}
 JOINTS = np.array(robot(PANDA).names)
 PUSHED, FREE = (
@@ -92,7 +92,7 @@ def test_one_call_and_one_message_per_change(monitor):
         assert monitor.stop_service.calls == number and published(monitor) == [True]
         feed(monitor, [PUSHED] * 100)
         assert monitor.stop_service.calls == number and not published(monitor)
-        assert not feed(monitor, [FREE] * 300)[-1].collision  # longer than alarm.hold_off
+        assert not feed(monitor, [FREE] * 300)[-1].collision  # longer than collision.hold_off
         assert published(monitor) == [False]
     assert monitor.stop_service.calls == 2
 
@@ -155,8 +155,8 @@ def test_efforts_that_are_not_measured(monitor, peer, first, factor, text):
 @pytest.mark.parametrize(
     "changed",
     [
-        {"alarm.external_torque": 0.0},
-        {"external_torque.gain": 0.0, "alarm.external_torque": 0.0},
+        {"collision.threshold": [""]},
+        {"external_torque.gain": 0.0, "collision.threshold": [""]},
         UR5,
     ],
     ids=["thresholds", "gain", "robot"],
@@ -236,7 +236,7 @@ def test_contact_as_the_event(monitor, peer):
     parameters = THRESHOLDS | {
         "reaction.service": "stop",
         "reaction.event": "contact",
-        "alarm.contact_external_torque": 9.0,
+        "contact.threshold": ["total=9"],
     }
     stop = Stop(peer, "/careful/stop")
     with Monitor(
@@ -259,9 +259,9 @@ SWITCH = {"reaction.deactivate": ["arm_controller"]}
 @pytest.mark.parametrize(
     ("values", "named"),
     [
-        ({"alarm.external_torque": 0.0}, "external_torque.threshold is 0"),
+        ({"collision.threshold": [""]}, "collision.threshold is empty"),
         ({"reaction.service": "no service"}, "parameter 'reaction.service' is 'no service'"),
-        ({"reaction.event": "contact"}, "alarm.contact_joints is empty"),
+        ({"reaction.event": "contact"}, "contact.threshold is empty"),
         (SWITCH, "controller_manager_msgs"),
     ],
 )
@@ -278,7 +278,7 @@ def test_wrong_parameters(peer, monkeypatch, values, named):
 
 def test_thresholds_stay_while_there_is_a_service(monitor):
     """A running node rejects values with which it would never call."""
-    result = monitor.set_parameters({"alarm.external_torque": 0.0})
+    result = monitor.set_parameters({"collision.threshold": [""]})
     assert not result.successful and "reaction.service is set" in result.reason
 
 

@@ -11,7 +11,7 @@ from rclpy.exceptions import ParameterException
 
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import Calibration
-from diag_dynamics.collision.detector import AlarmThresholds
+from diag_dynamics.collision.detector import Thresholds
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
 from diag_dynamics.parameters.files import parameters_of
 from nodes import MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
@@ -143,17 +143,13 @@ def last_line(monitor):
     return monitor.process.output.split("\n")[-1].partition("]: ")[2]
 
 
-def test_thresholds_of_the_norm(monitor, free):
-    """Messages have both, and none without parameters."""
-    message = feed(monitor, [free])[0]
+def test_no_thresholds(monitor, free):
+    """Without parameters they are infinite, and nothing is a collision."""
+    message = feed(monitor, [free] * 2)[1]
     count = len(message.dof_names)
-    assert list(message.collision_threshold) == [math.inf] * (count + 2)
+    for thresholds in (message.collision_threshold, message.contact_threshold):
+        assert list(thresholds) == [math.inf] * (count + 2)
     assert list(message.joint_collision) == [False] * count
-    with monitor.having(
-        **{"external_torque.threshold": 6.0, "external_torque.release_threshold": 2.0}
-    ):
-        message = feed(monitor, [free])[0]
-        assert list(message.collision_threshold) == [math.inf] * (count + 1) + [6.0]
 
 
 def test_alarms(monitor, panda, free):
@@ -161,9 +157,7 @@ def test_alarms(monitor, panda, free):
     limits = dict.fromkeys(panda.names, 40.0) | {"panda_joint2": 20.0}
     pushed = Motion(panda, 30.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
     values = {
-        "alarm.joints": ["panda_joint2=20", "*=40"],
-        "alarm.external_torque": 25.0,
-        "alarm.norm": 50.0,
+        "collision.threshold": ["panda_joint2=20", "*=40", "total=25", "norm=50"],
     }
     with monitor.having(**values):
         restart(monitor)
@@ -182,11 +176,7 @@ def test_alarms(monitor, panda, free):
         assert monitor.reports[count].count("collisions") == before + 1
 
 
-LOWER = {
-    "alarm.contact_joints": ["*=12"],
-    "alarm.contact_external_torque": 15.0,
-    "alarm.contact_norm": 40.0,
-}
+LOWER = {"contact.threshold": ["*=12", "total=15", "norm=40"]}
 
 
 def covariance(panda, deviation=0.1):
@@ -199,7 +189,7 @@ def covariance(panda, deviation=0.1):
 def test_contact_thresholds(monitor, panda, free):
     """A push between the thresholds of contact and collision is a contact, without a warning."""
     pushed = Motion(panda, 17.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
-    values = {"alarm.joints": ["*=20"]}
+    values = {"collision.threshold": ["*=20"]}
     with monitor.having(**values):
         message = feed(monitor, [free])[0]
         assert list(message.contact_threshold) == [math.inf] * (len(panda.names) + 2)
@@ -229,7 +219,7 @@ def test_touched_link(monitor, panda, free):
         panda, oracle.effort_of(q, {"panda_link4": [30.0, 20.0, 25.0, 0, 0, 0]}, "link"), size=0.0
     )(0)
     noise = covariance(panda)
-    with monitor.having(**{"alarm.joints": ["*=10"]}, **noise):
+    with monitor.having(**{"collision.threshold": ["*=10"]}, **noise):
         restart(monitor)
         feed(monitor, [free] * 3)
         monitor.next_report()
@@ -255,9 +245,9 @@ def test_touched_link(monitor, panda, free):
 def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
     """A node takes it by --params-file: gain, friction, and every threshold."""
     joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
-    thresholds = AlarmThresholds(joints, 31.5, 4.25, 0.6, 0.3, 1.5, {"panda_joint2": 2.5}, 7.5)
+    thresholds = Thresholds({**joints, "total": 31.5, "norm": 4.25}, 0.6, 0.3, 1.5, 0.4)
     trust = {
-        "asked": 1 / 60,
+        "requested": 1 / 60,
         "duration": 300.0,
         "alarms": 4,
         "held_out": 5,
@@ -265,14 +255,13 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         "peaks": 50,
     }
     contact = Calibration(
-        norm=3.5, joints={"*": 9.0}, external_torque=30.0, gain=GAIN, friction=True, **trust
+        limits={"norm": 3.5, "*": 9.0, "total": 30.0}, gain=GAIN, friction=True, **trust
     )
     covariance = np.diag(np.arange(1.0, 1.0 + len(panda.names)))
     noise = {
         "contact": contact,
         "covariance": covariance,
         "names": panda.names,
-        "settles_on": "working_moment",
     }
     found = Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust, **noise)
     found.save(tmp_path / "alarms.yaml")
@@ -282,19 +271,15 @@ def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
         assert list(message.collision_threshold) == [*joints.values(), 31.5, 4.25]
         values = parameters_of([tmp_path / "alarms.yaml"])
         assert values["external_torque.gain"] == GAIN
-        options = [values[f"alarm.{key}"] for key in ("release", "hold_off", "standing")]
-        assert options == [0.6, 0.3, 1.5]
+        names = "release", "hold_off", "standing", "stiction"
+        assert [values[f"collision.{name}"] for name in names] == [0.6, 0.3, 1.5, 0.4]
         assert peer.get_parameters(monitor.name, list(values)) == values
         joints = len(panda.names)
         assert f"Collision thresholds of {joints} joints." in monitor.process.output
     content = (tmp_path / "alarms.yaml").read_text()
-    for size, error in (
-        (-3, "friction"),
-        (-30, "joint_count"),
-        (content.index("31.5") + 2, "joint_count"),
-    ):
+    for size in (content.index("31.5") + 2, content.index("    external_torque:")):
         (tmp_path / "alarms.yaml").write_text(content[:size])
-        with pytest.raises((dd.InputError, ParameterException), match=error):
+        with pytest.raises((dd.InputError, ParameterException), match="gain is 0"):
             peer.start("monitor", "--ros-args", *arguments)
 
 

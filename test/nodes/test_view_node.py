@@ -60,7 +60,7 @@ def view(start_view):
 
 def start_monitor(peer, id, namespace, **parameters):
     """Start a monitor that observes external torque, and wait until a view shows its robot."""
-    observed = {"external_torque.gain": 25.0, "external_torque.threshold": 1e6}
+    observed = {"external_torque.gain": 25.0, "collision.threshold": ["norm=1e6"]}
     monitor = Monitor(
         peer, namespace, robot_description=robot(id).path, **observed, **parameters
     ).connect(robot(id))
@@ -117,7 +117,7 @@ def test_external_torque(peer, monitor, view, panda, monkeypatch):
             monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
             peer.pass_time(0.01)
         frame = frame_of(stream, monitor.now)
-        with monitor.having(**{"alarm.contact_external_torque": 1e-6}):
+        with monitor.having(**{"contact.threshold": ["total=1e-6"]}):
             for _ in range(3):
                 monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
                 peer.pass_time(0.01)

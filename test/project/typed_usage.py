@@ -27,7 +27,7 @@ command = limits.filter(q, qd, law.command(q, qd, q), 1e-3).command
 simulation = dd.Simulation(model, limits=dd.CompliantLimits(1e4))
 simulation.advance(command.tau, steps=10)
 residual = simulation.audit.residual
-observer = dd.DisturbanceObserver(dyn, gain=25.0, threshold=1.0)
+observer = dd.DisturbanceObserver(dyn, gain=25.0)
 torque = observer.update(0.0, q, qd, tau).external_torque
 recording = dd.read_recording("run.mcap", model)
 dd.identify([recording], model).save("arm.yaml")

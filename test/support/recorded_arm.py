@@ -25,7 +25,7 @@ ARM = description(
     joint("joint_lower", "revolute", "upper", "lower", (0, 1, 0), (0.0, 0.0, 0.4)),
     joint("joint_tool", "revolute", "lower", "tool", (1, 0, 0), (0.0, 0.0, 0.4)),
 )
-WATCHED = "external_torque.threshold=10.0", "external_torque.gain=25.0"
+WATCHED = "collision.threshold=norm=10.0", "external_torque.gain=25.0"
 
 
 class Recording:

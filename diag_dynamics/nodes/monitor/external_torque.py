@@ -3,11 +3,10 @@
 
 """External torque, collisions and loads at the monitor's states."""
 
-import math
-
 import numpy as np
 
-from diag_dynamics.collision.detector import RELEASE, AlarmDetector, Alarms, AlarmThresholds
+from diag_dynamics.collision.detector import Alarms, Detector
+from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
@@ -17,12 +16,15 @@ from diag_dynamics.wire.fields import Alarming
 
 
 class LiveAlarm:
-    """A detector at the monitor's states: whether its alarm is on and begins, and the cause of the last one."""
+    """A detector at the monitor's states.
+
+    At the last state `on` is whether its alarm is on, `begins` whether an event begins, and
+    `joints` which joints are active.
+    """
 
     def __init__(self, names, thresholds):
-        self._detector, self.count = AlarmDetector(names, thresholds), 0
+        self._detector, self.count = Detector(names, thresholds), 0
         self.limits = self._detector.limits
-        self.is_judged = bool(np.isfinite(self.limits).any())
         self.reset()
 
     def reset(self):
@@ -32,36 +34,27 @@ class LiveAlarm:
         self.on = self.begins = False
         self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
 
-    def accept_state(self, stamps, seen, torque, r, velocity, touched):
-        """Judge a Disturbance, its rows m r and r, which are zero if it is not valid, and the rates.
+    def accept_state(self, stamps, r, torque, norm, touched):
+        """Judge rows r and m r, which are None without a result.
 
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
-        unknown = (
-            np.isnan(seen.external_torque)[None]
-            if seen.valid
-            else np.ones((1, len(torque)), dtype=bool)
-        )
-        columns = stamps, r[None], torque[None], np.array([seen.valid])
-        judged = self._detector.judge(*columns, velocity=velocity, unknown=unknown)
-        self.on, self.begins, self.joints = (
-            bool(judged.alarm[0]),
-            bool(judged.begins[0]),
-            judged.joints[0],
-        )
+        valid = np.array([r is not None])
+        r, torque = (np.zeros((1, len(self.joints))),) * 2 if r is None else (r, torque)
+        judged = self._detector.judge(stamps, r, torque, valid)
+        self.on, self.begins = bool(judged.alarm[0]), bool(judged.begins[0])
+        self.joints = judged.joints[0]
         self.count += self.begins
         if self.on:
-            self._alarms.add_states(stamps, np.array([seen.norm]), judged, touched())
-            del self._alarms.found[:-1]
+            self._alarms.add_states(stamps, np.array([norm]), judged, touched())
+            del self._alarms.alarms[:-1]
 
     def cause(self):
         """Return the touched link with its probability, and the detectors of the last alarm."""
-        last = self._alarms.found[0]
-        return (
-            f"{last.link} ({last.confidence:.2f}): {last.describe()}"
-            if last.link
-            else last.describe()
-        )
+        last = self._alarms.alarms[0]
+        if not last.link:
+            return last.describe()
+        return f"{last.link} ({last.confidence:.2f}): {last.describe()}"
 
 
 class LoadWatch:
@@ -133,8 +126,8 @@ def check_load_link(model, link):
 class TorqueWatch:
     """A disturbance observer, and detectors of collision and contact on its results.
 
-    At the last state `seen` is the Disturbance, with the detector's collision, and `begins` and
-    `contact_begins` whether a collision or a contact begins; `cause` and `contact_cause` describe
+    At the last state `seen` is the Disturbance; `is_collision` and `is_contact` are whether there
+    is one, `begins` and `contact_begins` whether one begins; `cause` and `contact_cause` describe
     the last one of this interval of reports. `is_judged` is whether there are thresholds of
     collisions, `covariance` the noise of m r, None if it is unknown. `load` is a LoadWatch or None.
     `contact_torque` is m r without that load; detectors and forces are about it.
@@ -150,23 +143,19 @@ class TorqueWatch:
 
     def use(self, dynamics, observation, link):
         """Restart with another model or other parameters; `link` carries loads that are no contact."""
-        self.dynamics, self.observation = dynamics, observation
-        gain, threshold, release, friction, max_gap, alarms, settles_on = observation[:7]
-        if alarms is None:
-            ratio = release / threshold if threshold < math.inf else RELEASE
-            alarms = AlarmThresholds({}, math.inf, threshold, ratio, 0.0, math.inf)
-        options = {"friction": friction, "max_gap": max_gap, "settles_on": settles_on}
-        self._observer = DisturbanceObserver(dynamics, gain, **options)
-        names, before = dynamics.model.dof_names, (self._alarm, self._contact)
-        self.covariance, contact = observation.covariance_of(names), observation.contact
-        self._alarm, self._contact = (
-            LiveAlarm(names, alarms),
-            LiveAlarm(names, contact) if contact else None,
+        self.dynamics, names = dynamics, dynamics.model.dof_names
+        self._observer = DisturbanceObserver(
+            dynamics, observation.gain, friction=observation.friction
         )
+        self._zone = DeadZone(dynamics, observation.collision.stiction)
+        self.covariance = observation.covariance_of(names)
+        before = self._alarm, self._contact
+        self._alarm = LiveAlarm(names, observation.collision)
+        self._contact = LiveAlarm(names, observation.contact)
         for alarm, earlier in zip((self._alarm, self._contact), before, strict=True):
-            if alarm and earlier:
+            if earlier:
                 alarm.count = earlier.count
-        self.is_judged = self._alarm.is_judged
+        self.is_judged = bool(observation.collision.limits)
         self.load = LoadWatch(dynamics, link, observation) if link else None
         self.forget()
 
@@ -174,15 +163,17 @@ class TorqueWatch:
         """Use a model that differs in gravity alone, without a restart."""
         self.dynamics = dynamics
         self._observer.use(dynamics)
+        self._zone.use(dynamics)
         if self.load:
             self.load.estimator.use(dynamics)
 
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
         self._observer.reset()
+        self._zone.reset()
         if self.load:
             self.load.forget()
-        for alarm in filter(None, (self._alarm, self._contact)):
+        for alarm in (self._alarm, self._contact):
             alarm.reset()
         self.seen, self._touched = Disturbance(False, "no state yet"), None
         self._position = self.contact_torque = None
@@ -190,14 +181,18 @@ class TorqueWatch:
     @property
     def alarming(self):
         """Alarming of the last state."""
-        contact = self._contact
-        limits = contact.limits if contact else np.full(len(self._alarm.limits), math.inf)
-        return Alarming(self._alarm.limits, limits, self._alarm.joints, self.is_contact)
+        limits = self._alarm.limits, self._contact.limits
+        return Alarming(*limits, self._alarm.joints, self._alarm.on, self._contact.on)
+
+    @property
+    def is_collision(self):
+        """Whether there is a collision at the last state."""
+        return self._alarm.on
 
     @property
     def is_contact(self):
         """Whether there is a contact at the last state."""
-        return bool(self._contact) and self._contact.on
+        return self._contact.on
 
     @property
     def begins(self):
@@ -207,7 +202,7 @@ class TorqueWatch:
     @property
     def contact_begins(self):
         """Whether a contact begins at the last state."""
-        return bool(self._contact) and self._contact.begins
+        return self._contact.begins
 
     @property
     def touched(self):
@@ -232,42 +227,36 @@ class TorqueWatch:
         time = 1e-9 * (state.newest - self._origin)
         effort = state.partial if state.effort is None else state.effort
         seen = self._observer.update(time, state.position, state.velocity, effort)
-        if self.observation.alarms is None and not seen.valid and effort is not None:
-            self._alarm.reset()  # as the observer has been
-        torque = seen.external_torque if seen.valid else np.zeros(len(self._alarm.joints))
-        r, rates = seen.residual if seen.valid else torque, state.velocity[None]
-        if (
-            seen.valid and not seen.is_whole
-        ):  # components that an unknown effort changes have no alarm
-            judged = self.observation.alarms is not None
-            r, torque = np.nan_to_num(r) * judged, np.nan_to_num(torque) * judged
+        r = torque = None
+        if seen.valid:  # components that an unknown effort changes have no alarm
+            r, torque = np.nan_to_num(seen.residual), np.nan_to_num(seen.external_torque)
         if self.load:
-            was_load = self.load.estimate.is_load
             r, torque = self.load.accept_state(time, state, seen, r, torque)
-            if self.load.estimate.is_load != was_load:
-                rates = None  # its weight is no change of the external torque
         self.seen, self._touched = seen, None
         self._position, self.contact_torque = state.position, torque
-        self._alarm.accept_state(stamps, seen, torque, r, rates, self._touched_row)
-        self.seen = seen._replace(collision=self._alarm.on)
+        nothing = np.zeros(len(state.velocity))
+        columns = (r, torque) if seen.valid else (nothing, nothing)
+        columns = state.position, state.velocity, *columns
+        rows = self._zone.lower(stamps, *(column[None] for column in columns))
+        if not seen.valid:
+            rows = None, None
+        self._alarm.accept_state(stamps, *rows, seen.norm, self._touched_row)
+        self._contact.accept_state(stamps, *rows, seen.norm, self._touched_row)
         self._count, self._valid = self._count + 1, self._valid + seen.valid
         self._largest = max(self._largest, seen.norm)
         if self._alarm.on:
             self.cause = self._alarm.cause()
-        if self._contact:
-            self._contact.accept_state(stamps, seen, torque, r, rates, self._touched_row)
-            if self._contact.on:
-                self.contact_cause = self._contact.cause()
-        return self.seen.collision and not self._collision
+        if self._contact.on:
+            self.contact_cause = self._contact.cause()
+        return self._alarm.on and not self._collision
 
     def _touched_row(self):
         """Return `touched` as a result of one row."""
-        if not (one := self.touched):
+        if not (touched := self.touched):
             return None
-        arrays = {
-            name: np.array([getattr(one, name)]) for name in ("link", "confidence", "chi_square")
-        }
-        return one._replace(probability=one.probability[None], **arrays)
+        names = "link", "confidence", "chi_square"
+        arrays = {name: np.array([getattr(touched, name)]) for name in names}
+        return touched._replace(probability=touched.probability[None], **arrays)
 
     def report(self, without_effort):
         """Return the status of this interval, given the names of joints without effort."""
@@ -278,8 +267,7 @@ class TorqueWatch:
         self._reported_count = self._alarm.count
         if not self._count:
             return Status("external torque", STALE, "no states since the last report")
-        values = {"collisions": self._alarm.count}
-        values |= {"contacts": self._contact.count} if self._contact else {}
+        values = {"collisions": self._alarm.count, "contacts": self._contact.count}
         values["states without result"] = self._count - self._valid
         if self.withheld_wrenches:
             values["wrenches with unobserved directions"] = self.withheld_wrenches

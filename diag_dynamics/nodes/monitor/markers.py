@@ -154,9 +154,9 @@ class MarkerMaker:
     def _draw_contact(self, watch, placed, q):
         """Mark the touched link; return lines about external torque, none where it is not observed."""
         seen = watch.seen if watch and watch.seen.valid else None
-        touched = watch.touched if seen and (seen.collision or watch.is_contact) else None
+        touched = watch.touched if seen and (watch.is_collision or watch.is_contact) else None
         link = touched.link if touched else ""
-        marked = seen and seen.collision and (link or watch.covariance is None)
+        marked = seen and watch.is_collision and (link or watch.covariance is None)
         self._collision.action = Marker.ADD if marked else Marker.DELETE
         self._force.action = Marker.ADD if link else Marker.DELETE
         if seen is None:
@@ -174,7 +174,7 @@ class MarkerMaker:
                 0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link)
             )
             lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
-        return ["collision", *lines] if seen.collision else lines
+        return ["collision", *lines] if watch.is_collision else lines
 
     def _draw_force(self, X, q, torque, covariance, link):
         """Place the arrow of the force on a link at X, from the centre of mass; return its size in words."""

@@ -37,7 +37,7 @@ from diag_dynamics.nodes.support.guard import Fault, attempt
 from diag_dynamics.nodes.support.publishing import connected
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.parameters.monitor import PARAMETERS, Settings, require_thresholds
+from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
 from diag_dynamics.text import listed, shortened
 
@@ -57,7 +57,6 @@ class MonitorNode(TableNode, Node):
 
     def __init__(self, **options):
         super().__init__(NODES["monitor"], PARAMETERS, **options)
-        require_thresholds(self.overrides)
         self._settings = Settings.of(self.values)
         self._robot = self._refused = None  # in force; a description that is not
         self._revision, self._started = 0, self.time.steady()

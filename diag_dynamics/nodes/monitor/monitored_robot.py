@@ -140,10 +140,8 @@ class MonitoredRobot:
             )
         check_load_link(model, settings.values["load.link"])
         if settings.observation:
-            for thresholds in filter(
-                None, (settings.observation.alarms, settings.observation.contact)
-            ):
-                thresholds.limits(model.dof_names), thresholds.rest_limits(model.dof_names)
+            settings.observation.collision.of_names(model.dof_names)
+            settings.observation.contact.of_names(model.dof_names, "contact.threshold")
             settings.observation.covariance_of(model.dof_names)
         others = (
             self.dynamics is None

@@ -60,7 +60,7 @@ class Reaction:
             self.end()
             return
         self._judged_at = received
-        self._publish(watch.seen.collision)
+        self._publish(watch.is_collision)
 
     def end(self):
         """Publish the end of a collision that is not judged any more."""

@@ -104,10 +104,8 @@ class TopicRows:
         self._covariance = None
         if observation:
             self._covariance = observation.covariance_of(names)
-            self._limits[0, -1] = observation.threshold
-            for row, thresholds in enumerate((observation.alarms, observation.contact)):
-                if thresholds:
-                    self._limits[row] = thresholds.limits(names)
+            for row, thresholds in enumerate((observation.collision, observation.contact)):
+                self._limits[row] = thresholds.of_names(names)
 
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8 of shape (number of states, PREFIX + bytes)."""
@@ -147,11 +145,10 @@ class TopicRows:
 
     def _alarming(self, piece, which):
         """Return the Alarming of some states."""
-        count, nv = len(which), self._dynamics.model.nv
-        collision, contact = (np.tile(limits, (count, 1)) for limits in self._limits)
-        joints = piece.judged.joints[which] if piece.judged else np.zeros((count, nv), dtype=bool)
-        is_contact = piece.contact.alarm[which] if piece.contact else False
-        return Alarming(collision, contact, joints, is_contact)
+        limits = (np.tile(row, (len(which), 1)) for row in self._limits)
+        judged, contact = piece.judged, piece.contact
+        alarms = judged.joints[which], judged.alarm[which], contact.alarm[which]
+        return Alarming(*limits, *alarms)
 
     def _friction(self, piece, which):
         """Return the term of friction; None unless the parameter publish_friction is true."""

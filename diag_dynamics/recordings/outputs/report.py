@@ -79,7 +79,7 @@ class ReportOutput:
 
     def _records(self, piece):
         """Return the states of a piece as records: all that a report needs of them."""
-        states, s, (residual, torque, norm, valid, collision) = piece[:3]
+        states, s, (residual, torque, norm, valid) = piece[:3]
         if self._first is None:
             self._first = int(states.stamp[0])
         t = (states.stamp - self._first) * 1e-9
@@ -96,10 +96,8 @@ class ReportOutput:
             "residual": np.where(valid[:, None], residual, np.nan),
             "external_torque": np.where(valid[:, None], torque, np.nan),
             "norm": np.where(valid, norm, np.nan),
-            "collision": np.asarray(collision & valid, dtype=bool),
-            "contact": piece.contact.alarm & valid
-            if piece.contact
-            else np.zeros(len(t), dtype=bool),
+            "collision": piece.judged.alarm,
+            "contact": piece.contact.alarm,
             "velocity_estimated": states.velocity_estimated,
             "receive_time": states.stamp_received,
             "index": self._count + np.arange(len(t)),
@@ -159,11 +157,10 @@ class ReportOutput:
         return (points, len(left_out)) if len(points) else (None, 0)
 
     def _thresholds(self):
-        observation, names = self._reading.settings.observation, self._reading.model.dof_names
+        observation = self._reading.settings.observation
         if observation is None:
             return None
-        limits = [np.inf] * (len(names) + 1) + [observation.threshold]
-        return thresholds_of(observation.alarms.limits(names) if observation.alarms else limits)
+        return thresholds_of(observation.collision.of_names(self._reading.model.dof_names))
 
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""

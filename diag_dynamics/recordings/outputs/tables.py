@@ -101,7 +101,7 @@ class TableOutput:
 
 def make_columns(model, piece, offset, friction):
     """Return name, unit and values, shape (T,), of each column of a piece."""
-    states, s, (residual, torque, norm, _, collision) = piece[:3]
+    states, s, (residual, torque, norm, _) = piece[:3]
     slides = dict(zip(model.dof_names, sliding_dofs(model), strict=True))
     columns = [
         ("stamp", "ns", states.stamp - offset),
@@ -139,6 +139,6 @@ def make_columns(model, piece, offset, friction):
     columns.append(("power", "W", np.where(states.effort_known, s.effort_power, np.nan)))
     add_quantity("residual", residual)
     add_quantity("external_torque", torque)
-    columns += [("residual_norm", "J^0.5/s", norm), ("collision", "", collision)]
+    columns += [("residual_norm", "J^0.5/s", norm), ("collision", "", piece.judged.alarm)]
     columns.append(("stamp_is_receive_time", "", states.stamp_received))
     return [*columns, ("velocity_estimated", "", states.velocity_estimated)]

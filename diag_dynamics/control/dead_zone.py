@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Dead zone of standing joints: stiction hides so much of an external torque."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from diag_dynamics.arrays import Array, BoolArray, IntArray
+from diag_dynamics.checks import instance, not_negative
+from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.sweeps.alarms import MOVING_TIME, apply_dead_zone
+
+
+class DeadZone:
+    """Lower |m r| of standing joints by a fraction of their Coulomb friction.
+
+    A joint stands once |q̇| has been below 10 mrad/s (mm/s) for 0.1 s, and until 0.15 s after that,
+    in which the observer forgets its stiction. Then |m r| decreases by `fraction` (f_C + μ|g(q)|),
+    at least to zero, and r to ℓ m r. f_C is the Coulomb friction of the model, μ its load friction.
+
+    Parameters
+    ----------
+    dynamics : DiagonalDynamics
+    fraction : float
+        Of the Coulomb friction; 0 for no dead zone.
+
+    Raises
+    ------
+    InputError
+        The fraction is below zero.
+    """
+
+    def __init__(self, dynamics: DiagonalDynamics, fraction: float) -> None:
+        model = instance("dynamics", dynamics, DiagonalDynamics).model
+        self._dynamics, self._fraction = dynamics, not_negative("fraction", fraction, "a fraction")
+        self._is_used = bool(fraction and (model.friction.any() or model.load_friction.any()))
+        self.largest: Array = np.zeros(model.nv)
+        """Largest dead zone of each joint until now [N m, N]."""
+        if self._is_used:
+            apply_dead_zone.compile()
+            dynamics.compile("epsilon_from_tau", "gravity_torque")
+        self.reset()
+
+    def use(self, dynamics: DiagonalDynamics) -> None:
+        """Use a model that differs in gravity alone."""
+        self._dynamics = dynamics
+
+    def reset(self) -> None:
+        """Count from the next state for how long joints have been standing."""
+        self._standing: IntArray = np.zeros(self._dynamics.model.nv, dtype=np.int64)
+        self._moving: IntArray = np.full(self._dynamics.model.nv, MOVING_TIME + 1)
+        self._last: int | None = None
+
+    def lower(
+        self,
+        stamps: IntArray,
+        q: Array,
+        qd: Array,
+        residual: Array,
+        external_torque: Array,
+        restarts: BoolArray | None = None,
+    ) -> tuple[Array, Array]:
+        """Return r and m r of states in order, after those of earlier calls.
+
+        Parameters
+        ----------
+        stamps : ndarray of int64, shape (T,)
+            [ns].
+        q, qd : ndarray, shape (T, nq) and (T, nv)
+            Positions and rates.
+        residual, external_torque : ndarray, shape (T, nv)
+            r [J^½/s] and m r [N m, N]; NaN where unknown.
+        restarts : ndarray of bool, shape (T,), optional
+            States from which joints begin to stand.
+        """
+        if not self._is_used or not len(stamps):
+            return residual, external_torque
+        model, lowered = self._dynamics.model, external_torque.copy()
+        zones = np.broadcast_to(model.friction, lowered.shape)
+        if model.load_friction.any():
+            zones = zones + model.load_friction * np.abs(self._dynamics.gravity_torque(q))
+        zones = np.ascontiguousarray(self._fraction * zones)
+        self.largest = np.maximum(self.largest, zones.max(axis=0))
+        elapsed = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
+        self._last = int(stamps[-1])
+        if restarts is not None:
+            elapsed[restarts] = -1
+        memory = self._standing, self._moving
+        apply_dead_zone(elapsed, np.ascontiguousarray(qd), zones, *memory, lowered)
+        change = np.nan_to_num(lowered - external_torque)
+        rows = np.flatnonzero(change.any(axis=1))
+        if len(rows):
+            residual = residual.copy()
+            residual[rows] += self._dynamics.epsilon_from_tau(q[rows], change[rows])
+        return residual, lowered
