@@ -53,7 +53,7 @@ test-oldest:  ## numerical tests with the oldest supported numba; requires Pytho
 	@PYTHONPATH= build/oldest/bin/python -m pytest test/library/test_numerics.py test/library/test_batch.py \
 	  -k 'not vectorized and not keep_the_vectors' $(ARGS)  # LLVM 14 vectorizes no loop of batches
 
-bench: setup-tests  ## benchmarks of library, nodes and observer into benchmarks/results/; ARGS=--short: two minutes
+bench: setup-tests  ## benchmarks of library, nodes and alarms into benchmarks/results/; ARGS=--short: two minutes
 	@$(in_env) python3 benchmarks/run.py $(ARGS)
 
 study: setup-tests  ## compare control laws in simulation, with plots: docs/control-study.md; half an hour

@@ -22,7 +22,6 @@ try:
     import growth
     import identification
     import memory
-    import observer
     import plots
     import recordings
     import report
@@ -87,7 +86,6 @@ PARTS = (
     "starts",
     "recordings",
     "identification",
-    "observer",
     "alarms",
     "contact",
     "nodes",
@@ -95,7 +93,7 @@ PARTS = (
 
 
 def main():
-    """Measure library, observer and nodes, and print the tables; with a folder, write tables and plots into it."""
+    """Measure library, alarms and nodes, and print the tables; with a folder, write tables and plots into it."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument(
         "--short", action="store_true", help="two minutes' worth, which writes nothing by default"
@@ -120,7 +118,6 @@ def main():
         "starts": cold_starts,
         "recordings": analyses,
         "identification": identifications,
-        "observer": disturbances,
         "alarms": calibrations,
         "contact": touches,
         "nodes": nodes,
@@ -128,7 +125,7 @@ def main():
     chosen = [arguments.only] if arguments.only else PARTS
     if "nodes" in chosen and not importlib.util.find_spec("rclpy"):
         options.error(
-            "the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library or observer"
+            "the nodes need a ROS 2: source scripts/env.bash, or leave them out with --only library or alarms"
         )
     for part in chosen:
         parts[part](arguments.short, folder, official)
@@ -186,17 +183,8 @@ def identifications(short, folder, _):
         (folder / "identification.md").write_text(page, encoding="utf-8")
 
 
-def disturbances(short, folder, _):
-    """Compare the disturbance observer with the classical one: no times, the same numbers every time."""
-    _say("compares disturbance observers")
-    found = observer.compare(short)
-    print(observer.table(found))
-    if folder:
-        observer.write(found, folder)
-
-
 def calibrations(short, folder, _):
-    """Compare alarms by both observers, calibrated alike: no times, the same numbers every time."""
+    """Compare alarms with and without a dead zone: no times, the same numbers every time."""
     _say("calibrates alarms, and pushes")
     found = alarms.compare(short)
     print(alarms.table(found))

@@ -174,7 +174,6 @@ WRITTEN = {
     "library": {"table.md", "dof.png", "growth.png", "batch.png"},
     "alarms": {"alarms.md"},
     "contact": {"contacts.md", "contact_limit.md"},
-    "observer": {"observer.md", "observer.png"},
     "nodes": {"nodes.md", "nodes_latency.png", "nodes_rates.png"},
 }
 
