@@ -134,12 +134,6 @@ class Parameters:
         """Number of joints with parameters."""
         return len({*self.joints, *self.couplings, *self.flexible_joints})
 
-    def by_joint(self, name: str) -> dict[str, float]:
-        """Return one number of :class:`JointParameters` by joint, of those that have it."""
-        return {
-            joint: entry.known[name] for joint, entry in self.joints.items() if name in entry.known
-        }
-
     def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
         """Return these parameters with another effort by reported unit, by joint.
 

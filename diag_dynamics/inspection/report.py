@@ -23,7 +23,7 @@ from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
-from diag_dynamics.inspection.urdf import Found, Urdf, moves
+from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
 from diag_dynamics.model.loading import build_described
 
@@ -189,7 +189,7 @@ def _load(
 
 
 def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
-    moving = [joint for joint in urdf.joints if moves(joint)]
+    moving = [joint for joint in urdf.joints if joint.type != "fixed"]
     bare = [link for link in urdf.links.values() if not link.has_inertial]
     return {
         "name": urdf.name,
@@ -222,6 +222,6 @@ def _finite(values: Mapping[str, Any]) -> dict[str, float | None]:
 
 def _tips(urdf: Urdf) -> list[str]:
     """Return the farthest link of every moving body that carries no other."""
-    parents = {joint.parent for joint in urdf.joints if moves(joint)}
+    parents = {joint.parent for joint in urdf.joints if joint.type != "fixed"}
     placements = [x.placements for x in urdf.bodies if x.joint and not parents & set(x.placements)]
     return [max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)) for X in placements]

@@ -117,11 +117,6 @@ def _read_joint(element: Any) -> Joint:
     )
 
 
-def moves(joint: Joint) -> bool:
-    """Return whether a joint moves."""
-    return joint.type != "fixed"
-
-
 class Body:
     """Links that fixed joints connect, in the axes of the first, and the joint that moves them."""
 
@@ -167,9 +162,9 @@ class Urdf:
         else:
             self._read(parse_urdf(source), folder)
         self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
-        attached = {joint.child for joint in self.joints if not moves(joint)}
+        attached = {joint.child for joint in self.joints if joint.type == "fixed"}
         roots, seen = [name for name in self.links if name not in attached], set[str]()
-        moving = {joint.child: joint for joint in self.joints if moves(joint)}
+        moving = {joint.child: joint for joint in self.joints if joint.type != "fixed"}
         placed = {name: list(self._connect(name, np.eye(4), seen)) for name in roots}
         self.bodies = [Body(links, moving.get(name)) for name, links in placed.items()]
         self.heavy_bodies = [body for body in self.bodies if not self.is_negligible(body.mass)]
@@ -204,7 +199,7 @@ class Urdf:
             seen.add(name)
             yield self.links[name], X
             for joint in self.joints:
-                if joint.parent == name and not moves(joint):
+                if joint.parent == name and joint.type == "fixed":
                     yield from self._connect(joint.child, X @ joint.origin, seen)
 
 

@@ -209,17 +209,13 @@ class Tree:
 
     def per_dof(self, field: str) -> Array:
         """Return a field of joints for each degree of freedom; those of one joint share it."""
-        values: list[float] = []
-        for joint in self.joints:
-            values += [getattr(joint.joint, field)] * len(joint.type.freedoms)
-        return np.array(values, float)
+        counts = [len(joint.type.freedoms) for joint in self.joints]
+        return np.repeat([float(getattr(x.joint, field)) for x in self.joints], counts)
 
     def limits(self, field: str) -> Array:
         """Return a position limit for each coordinate."""
-        values: list[float] = []
-        for joint in self.joints:
-            values += [getattr(joint.joint, field)] * len(joint.type.coordinates)
-        return np.array(values, float)
+        counts = [len(joint.type.coordinates) for joint in self.joints]
+        return np.repeat([float(getattr(x.joint, field)) for x in self.joints], counts)
 
     def of_followers(self, field: str) -> Array:
         """Return a field of joints that follow others by changing ratios."""
