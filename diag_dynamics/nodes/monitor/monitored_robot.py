@@ -154,6 +154,7 @@ class MonitoredRobot:
         before, self.settings = self.settings, settings
         if self.dynamics is None or model is not self.model:
             self.dynamics, self.revision, self.state = DiagonalDynamics(model), None, None
+            self.dynamics.compile("evaluate")  # also for groups, or the first state would wait
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (
                 np.asarray(one, dtype=float)
