@@ -230,7 +230,7 @@ REFUSED = [  # command line, message; the exit status is 2
         "--write-urdf requires a URDF",
     ),
     ("identify nan.csv --urdf ur5_robot", "no state of the recording has efforts of all joints"),
-    ("identify huge.csv --urdf ur5_robot", "set effort_scale, or raise both"),
+    ("identify huge.csv --urdf ur5_robot", "Else set effort_scale"),
     *((f"{name} monday.csv {LATE} ur5_robot", "contains no ") for name in ("analyse", "identify")),
     (f"calibrate monday.csv -o {{tmp}}/a.yaml {LATE} ur5_robot", "contains no "),
 ]
