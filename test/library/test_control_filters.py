@@ -236,6 +236,7 @@ def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, sta
         (UR5, 300.0, 1e-3, WRISTS, "command"),
         (PANDA, 600.0, 4e-3, 0.3, "gravity"),
         (Z1, 100.0, 1e-3, 0.3, "gravity"),
+        (Z1, 100.0, 2e-3, 0.3, "command"),
     ],
     ids=lambda x: getattr(x, "id", x),
 )
