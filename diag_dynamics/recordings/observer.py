@@ -55,8 +55,7 @@ class Observed(NamedTuple):
 
     def __repr__(self) -> str:
         name, valid = self.dynamics.model.name, int(self.valid.sum())
-        collisions = int((np.diff(self.collision.astype(int), prepend=0) > 0).sum())
-        return f"<Observed '{name}': {len(self.t)} states, {valid} valid, {collisions} collisions>"
+        return f"<Observed '{name}': {len(self.t)} states, {valid} valid>"
 
     def wrench(
         self, link: str, covariance: RowsLike | None = None, **options: Any

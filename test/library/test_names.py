@@ -92,12 +92,11 @@ def test_results_without_a_constructor_live_in_their_modules():
 def test_repr_has_one_line(dyn):
     n = dyn.model.nv
     q, valid = np.zeros((4, n)), np.array([False, True, True, True])
-    collision = np.array([False, True, False, True])
-    observed = Observed(valid * 1.0, q, q, valid * 1.0, valid, collision, q, dyn)
+    observed = Observed(valid * 1.0, q, q, valid * 1.0, valid, q, dyn)
     assert repr(dyn) == "<DiagonalDynamics 'panda': 8 dof>"
     assert repr(dd.Simulation(dyn.model)) == "<Simulation 'panda': 8 dof, time 0 s>"
     assert repr(dyn.factors(q[0])) == "<Factors of M: shape (8, 8)>"
-    assert repr(observed) == "<Observed 'panda': 4 states, 3 valid, 2 collisions>"
+    assert repr(observed) == "<Observed 'panda': 4 states, 3 valid>"
 
 
 def test_name_of_a_robot_is_no_path():
