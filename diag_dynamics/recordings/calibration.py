@@ -106,8 +106,7 @@ def calibrate(
             for stamps, observed in observer.observe_states(piece.states):
                 batch = piece.states[first : first + len(stamps)]
                 columns = observed.residual, observed.external_torque
-                motion = stamps, batch.position, batch.velocity
-                lowered = zone.lower(*motion, *columns, batch.jumped)
+                lowered = zone.lower(stamps, batch.position, batch.velocity, *columns, batch.jumped)
                 residuals.add_states(stamps, *lowered, observed.valid, observed.external_torque)
                 first += len(stamps)
         refuse_units(findings)
