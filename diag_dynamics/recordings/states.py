@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
+from diag_dynamics.arrays import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class States:
     position: Array
     velocity: Array
     effort: Array
-    effort_known: Array
-    stamp_received: Array
-    velocity_estimated: Array
-    jumped: Array
+    effort_known: BoolArray
+    stamp_received: BoolArray
+    velocity_estimated: BoolArray
+    jumped: BoolArray
 
     def __len__(self) -> int:
         return len(self.stamp)
