@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots, one line each: the robot as a tree with D, where it gives way, its energy, balance of power and external torque."""
+"""Plots, one line each: energy, balance of power, external torque, and the ellipsoid of a push."""
 
 import numpy as np
 
@@ -33,16 +33,11 @@ recording = dd.read_recording("swing.csv", model)
 
 try:
     dd.plot.energy(recording).figure.savefig("energy.png")
-    dd.plot.shares(recording).figure.savefig("shares.png")
     dd.plot.balance(recording).savefig("balance.png")
     dd.plot.external_torque(recording, {"*": 3.0}).savefig("external_torque.png")
-    dd.plot.tree(model, recording.q[0]).savefig("tree.png")
     dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000]).figure.savefig(
         "ellipsoid.png"
     )
-    print(
-        recording,
-        "as energy.png, shares.png, balance.png, external_torque.png, tree.png, ellipsoid.png",
-    )
+    print(recording, "as energy.png, balance.png, external_torque.png, ellipsoid.png")
 except dd.InputError as error:  # without matplotlib
     print(error)

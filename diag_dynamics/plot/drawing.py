@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Colours, style and downsampling of plots; means and extrema of oscillating curves."""
+"""Colours, style and downsampling of plots."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, ParamSpec
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,6 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F
 GREY = "#666666"
 """Colour of remaining joints and secondary lines."""
 
-MARK = {"linestyle": "none", "marker": "|", "markersize": 12, "markeredgewidth": 2}
 STYLE = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.xmargin": 0.0},
     **{"axes.titlelocation": "left", "axes.titlesize": "medium"},
@@ -86,55 +85,11 @@ def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:
     return np.insert(t, after, t[after]), np.insert(values, after, np.nan, axis=0)
 
 
-# --- Curves with more oscillations than a picture can show
-
-MAX_OSCILLATIONS = 100
-"""Maximum number of oscillations that a picture shows one by one."""
-
-COUNT = 100
-"""Number of parts."""
-
-
-class Parts(NamedTuple):
-    """Values of each part; NaN in a part without samples."""
-
-    time: Array
-    """Middle of each part [s], shape (COUNT,)."""
-    mean: Array
-    """Shape (COUNT, n)."""
-    minimum: Array
-    maximum: Array
-    length: float
-    """Length of a part [s]."""
+MAX_OSCILLATIONS, PARTS = 100, 100
+"""Maximum number of oscillations that a picture shows one by one, and parts of one with more."""
 
 
 def oscillates(values: Array) -> bool:
     """Return whether a curve (T,) has more than :data:`MAX_OSCILLATIONS` about its mean."""
-    finite = values[np.isfinite(values)]
-    above = finite > finite.mean() if len(finite) else finite
+    above = values > values.mean()
     return int(np.count_nonzero(above[1:] != above[:-1])) > 2 * MAX_OSCILLATIONS
-
-
-def parts_of(time: Array, values: Array) -> Parts:
-    """Return means, minima and maxima over :data:`COUNT` parts of time of equal length.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Increasing [s].
-    values : ndarray, shape (T, n)
-        NaN where unknown.
-    """
-    edges = np.linspace(time[0], time[-1], COUNT + 1)
-    part = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, COUNT - 1)
-    mean, minimum, maximum = np.full((3, COUNT, values.shape[1]), np.nan)
-    begins = np.flatnonzero(np.diff(part, prepend=-1))
-    finite = np.isfinite(values)
-    with np.errstate(invalid="ignore"):
-        sums = np.add.reduceat(np.where(finite, values, 0.0), begins)
-        mean[part[begins]] = sums / np.add.reduceat(finite, begins, dtype=int)
-    low = np.minimum.reduceat(np.where(finite, values, np.inf), begins)
-    high = np.maximum.reduceat(np.where(finite, values, -np.inf), begins)
-    minimum[part[begins]] = np.where(np.isfinite(low), low, np.nan)
-    maximum[part[begins]] = np.where(np.isfinite(high), high, np.nan)
-    return Parts(0.5 * (edges[1:] + edges[:-1]), mean, minimum, maximum, float(edges[1] - edges[0]))

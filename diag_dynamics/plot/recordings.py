@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of motions: energy, joint shares, power balance, external torque, identification."""
+"""Plots of motions: energy, power balance, external torque."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
-from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, oscillates, parts_of, styled
+from diag_dynamics.plot.drawing import COLOURS, GREY, escape, styled
 from diag_dynamics.recordings import balance as power
 from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
-from diag_dynamics.results import BatchEvaluation, Evaluation
-from diag_dynamics.text import duration, number
+from diag_dynamics.results import BatchEvaluation
+from diag_dynamics.text import duration
 
 
 @styled
@@ -34,8 +34,8 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
 
     The joints of most energy have a layer each, all others one. Of very many states those of the
-    largest and smallest K are drawn. With more than 100 oscillations the layers are means over a
-    hundredth of the time, and a grey band reaches up to the largest K.
+    largest and smallest K are drawn. With more than 100 oscillations the layers are means of a
+    hundredth of the states, and a grey band reaches up to the largest K.
 
     Parameters
     ----------
@@ -52,12 +52,14 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     joints, times, values = _joint_energies(of, t)
     names, values = _merge_joints(joints, values)
     total, axes, label = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8)), "kinetic energy [J]"
-    if times is not None and oscillates(total):
-        parts = parts_of(times, np.column_stack([values, total]))
-        at, values, largest = parts.time, parts.mean[:, :-1], parts.maximum[:, -1]
+    if times is not None and drawing.oscillates(total):
+        parts = np.array_split(np.arange(len(total)), drawing.PARTS)
+        largest = [total[part].max() for part in parts]
+        at = np.array([times[part].mean() for part in parts])
+        values = np.array([values[part].mean(axis=0) for part in parts])
         style = {"color": GREY, "alpha": 0.18, "linewidth": 0, "label": "maximum of K"}
         axes.fill_between(at, values.sum(axis=1), largest, **style)
-        label += f", mean of {duration(parts.length)}"
+        label += f", mean of {duration(times[-1] / drawing.PARTS)}"
     else:
         rows = drawing.find_peaks(total)
         at = rows.astype(float) if times is None else times[rows]
@@ -69,40 +71,6 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     axes.set_ylim(bottom=0.0)
     entries = [entries[::-1] for entries in axes.get_legend_handles_labels()]
     axes.legend(*entries, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return axes
-
-
-@styled
-def shares(of: Recording | Evaluation, ax: Any = None) -> Any:
-    """Plot the energy share ½ν_k² of each joint [J]: of one state, or mean and largest of many.
-
-    Parameters
-    ----------
-    of : Recording, BatchEvaluation or Evaluation
-    ax : matplotlib.axes.Axes, optional
-        By default those of a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-    """
-    joints, _, values = _joint_energies(of)
-    rows, mean, largest = np.arange(len(joints)), values.mean(axis=0), values.max(axis=0)
-    axes = drawing.make_axes(ax, (7.0, 1.1 + 0.27 * len(joints)))
-    title, label = f"{escape(of.model.name)}: K = {number(mean.sum())} J", "energy share ½ν² [J]"
-    axes.barh(rows, mean, height=0.66, color=COLOURS[0], label="mean")
-    if isinstance(of, Recording | BatchEvaluation):
-        title += f" on average, at most {number(values.sum(axis=1).max())} J"
-        label += "; in percent: part of the mean of K"
-        axes.plot(largest, rows, color=COLOURS[3], label="largest", **MARK)
-        axes.legend(loc="lower right")
-    end = largest.max(initial=1e-300)
-    for y, percent in enumerate(100.0 * mean / (mean.sum() or 1.0)):
-        axes.text(largest[y] + 0.015 * end, y, f"{percent:.0f} %", va="center", fontsize="small")
-    axes.set(xlim=(0.0, 1.12 * end), xlabel=label)
-    axes.set_title(title)
-    axes.set_yticks(rows, [escape(joint) for joint in joints])
-    axes.invert_yaxis()
     return axes
 
 
@@ -123,7 +91,7 @@ def balance(of: Recording) -> Any:
     matplotlib.figure.Figure
     """
     instance("of", of, Recording)
-    _check_states(of)
+    _check_states(of.q)
     if of.tau is None:
         raise InputError(f"{explain_missing_efforts(of.counts)}. A balance of power needs them.")
     windows, whole, efforts = (
@@ -243,19 +211,19 @@ def _slices(of: Recording) -> list[slice]:
 
 
 def _joint_energies(
-    of: Recording | Evaluation, t: VectorLike | None = None
+    of: Recording | BatchEvaluation, t: VectorLike | None
 ) -> tuple[list[str], Array | None, Array]:
     """Return joints, times from zero on [s], and the energy share of each joint [J]."""
     if isinstance(of, Recording):
-        _check_states(of)
+        _check_states(of.q)
         t, dynamics = of.t, DiagonalDynamics(of.model)
         shares = [dynamics.evaluate(of.q[k], of.qd[k]).energy_share for k in _slices(of)]
         energies = np.concatenate(shares)
-    elif isinstance(of, Evaluation):
-        energies = np.atleast_2d(of.energy_share)
+    elif isinstance(of, BatchEvaluation):
+        energies = of.energy_share
         _check_states(energies)
     else:
-        raise InputError(f"of is {of!r}; expected a Recording or the result of an evaluation.")
+        raise InputError(f"of is {of!r}; expected a Recording or an evaluation of many states.")
     times = None if t is None else np.asarray(t, dtype=float)
     if times is not None and times.shape != (len(energies),):
         raise InputError(f"t has shape {times.shape}; expected ({len(energies)},), one per state.")
@@ -277,6 +245,6 @@ def _merge_joints(joints: list[str], values: Array) -> tuple[list[str], Array]:
     return names, values
 
 
-def _check_states(of: Recording | Array) -> None:
-    if not len(of):
+def _check_states(states: Array) -> None:
+    if not len(states):
         raise InputError("of has no states. The findings of a recording name the cause.")

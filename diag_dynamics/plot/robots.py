@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tree of a robot's joints with D, and the ellipsoid of JM⁻¹Jᵀ at a link."""
+"""The ellipsoid of JM⁻¹Jᵀ at a link."""
 
 from __future__ import annotations
 
@@ -12,82 +12,11 @@ import numpy as np
 from diag_dynamics.arrays import Array, PointLike, VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.model import RobotModel, end_effector_link
-from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
-from diag_dynamics.plot.drawing import COLOURS, GREY, MARK, escape, styled
+from diag_dynamics.plot.drawing import COLOURS, GREY, escape, styled
 from diag_dynamics.text import number
 
 LARGEST = 0.25  # longest half axis over the robot's size
-
-
-@styled
-def tree(of: DiagonalDynamics | RobotModel, q: VectorLike | None = None) -> Any:
-    """Plot the tree of joints, and D and M_kk of each degree of freedom on a logarithmic axis.
-
-    D_k [kg m², kg] is the inertia that an effort of joint k accelerates while the joints outboard
-    of it are free and all others locked (Algorithm 4.1); with those locked, too, it is M_kk ≥ D_k.
-
-    Parameters
-    ----------
-    of : DiagonalDynamics or RobotModel
-    q : array_like, shape (nq,), optional
-        Positions; by default all are zero.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
-    dynamics = of if isinstance(of, DiagonalDynamics) else DiagonalDynamics(of)
-    model = dynamics.model
-    position = model.start if q is None else q
-    D, M = dynamics.factors(position).D, np.diag(dynamics.mass_matrix(position))
-    rows, slides = np.arange(model.nv), np.array(sliding_dofs(model), dtype=bool)
-    figure = drawing.pyplot().figure(figsize=(9.0, 1.3 + 0.3 * max(model.nv, 2)))
-    names, bars = figure.subplots(1, 2, sharey=True, width_ratios=(0.9, 1.6))
-    low, unit = 0.5 * min(D.min(initial=1.0), 1.0), "kg m², kg" if slides.any() else "kg m²"
-    of_kinds = ((~slides, COLOURS[0], "turns [kg m²]"), (slides, COLOURS[3], "slides [kg]"))
-    for chosen, colour, kind in of_kinds:
-        if chosen.any():
-            style = {"height": 0.62, "color": colour, "label": f"D, {kind}"}
-            bars.barh(rows[chosen], D[chosen] - low, left=low, **style)
-    bars.plot(M, rows, color=COLOURS[1], label="M_kk: outboard joints locked", **MARK)
-    for y in rows.tolist():
-        bars.text(max(D[y], M[y]) * 1.12, y, f"D = {number(D[y])}", va="center", fontsize="small")
-    bars.set(xscale="log", xlim=(low, 3.0 * max(M.max(initial=low), low)))
-    bars.set(xlabel=f"inertia that an effort of the joint accelerates [{unit}]")
-    bars.set_ylim(model.nv - 0.4, -0.6)
-    bars.tick_params(left=False, labelleft=False)
-    bars.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=3)
-    bars.spines["left"].set_visible(False)
-    names.set_xlim(-0.5, _draw_names(names, model) + 6.0)
-    names.set_axis_off()
-    names.set_title(escape(model.name))
-    return figure
-
-
-def _draw_names(axes: Any, model: RobotModel) -> int:
-    """Draw degrees of freedom, indented where the tree branches; return the largest indent."""
-    parents = _carriers(model)
-    indent = {-1: 0}
-    for dof, parent in enumerate(parents):
-        x = indent[dof] = indent[parent] + (parents.count(parent) > 1)
-        if parent >= 0:
-            above = indent[parent]
-            axes.plot([above, above, x], [parent, dof, dof], color=GREY, linewidth=1.2, zorder=1)
-        axes.plot([x], [dof], marker="o", markersize=5, color=drawing.text_colour(), zorder=2)
-        axes.text(x + 0.35, dof, escape(model.dof_names[dof]), va="center", fontsize="small")
-    return max(indent.values())
-
-
-def _carriers(model: RobotModel) -> list[int]:
-    """Return the degree of freedom that carries each one, -1 without."""
-    dofs, carriers = {0: -1}, dict.fromkeys(range(model.nv), -1)
-    for k, body in enumerate(model.bodies[1:], 1):
-        dofs[k] = carrier = dofs[int(body["parent"])]
-        if body["leader"] == k:
-            dofs[k] = int(body["dof"])
-            carriers[dofs[k]] = carrier
-    return list(carriers.values())
 
 
 @styled

@@ -136,25 +136,9 @@ def test_many_oscillations_are_means_and_the_largest_energy():
     axes = dd.plot.energy(s, t)
     at, K = curve(axes, "K")
     assert len(at) == 100 and np.mean(K) == pytest.approx(s.kinetic_energy.mean(), rel=1e-6)
-    (band,) = [one for one in axes.collections if one.get_label() == "maximum of K"]
+    (band,) = [layer for layer in axes.collections if layer.get_label() == "maximum of K"]
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(s.kinetic_energy.max())
     assert "mean of 6.00 s" in axes.get_ylabel()
-
-
-def test_shares_of_one_state_and_of_many(recording):
-    many = DYN.evaluate(Q, QD)
-    axes = dd.plot.shares(recording)
-    assert [bar.get_width() for bar in axes.patches] == pytest.approx(
-        many.energy_share.mean(axis=0).tolist()
-    )
-    assert np.allclose(curve(axes, "largest")[0], many.energy_share.max(axis=0))
-    assert [label.get_text() for label in axes.get_yticklabels()] == list(PANDA.dof_names)
-    go2 = dd.load_robot("go2", floating_base=True)
-    s = dd.DiagonalDynamics(go2).evaluate(go2.random(1), np.ones(go2.nv))
-    widths = [bar.get_width() for bar in dd.plot.shares(s).patches]
-    assert widths == pytest.approx(
-        [s.energy_share[:6].sum(), *s.energy_share[6:]]
-    )  # the base is one joint
 
 
 def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
@@ -225,36 +209,6 @@ def test_ellipsoid_has_the_masses_of_a_push():
     )  # the end-effector link
 
 
-def test_tree_has_every_freedom_with_its_inertia():
-    model = dd.load_robot("go2", floating_base=True)
-    dyn, q = dd.DiagonalDynamics(model), model.random(3)
-    names, bars = dd.plot.tree(model, q).axes
-    assert [text.get_text() for text in names.texts] == list(model.dof_names)
-    D, M = dyn.factors(q).D, np.diag(dyn.mass_matrix(q))
-    ends = {
-        round(bar.get_y() + 0.5 * bar.get_height()): bar.get_x() + bar.get_width()
-        for bar in bars.patches
-    }
-    assert [ends[k] for k in range(model.nv)] == pytest.approx(D.tolist())
-    written = [float(text.get_text().removeprefix("D = ")) for text in bars.texts]
-    assert written == pytest.approx(D.tolist(), rel=5e-3, abs=5e-5)
-    shown, rows = curve(bars, "M_kk: outboard joints locked")
-    assert np.allclose(shown, M) and np.array_equal(rows, np.arange(model.nv))
-    # Lines go from a carrier to its children, a level further in where there are several.
-    lines = [line for line in names.lines if len(line.get_xdata()) == 3]
-    carried = {int(line.get_ydata()[1]): int(line.get_ydata()[0]) for line in lines}
-    indents = [int(line.get_xdata()[2] - line.get_xdata()[0]) for line in lines]
-    assert [carried[k] for k in range(1, 18)] == [
-        0,
-        1,
-        2,
-        3,
-        4,
-        *(5, 6, 7, 5, 9, 10, 5, 12, 13, 5, 15, 16),
-    ]
-    assert indents == [0] * 5 + [1, 0, 0] * 4
-
-
 def test_style_of_matplotlib_counts_for_text():
     """Text and K have the style's colour, layers different ones; a name has no mathematics between
     dollars.
@@ -277,14 +231,15 @@ def test_errors_name_the_argument(recording):
     fixed = dd.DiagonalDynamics(dd.load_urdf(description("fixed", link("base"))))
     for draw, key in (
         (lambda: dd.plot.energy([1.0]), "expected a Recording"),
+        (lambda: dd.plot.energy(DYN.evaluate(Q[0], QD[0])), "evaluation of many states"),
         (
             lambda: dd.plot.energy(DYN.evaluate(Q, QD), t=[0.0, 1.0, 2.0]),
             r"t has shape \(3,\)",
         ),
         (lambda: dd.plot.balance(without), "has efforts of all joints"),
         (lambda: dd.plot.balance(empty), "no states"),
-        (lambda: dd.plot.shares(empty), "no states"),
-        (lambda: dd.plot.shares(fixed.evaluate([], [])), "no joint that moves"),
+        (lambda: dd.plot.energy(empty), "no states"),
+        (lambda: dd.plot.energy(fixed.evaluate([[]], [[]])), "no joint that moves"),
         (lambda: dd.plot.external_torque(dd.observe(DYN, recording)), "model"),
         (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
         (lambda: dd.plot.ellipsoid(PANDA, PANDA.neutral, "hand"), "'hand'"),
@@ -301,4 +256,4 @@ def test_matplotlib_is_imported_on_first_use(monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     plot = import_module("diag_dynamics.plot")
     with pytest.raises(dd.InputError, match="pip install matplotlib"):
-        plot.tree(PANDA)
+        plot.ellipsoid(PANDA, PANDA.neutral)
