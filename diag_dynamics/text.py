@@ -7,7 +7,7 @@ import math
 import sys
 import time
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 MAX_LENGTH = 900
 """Maximum length of an error's text; with its prefix a line of the log has 1,000 characters."""
@@ -106,6 +106,16 @@ def duration(seconds: float) -> str:
         if seconds < below:
             return f"{number(factor * seconds, digits)} {unit}"
     return f"{number(seconds / 3600.0)} h"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return a line for each row of texts: the first column aligned left, all others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *texts in rows:
+        cells = map(str.rjust, texts, widths[1:])
+        lines.append("  ".join([first.ljust(widths[0]), *cells]))
+    return lines
 
 
 class Progress:

@@ -32,10 +32,21 @@ from diag_dynamics.recordings.summary import (
     summarize,
 )
 from diag_dynamics.recordings.table_source import TableSource
-from diag_dynamics.text import Progress, plain
+from diag_dynamics.text import Progress, aligned, plain
 
 EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
 than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
+
+COLUMNS = {
+    "states": "d",
+    "s": ".6g",
+    "K max [J]": ".4g",
+    "explained": ".3f",
+    "residual [W]": ".3g",
+    "collisions": "d",
+    "rejected": "d",
+}
+"""Columns of the table of several recordings, and formats of their numbers."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 
@@ -146,39 +157,21 @@ def _analyse_several(chosen, parameters, robot, write):
     if _prints(chosen):
         for text in (text for text, count in shared.items() if count > 1):
             print(f"In {shared[text]} of {len(summaries)} recordings: {plain(text)}")
-        print(_format_table(summaries, failed))
+        lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
+        print("\n".join([*lines, *(f"failed: {plain(path)}" for path in failed)]))
     if not summaries:
         return FAILED
     return DOUBTFUL if failed or any(map(describe_faults, summaries)) else DONE
 
 
-def _format_table(summaries, failed):
-    """Return a line for each recording, of these summaries and paths that failed."""
-    rows = [
-        (
-            "states",
-            "s",
-            "K max [J]",
-            "explained",
-            "residual [W]",
-            "collisions",
-            "rejected",
-            "recording",
-        )
-    ]
-    for one in summaries:
-        numbers = [one["states"], one["duration"], one["kinetic_energy"]["max"], one["explained"]]
-        numbers += [one["residual_power"], count_collisions(one), sum(one["rejected"].values())]
-        formats = zip(numbers, ("d", ".6g", ".4g", ".3f", ".3g", "d", "d"), strict=True)
-        rows.append(
-            (
-                *("-" if x is None else format(x, form) for x, form in formats),
-                plain(one["recording"]),
-            )
-        )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
-    lines = ["  ".join([*map(str.rjust, row[:-1], widths), row[-1]]) for row in rows]
-    return "\n".join([*lines, *(f"failed: {plain(path)}" for path in failed)])
+def _format_row(summary):
+    """Return the texts of a recording's row in the table of several recordings."""
+    numbers = [summary["states"], summary["duration"], summary["kinetic_energy"]["max"]]
+    numbers += [summary["explained"], summary["residual_power"], count_collisions(summary)]
+    numbers.append(sum(summary["rejected"].values()))
+    columns = zip(numbers, COLUMNS.values(), strict=True)
+    texts = ["-" if value is None else format(value, form) for value, form in columns]
+    return [*texts, plain(summary["recording"])]
 
 
 def _write_json(folder, summary):
@@ -203,7 +196,7 @@ def _summary(chosen, recording, parameters, robot):
         if chosen.report:
             outputs.append(ReportOutput(chosen.report, reading))
         with Progress(chosen.quiet) as progress:
-            analysis.run(outputs, _progress_of_states(progress))
+            analysis.run(outputs, lambda states, _: progress.show(f"{states} states"))
         if not analysis.states:
             raise _no_states(chosen, recording, analysis)
         summary = summarize(analysis) | {"recording": str(recording)}
@@ -214,18 +207,6 @@ def _summary(chosen, recording, parameters, robot):
             output.drop()
         raise
     return summary
-
-
-def _progress_of_states(progress):
-    """Return a function that shows the number of states and the recorded time."""
-    begun = None
-
-    def show(states, log_time):
-        nonlocal begun
-        begun = log_time if begun is None else begun
-        progress.show(f"{states} states, {(log_time - begun) * 1e-9:.0f} s")
-
-    return show
 
 
 def _no_states(chosen, recording, analysis):

@@ -4,7 +4,6 @@
 """`diag-dynamics calibrate`: alarm thresholds from recordings without contact."""
 
 import math
-import re
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -91,19 +90,15 @@ def run(chosen):
             threads=chosen.threads,
         )
     calibration.save(chosen.output, _notes(chosen))
-    findings = [
-        (recording.path, finding)
-        for recording in recordings
-        for finding in recording.findings
-        if finding.cause != "note"
-    ]
+    texts, is_damaged = [], False
+    for recording in recordings:
+        for finding in recording.findings:
+            if finding.cause != "note":
+                texts.append(f"'{Path(recording.path).name}': {finding}")
+            is_damaged |= finding.cause == "unread" or finding.cause.startswith(REJECTED)
     if not chosen.quiet:
-        texts = [f"'{Path(path).name}': {finding}" for path, finding in findings]
         print("\n".join(_summary(calibration, model, chosen.output, texts)))
-    damaged = any(
-        finding.cause == "unread" or finding.cause.startswith(REJECTED) for _, finding in findings
-    )
-    return DOUBTFUL if calibration.warnings or damaged else DONE
+    return DOUBTFUL if calibration.warnings or is_damaged else DONE
 
 
 def _notes(chosen):
@@ -120,10 +115,10 @@ def _notes(chosen):
 
 def parse_rate(option, text):
     """Return the rate of an option's text such as ``1/min`` [1/s]."""
-    match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*/\s*(s|min|h)\s*", text)
+    count, _, unit = text.replace(" ", "").partition("/")
     try:
-        rate = float(match[1]) / SECONDS[match[2]] if match else math.nan
-    except ValueError:
+        rate = float(count) / SECONDS[unit]
+    except (ValueError, KeyError):
         rate = math.nan
     if not 0.0 < rate < math.inf:
         raise InputError(

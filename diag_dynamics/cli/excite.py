@@ -9,7 +9,7 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
-from diag_dynamics.text import Progress, plain
+from diag_dynamics.text import Progress, aligned, plain
 
 EPILOG = """Collisions are not checked. Try the trajectory on the simulator first, limit the motion by --range, and start with
 a low --velocity."""
@@ -63,7 +63,7 @@ def run(chosen):
     model = common.chosen_model(chosen)
     numbers = "duration", "period", "velocity", "effort", "rate", "trials", "seed"
     with Progress() as progress:
-        found = excite(
+        trajectory = excite(
             model,
             chosen.what.split(","),
             joints=None if chosen.joints is None else chosen.joints.split(","),
@@ -80,10 +80,10 @@ def run(chosen):
             **{name: getattr(chosen, name) for name in numbers},
         )
     if chosen.output:
-        write_text(chosen.output, found.to_json())
+        write_text(chosen.output, trajectory.to_json())
     if chosen.trajectory:
-        write_text(chosen.trajectory, found.to_message(chosen.approach))
-    print("\n".join(map(plain, _summary(model, found))))
+        write_text(chosen.trajectory, trajectory.to_message(chosen.approach))
+    print("\n".join(map(plain, _summary(model, trajectory))))
     common.report_written(chosen.output, chosen.trajectory)
     return common.DONE
 
@@ -107,30 +107,28 @@ def _parse_entries(option, entries, expected, parse):
     return values
 
 
-def _summary(model, found):
+def _summary(model, trajectory):
     """Return the lines of the summary: range, velocity and effort of each joint."""
-    width = max(len(name) for name in ("joint", *found.joints))
+    rows = [["joint", "from", "to", "velocity", "of limit", "effort", "of limit"]]
+    for k, name in enumerate(trajectory.joints):
+        q = trajectory.position[:, k]
+        row = [name, f"{q.min():.3g}", f"{q.max():.3g}"]
+        for values, limits in (
+            (trajectory.velocity, model.velocity_limit),
+            (trajectory.effort, model.effort_limit),
+        ):
+            largest = abs(values[:, k]).max()
+            row += [f"{largest:.3g}", _percent(largest, limits[k])]
+        rows.append(row)
     lines = [
-        f"{model.name}: a trajectory of {found.time[-1]:g} s for {', '.join(found.what)}.",
-        f"Condition number of the regressor: {found.condition:.3g} (below 100 is good).",
+        f"{model.name}: a trajectory of {trajectory.time[-1]:g} s for {', '.join(trajectory.what)}.",
+        f"Condition number of the regressor: {trajectory.condition:.3g} (below 100 is good).",
         "",
-        f"  {'joint':{width}}       from         to  velocity  of limit    effort  of limit",
+        *aligned(rows),
     ]
-    for k, name in enumerate(found.joints):
-        q, speed, effort = (
-            found.position[:, k],
-            abs(found.velocity[:, k]).max(),
-            abs(found.effort[:, k]).max(),
-        )
-        fractions = [
-            _percent(speed, model.velocity_limit[k]),
-            _percent(effort, model.effort_limit[k]),
-        ]
-        values = f"{q.min():10.3g} {q.max():10.3g} {speed:9.3g} {fractions[0]:>9} {effort:9.3g} {fractions[1]:>9}"
-        lines.append(f"  {name:{width}} {values}")
     unlimited = [
         name
-        for name, limit in zip(found.joints, model.effort_limit, strict=True)
+        for name, limit in zip(trajectory.joints, model.effort_limit, strict=True)
         if not 0.0 < limit < np.inf
     ]
     if unlimited:

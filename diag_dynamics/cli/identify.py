@@ -19,7 +19,7 @@ from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.recordings.balance import MIN_EXPLAINED
 from diag_dynamics.recordings.sources import open_source
-from diag_dynamics.text import Progress, plain
+from diag_dynamics.text import Progress, aligned, plain
 
 EPILOG = """exit status: 0 identified, or the model needs nothing; 1 doubtful: less than 80 % of dK/dt
 explained on held-out data, or the efforts cannot be verified; 2 not identified, for example efforts with a
@@ -35,11 +35,6 @@ COLUMNS = (
     "effort scale",
 )
 UNITS = "N m s/rad", "N m", "N m", "kg m²", "1", "N m √(s/rad)", "N m/unit"
-HEADS = (
-    ("joint", "effort error", "external torque", COLUMNS),
-    ("SI units", "N m rms", "N m spread", UNITS),
-)
-
 OUTPUTS = {"-o": "output", "--json": "json", "--report": "report", "--write-urdf": "write_urdf"}
 
 
@@ -140,60 +135,55 @@ def _report_outputs(chosen, shared):
         print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
 
 
-def format_summary(found):
+def format_summary(result):
     """Return lines on the parameters and the quality in cross-validation."""
-    quality, model = found.quality, found.model
-    lines = [f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}"]
-    lines += [
+    quality, model = result.quality, result.model
+    lines = [
+        f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}",
         "",
         f"Held out: {quality['held_out']} ({quality['held_out_duration']:.1f} s), before → after:",
         "",
+        *aligned(_joint_rows(quality, result.parameters.joints)),
     ]
-    width = max(len(name) for name in ("joint", *quality["torque_rms"]))
-    joints = [
-        found.parameters.joints.get(name, JointParameters()) for name in quality["torque_rms"]
-    ]
-    shown = [
-        k
-        for k, values in enumerate(zip(*joints, strict=True))
-        if any(value is not None for value in values)
-    ]
-    widths = [
-        max(10, len(head) + 2, len(unit) + 2) for head, unit in zip(COLUMNS, UNITS, strict=True)
-    ]
-    for first, error, spread, heads in HEADS:
-        numbers = "".join(f"{heads[k]:>{widths[k]}}" for k in shown)
-        lines.append(f"  {first:{width}}  {error:>17}  {spread:>17}{numbers}")
-    for name, joint in zip(quality["torque_rms"], joints, strict=True):
-        columns = (_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread"))
-        numbers = "".join(
-            f"{'' if joint[k] is None else f'{joint[k]:.3g}':>{widths[k]}}" for k in shown
-        )
-        lines.append(f"  {name:{width}}  {'  '.join(columns)}{numbers}".rstrip())
-    for name, motor in found.parameters.couplings.items():
+    for name, motor in result.parameters.couplings.items():
         if "motor_damping" in quality["deviations"].get(name, {}):
             values = f"damping {motor.damping:.3g} N m s/rad, friction {motor.friction:.3g} N m"
             lines.append(f"  motor of {name} at its rate: {values}")
     if quality["partial"]:
         joints = ", ".join(quality["partial"])
         lines.append(f"  partial: of {joints} alone; the model's efforts stand for those of others")
-    for key, what in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
+    for key, rate in (("explained", "dK/dt"), ("explained_total", "d(K + U)/dt")):
         if None not in quality[key]:
-            lines.append(
-                f"  variance explained of {what}: {quality[key][0]:.3f} → {quality[key][1]:.3f}"
-            )
+            before, after = quality[key]
+            lines.append(f"  variance explained of {rate}: {before:.3f} → {after:.3f}")
     before, after = quality["kinetic_energy"]
     lines.append(f"  mean kinetic energy: {before:.4g} J → {after:.4g} J")
     if quality["payload"]:
         lines += ["", _payload(quality["payload"])]
-    for title, texts in (("warnings", quality["warnings"]), ("findings", quality["findings"])):
-        if texts:
-            lines += ["", f"{title}:", *(f"  {text}" for text in texts)]
+    for title in ("warnings", "findings"):
+        if quality[title]:
+            lines += ["", f"{title}:", *(f"  {text}" for text in quality[title])]
     return lines
 
 
+def _joint_rows(quality, parameters):
+    """Return rows of a table: errors of each joint before and after, and its parameters."""
+    rows = [
+        ["joint", "effort error", "external torque", *COLUMNS],
+        ["SI units", "N m rms", "N m spread", *UNITS],
+    ]
+    count = len(rows)
+    for name in quality["torque_rms"]:
+        values = parameters.get(name, JointParameters())
+        texts = ["" if value is None else f"{value:.3g}" for value in values]
+        pairs = [_arrow(quality[key][name]) for key in ("torque_rms", "observer_spread")]
+        rows.append([name, *pairs, *texts])
+    columns = [column for column in zip(*rows, strict=True) if any(column[count:])]
+    return list(zip(*columns, strict=True))
+
+
 def _arrow(pair):
-    return " → ".join(f"{'-' if value is None else f'{value:.3g}':>7}" for value in pair)
+    return " → ".join("-" if value is None else f"{value:.3g}" for value in pair)
 
 
 def _payload(payload):
