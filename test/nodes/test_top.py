@@ -202,7 +202,7 @@ def test_lines(peer, make_robot, make_top, capsys):
     text = capsys.readouterr().out
     line = "/plain: K 7.00 J, peak energy 4.50 J at elbow"
     assert f"{line}\n" in text and f"{line}, ALARM collision elbow\n" in text
-    assert text.count("/nobody/state: waiting for the first state\n") == 1
+    assert text.count("/nobody/state: waiting for the first state\n") > 5
     assert text.isascii() and "\x1b" not in text
     assert node.finished.done()
 
