@@ -110,7 +110,7 @@ def test_gaps_have_no_line(recording):
 def test_peaks_are_drawn():
     """The largest of 100 000 values, and the smallest, at its time; unknown values stay gaps."""
     t, count = np.arange(100_000) * 1e-3, 100_000
-    torque, flags = np.zeros((count, 8)), np.zeros(count, dtype=bool)
+    torque, valid = np.zeros((count, 8)), np.ones(count, dtype=bool)
     torque[12345], torque[54321] = -1.0, 2.0
     at, K = curve(dd.plot.energy(sliding(torque + 0.1), t), "K")
     assert (
@@ -119,7 +119,7 @@ def test_peaks_are_drawn():
         and at[K.argmax()] == pytest.approx(54.321)
     )
     torque[60_000:70_000] = np.nan
-    observed = Observed(t, torque, torque, torque[:, 0], ~flags, flags, torque, DYN)
+    observed = Observed(t, torque, torque, torque[:, 0], valid, torque, DYN)
     line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
