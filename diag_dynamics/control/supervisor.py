@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States of the control loop as a table of states and events, and the timeout of a hold."""
+"""Phases of the control loop, and the timeout of a hold."""
 
 import time
-from enum import IntEnum
 
 from diag_dynamics.text import distinct
 
@@ -15,53 +14,17 @@ MIN_STANDSTILL = 1.0
 """Minimum time of the machine for which the clock stands still before a hold ends [s]."""
 
 
-class State(IntEnum):
-    """States of the loop; each determines the command."""
-
-    WAITING = 0  # none: no valid state yet
-    STARTING = 1  # damping until the efforts reach gravity compensation
-    ACTIVE = 2  # the law
-    HOLDING_START = 3  # gravity compensation without a law, returns to STARTING
-    HOLDING = 4  # gravity compensation without a valid state, returns to ACTIVE
-    RAMPING_DOWN = 5  # zero without a valid state, then none
-
-
-class Event(IntEnum):
-    """Events of the loop."""
-
-    VALID = 0  # a valid state, before the efforts have reached gravity compensation
-    CARRIED = 1  # a valid state, and the efforts have reached it
-    INVALID = 2  # no valid state
-    TIMEOUT = 3  # no valid state for longer than the hold time
-
-
-_S = State
-# fmt: off
-TRANSITIONS = {  # next state by state and event
-    #                  VALID        CARRIED     INVALID           TIMEOUT
-    _S.WAITING:       (_S.STARTING, _S.ACTIVE,  _S.WAITING,       _S.WAITING),
-    _S.STARTING:      (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN),
-    _S.ACTIVE:        (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN),
-    _S.HOLDING_START: (_S.STARTING, _S.ACTIVE,  _S.HOLDING_START, _S.RAMPING_DOWN),
-    _S.HOLDING:       (_S.ACTIVE,   _S.ACTIVE,  _S.HOLDING,       _S.RAMPING_DOWN),
-    _S.RAMPING_DOWN:  (_S.STARTING, _S.ACTIVE,  _S.RAMPING_DOWN,  _S.RAMPING_DOWN),
-}
-# fmt: on
-
-_PHASES = INACTIVE, ACTIVE, ACTIVE, HOLDING, HOLDING, RAMPING_DOWN
-"""Phase by state."""
-
-
 class Supervisor:
-    """State of a control loop by validity and age of the robot's states.
+    """Phase of a control loop by validity and age of the robot's states.
 
     Without a valid state the loop holds the last gravity torque for at most `hold_time` [s], and
     then ramps the efforts down to zero. The next valid state starts the loop again.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions.
     `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still.
-    `reason` is why the law is not in force, and `cause` that of the last ramp until a mode is
-    chosen.
+    `starting` is whether the loop has started, and the efforts have not reached gravity
+    compensation. `reason` is why the law is not in force, and `cause` that of the last ramp until a
+    mode is chosen.
     """
 
     def __init__(self, max_age, hold_time, machine_time=time.monotonic):
@@ -70,28 +33,16 @@ class Supervisor:
 
     def forget(self):
         """Wait for the first valid state."""
-        self.state, self.reason = State.WAITING, "no valid state yet"
-        self.cause = ""
+        self.phase, self.starting = INACTIVE, False
+        self.reason, self.cause = "no valid state yet", ""
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
-        self._last, self._moved = (
-            0,
-            0.0,
-        )  # clock at the last event [ns], and machine time when it moved [s]
-
-    @property
-    def phase(self):
-        """Phase that ControllerStatus reports."""
-        return _PHASES[self.state]
+        self._last = 0  # clock at the last event [ns]
+        self._moved = 0.0  # machine time when it moved [s]
 
     @property
     def will_start(self):
         """Whether the next valid state starts the loop. Earlier targets are then void."""
         return self.phase in (INACTIVE, RAMPING_DOWN)
-
-    @property
-    def starting(self):
-        """Whether the loop has started, and the efforts have not reached gravity compensation."""
-        return self.state in (State.STARTING, State.HOLDING_START)
 
     def age_problem(self, stamp, now):
         """Return the error of the age of a state, both times in nanoseconds; None if it is valid."""
@@ -114,12 +65,13 @@ class Supervisor:
             self._outage = 0
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
-        self.state = TRANSITIONS[self.state][Event.CARRIED if carried else Event.VALID]
-        self.reason, self._last = "", now
+        self.starting = not carried and (self.starting or self.will_start)
+        self.phase, self.reason, self._last = ACTIVE, "", now
 
     def stand_by(self, now, reason):
         """Accept a valid state while the robot does not execute the commands; start again then."""
-        self.state, self.reason, self._outage = State.HOLDING_START, reason, 0
+        self.phase, self.starting = HOLDING, True
+        self.reason, self._outage = reason, 0
         self._last, self._moved = now, self._machine_time()
 
     def invalid(self, now, reason):
@@ -136,7 +88,9 @@ class Supervisor:
             self._moved = machine
         self._last = now
         stands_still = machine - self._moved > max(self.hold_time, MIN_STANDSTILL)
-        timeout = stands_still or self._outage * 1e-9 >= self.hold_time
-        if timeout and self.phase != RAMPING_DOWN:
+        if self.phase == RAMPING_DOWN:
+            return
+        self.phase = HOLDING
+        if stands_still or self._outage * 1e-9 >= self.hold_time:
+            self.phase, self.starting = RAMPING_DOWN, False
             self.cause = f"{reason}; the clock stands still" if stands_still else reason
-        self.state = TRANSITIONS[self.state][Event.TIMEOUT if timeout else Event.INVALID]
