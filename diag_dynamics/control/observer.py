@@ -6,15 +6,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
 from diag_dynamics.checks import (
-    array_of,
+    check_finite,
     choice,
-    in_order,
     instance,
     number,
     per_name,
@@ -128,25 +127,17 @@ class DisturbanceObserver:
         if tau is None:
             return Disturbance(False, "no effort of any joint")
         q = vector("q", q, self._dynamics.model.coordinate_names)
-        effort = in_order("tau", tau, self._names)
-        known = array_of(effort)
-        unknown = np.zeros(len(self._names), dtype=bool)
-        if known is not None and known.shape == unknown.shape and np.isnan(known).any():
-            unknown = np.isnan(known)
-            if unknown.all() or self._held:
-                missing = ", ".join(f"'{name}'" for name in names_where(self._names, unknown))
-                return Disturbance(False, f"no effort of {missing}")
-            effort = np.where(unknown, 0.0, known)
+        applied = vector("tau", tau, self._names, finite=False)
+        unknown = np.isnan(applied)
+        check_finite("tau", np.where(unknown, 0.0, applied), self._names)
+        if unknown.any() and (unknown.all() or self._held):
+            missing = ", ".join(f"'{name}'" for name in names_where(self._names, unknown))
+            return Disturbance(False, f"no effort of {missing}")
         before = self._sample
         interval = 0.0 if before is None else time - before.time
         if before and interval == 0.0:
             return self._last
-        sample = self._sample_at(time, q, qd, effort)
-        sample = (
-            sample._replace(applied=np.where(unknown, np.nan, sample.applied))
-            if unknown.any()
-            else sample
-        )
+        sample = self._sample_at(time, q, qd, applied)
         reason = "" if before else "first sample"
         if interval < 0.0:
             reason = f"time went back by {-interval:g} s"
@@ -168,9 +159,8 @@ class DisturbanceObserver:
         self._sample = sample
         return self._last
 
-    def _sample_at(self, time: float, q: Array, qd: VectorLike, effort: Any) -> _Sample:
+    def _sample_at(self, time: float, q: Array, qd: VectorLike, applied: Array) -> _Sample:
         dynamics, friction = self._dynamics, self._friction and self._dynamics.model.has_friction
-        applied = vector("tau", effort, self._names)
         qd = vector("qd", qd, self._names)
         p, rate = dynamics.momentum(q, qd)
         resisting = (dynamics.friction_torque(qd, q) if friction else 0.0) - rate
