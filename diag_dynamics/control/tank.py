@@ -50,12 +50,9 @@ class EnergyTank:
         self, dynamics: DiagonalDynamics, capacity: float, rate: float, gravity: bool = True
     ) -> None:
         self.dynamics, model = actuated(dynamics), dynamics.model
-        self.capacity, self.rate = (
-            positive("capacity", capacity, "[J]"),
-            positive("rate", rate, "[1/s]"),
-        )
+        self.capacity = positive("capacity", capacity, "[J]")
+        self.rate = positive("rate", rate, "[1/s]")
         self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
-        self._turns = bool(self._continuous.any())
         self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
         dynamics.compile("tau_from_epsilon", "forward_dynamics", "potential_energy")
@@ -73,16 +70,13 @@ class EnergyTank:
         """
         names = self.dynamics.model.dof_names
         q = vector("q", q, names)
-        last, self._at = self._at, (q, self._potential(q))
+        potential = float(self.dynamics.potential_energy(q)) if self._gravity else 0.0
+        last, self._at = self._at, (q, potential)
         if tau is not None and last is not None:
-            there = nearest(q, last[0], self._continuous) if self._turns else q
-            work = float(vector("tau", tau, names) @ (there - last[0])) - (self._at[1] - last[1])
+            moved = nearest(q, last[0], self._continuous) - last[0]
+            work = float(vector("tau", tau, names) @ moved) - (self._at[1] - last[1])
             self.energy = min(self.energy - (work if held else max(work, 0.0)), self.capacity)
         return self.energy
-
-    def _potential(self, q: Array) -> float:
-        """Return U [J]."""
-        return float(self.dynamics.potential_energy(q)) if self._gravity else 0.0
 
     def filter(
         self,
@@ -101,7 +95,12 @@ class EnergyTank:
         moving = command.tau - command.gravity_torque
         if epsilon is not command.epsilon:
             moving = moving + self.dynamics.tau_from_epsilon(q, epsilon - command.epsilon)
-        drift = self._drift(q, qd, command, h, external)
+        tau = command.gravity_torque
+        if external is not None:
+            external = vector("external", external, self.dynamics.model.dof_names)
+            tau = tau + self.dynamics.tau_from_epsilon(q, external)
+        # the motion in a cycle under gravity compensation alone
+        drift = h * np.asarray(qd) + 0.5 * h * h * self.dynamics.forward_dynamics(q, qd, tau)
         scale = self._covered(float(moving @ drift), 0.5 * h * h * float(epsilon @ epsilon))
         epsilon = epsilon if scale == 1.0 else scale * epsilon
         self.refused = float(nu @ (command.epsilon - epsilon))
@@ -115,18 +114,6 @@ class EnergyTank:
         excess = power - rate * (self.energy - RESERVE * self.capacity)
         excess = min(excess, max(power, 0.0) + rate * square)
         return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon
-
-    def _drift(
-        self, q: VectorLike, qd: VectorLike, command: Command, h: float, external: VectorLike | None
-    ) -> Array:
-        """Return Δq₀ [rad, m], the motion in a cycle under gravity compensation alone."""
-        dynamics, tau = self.dynamics, command.gravity_torque
-        if external is not None:
-            tau = tau + dynamics.tau_from_epsilon(
-                q, vector("external", external, dynamics.model.dof_names)
-            )
-        drift: Array = h * np.asarray(qd) + 0.5 * h * h * dynamics.forward_dynamics(q, qd, tau)
-        return drift
 
     def _covered(self, linear: float, square: float) -> float:
         """Return the largest f in [0, 1] with linear·f + square·f² ≤ x [J], or ≤ 0 if x is negative."""
