@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.checks import number
 from diag_dynamics.control.by_dof import by_dof, effort_limits
 from diag_dynamics.control.filters import Limits
 from diag_dynamics.control.following import (
@@ -273,10 +272,8 @@ class ControlLoop:
             raise InputError(
                 "contact_scale is set, but there are no contact limits. Set contact_limits.file."
             )
-        self._scale = (
-            number("contact_scale", scale, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0),
-            now,
-        )
+        self.limits.contact.scale = scale  # which checks it
+        self._scale = scale, now
 
     def _scale_contact(self, now):
         """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""

@@ -202,7 +202,7 @@ def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
         loop.take_scale(scale, S)
     loop.step(state_at(S + age * MS, Q), S + age * MS)
     assert loop.limits.contact.scale == expected
-    with pytest.raises(InputError, match=r"contact_scale is 1\.1"):
+    with pytest.raises(InputError, match=r"scale is 1\.1"):
         loop.take_scale(1.1, S)
     with pytest.raises(InputError, match="no contact limits"):
         slow_loop_of(strong).take_scale(0.5, S)

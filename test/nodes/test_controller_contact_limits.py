@@ -71,4 +71,4 @@ def test_a_scale_stops_the_arm_and_lets_it_go_on(arm):
     assert max(s.contact_energy for s in arm.status.messages) <= 0.25 * BOUND
     arm.scale.publish(Float64(data=1.0))
     arm.wait_for(lambda s: max(map(abs, s.tracking_error)) < 1e-3, "the target")
-    arm.refuses(lambda: arm.scale.publish(Float64(data=2.0)), "contact_scale is 2.0")
+    arm.refuses(lambda: arm.scale.publish(Float64(data=2.0)), "scale is 2.0")
