@@ -12,8 +12,9 @@ import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
-from diag_dynamics.nodes.monitor.watches import EnergyWatch
-from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN
+from diag_dynamics.nodes.monitor.watch import Moment, Watch
+from diag_dynamics.nodes.monitor.watches import WATCHES, EnergyWatch
+from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import EnergyThresholds, Settings
 from diag_dynamics.parameters.robots import model_of
 from joint_state_readers import DEFAULTS
@@ -39,6 +40,7 @@ KEYS = {
         "smallest D [kg m^2, kg]",
         "joint of the smallest D",
     },
+    "stuck sensors": set(),
     "energy": {"kinetic energy [J]", "largest kinetic energy [J]", "power [W]"},
 }
 
@@ -140,9 +142,27 @@ def at_energy(*shares, power=None):
     return SimpleNamespace(effort_power=power, kinetic_energy=share.sum(), energy_share=share)
 
 
-def watching(**thresholds):
-    """Return a watch on two joints."""
-    return EnergyWatch(MODEL, EnergyThresholds(**thresholds))
+class Watching:
+    """An EnergyWatch of a model, without a node; `friction` is the power of friction [W]."""
+
+    def __init__(self, model=MODEL, **thresholds):
+        self.watch, self._model, self.friction = EnergyWatch(self, None), model, 0.0
+        self.configure(**thresholds)
+
+    def configure(self, **thresholds):
+        settings = SimpleNamespace(thresholds=EnergyThresholds(**thresholds))
+        self.watch.configure(SimpleNamespace(model=self._model), settings)
+
+    def friction_power(self, _):
+        return self.friction
+
+    def accept(self, stamp, s):
+        """Return whether a state has an alarm."""
+        return bool(self.watch.accept(Moment(s, SimpleNamespace(newest=stamp), 0.0)))
+
+    def report(self):
+        (status,) = self.watch.report()
+        return status
 
 
 @pytest.mark.parametrize(
@@ -168,37 +188,34 @@ def watching(**thresholds):
 )
 def test_thresholds(thresholds, shares, level, named):
     """Of all energy and of single joints' shares; a value at a threshold is within, and 0 is none."""
-    watch = watching(**thresholds)
-    assert watch.accept_state(CLOCK, at_energy(*shares)) == (level > OK)
+    watch = Watching(**thresholds)
+    assert watch.accept(CLOCK, at_energy(*shares)) == (level > OK)
     status = watch.report()
     assert status.level == level and named in status.message
     with pytest.raises(InputError, match=r"'energy\.error' names 'knee'"):
-        watch.configure(MODEL, EnergyThresholds(error={"knee": 1.0}))
+        watch.configure(error={"knee": 1.0})
 
 
 def test_alarm_where_it_is_worse_than_reported():
     """A worse state is reported at once, others at the next report; without states nothing improves."""
-    watch = watching(warn={"total": 1.0}, error={"total": 2.0})
+    watch = Watching(warn={"total": 1.0}, error={"total": 2.0})
     low, high, highest = at_energy(0.5, 0), at_energy(1.5, 0), at_energy(2.5, 0)
     stamps = iter(range(CLOCK, CLOCK + S, MS))
     for states, alarms, level in (
-        ((low, high, high, low), (False, True, True, True), WARN),
+        ((low, high, high, low), (False, True, False, False), WARN),
         ((high, low, highest), (False, False, True), ERROR),
         ((), (), STALE),
         ((highest, high), (False, False), ERROR),
         ((low,), (False,), OK),
         ((high,), (True,), WARN),
     ):
-        assert tuple(watch.accept_state(next(stamps), state) for state in states) == alarms
+        assert tuple(watch.accept(next(stamps), state) for state in states) == alarms
         assert watch.report().level == level
-        assert watch.report() == watch.report()  # until the next interval
-        watch.start_interval()
 
 
 def residual(watch):
     """Return the power-balance residual of a report [W], None if there is none."""
     value = watch.report().values.get("power-balance residual [W]")
-    watch.start_interval()
     return None if value is None else float(value)
 
 
@@ -207,16 +224,16 @@ def residual(watch):
 )
 def test_residual(gap, integrated):
     """ΔK less the trapezoid of powers, per second since the last report; not over a gap or back in time."""
-    watch = watching()
-    watch.accept_state(CLOCK, at_energy(1.0, 0, power=2.0))
+    watch = Watching()
+    watch.accept(CLOCK, at_energy(1.0, 0, power=2.0))
     assert residual(watch) is None
-    watch.accept_state(CLOCK + 100 * MS, at_energy(1.5, 0, power=4.0))
-    watch.accept_state(
+    watch.accept(CLOCK + 100 * MS, at_energy(1.5, 0, power=4.0))
+    watch.accept(
         CLOCK + 100 * MS, at_energy(99, 0, power=99.0)
     )  # of one stamp the first one counts
-    watch.accept_state(CLOCK + 300 * MS, at_energy(1.5, 0.5, power=-2.0))
+    watch.accept(CLOCK + 300 * MS, at_energy(1.5, 0.5, power=-2.0))
     assert residual(watch) == pytest.approx((1.0 - 0.3 - 0.2) / 0.3, rel=1e-5)
-    watch.accept_state(CLOCK + 300 * MS + gap, at_energy(4.0, 0, power=-2.0))
+    watch.accept(CLOCK + 300 * MS + gap, at_energy(4.0, 0, power=-2.0))
     assert residual(watch) == (pytest.approx(6.0) if integrated else None)
 
 
@@ -231,13 +248,14 @@ def share_of(watch):
 def moved(model, moving, scale=1.0, friction=True):
     """Return the explained share of a motion with the efforts, times a scale, of another model."""
     moving, dynamics = dd.DiagonalDynamics(moving), dd.DiagonalDynamics(model)
-    watch = EnergyWatch(model, EnergyThresholds())
+    watch = Watching(model)
     w, size = np.array([3.0, 5.0]), np.array([0.8, 0.6])
     for k in range(1000):
         t = 4e-3 * k
         q, qd, qdd = size * np.sin(w * t), size * w * np.cos(w * t), -size * w * w * np.sin(w * t)
         s = dynamics.evaluate(q, qd, scale * moving.inverse_dynamics(q, qd, qdd, friction=friction))
-        watch.accept_state(CLOCK + 4 * k * MS, s, qd @ dynamics.friction_torque(qd))
+        watch.friction = qd @ dynamics.friction_torque(qd)
+        watch.accept(CLOCK + 4 * k * MS, s)
     return share_of(watch)
 
 
@@ -260,13 +278,13 @@ def feed(watch, begin, seconds, change, size=1.0):
         state = at_energy(
             2.0 - size * np.cos(3.0 * t), 0.0, power=change * 3.0 * size * np.sin(3.0 * t)
         )
-        watch.accept_state(CLOCK + round(t * 1000) * MS, state)
+        watch.accept(CLOCK + round(t * 1000) * MS, state)
     return begin + seconds
 
 
 def test_only_the_last_minute_counts():
     """Not less than two seconds, no robot at rest; what was wrong more than a minute ago is dropped."""
-    watch = watching()
+    watch = Watching()
     feed(watch, 0.0, 1.9, 1.0)
     assert share_of(watch) is None
     feed(watch, 100.0, 5.0, 1.0, size=1e-5)
@@ -296,3 +314,45 @@ def test_joints_without_rotor_inertia(armature, named):
         for name in f.joints
     }
     assert expected and set(robot.without_rotors) == (expected if named else set())
+
+
+# --- watches
+
+
+class Counting(Watch):
+    """A watch of a test: every state is an alarm."""
+
+    _count = 0
+
+    def accept(self, _):
+        self._count += 1
+        return [Status("counting", ERROR, "a state")]
+
+    def report(self):
+        return [Status("counting", OK, f"states: {self._count}")]
+
+
+def test_another_watch(peer, panda, monkeypatch):
+    """A class in the list is a watch: its alarm comes at once and alone, its status once a second."""
+    name = "diag_dynamics.nodes.monitor.monitored_robot.WATCHES"
+    monkeypatch.setattr(name, (*WATCHES, Counting))
+    with Monitor(peer, "/counted", outputs=[], robot_description=panda.path) as monitor:
+        monitor.next_report()
+        count = len(monitor.reports)
+        monitor.publish(panda.message(monitor.tick(), panda.samples[0]))
+        (report,) = monitor.reports[count:]
+        assert [entry.message for entry in report.entries.values()] == ["a state"]
+        assert monitor.next_report().entries["counting"].message == "states: 1"
+
+
+def test_settings_that_a_later_watch_rejects():
+    """They change nothing, not even the watches before it."""
+    urdf = TwoLinkArm(I1=0.02).urdf
+    values = DEFAULTS | {"external_torque.gain": 25.0}
+    settings = Settings.of(values)
+    robot = MonitoredRobot(urdf, model_of(urdf, values), settings, 1)
+    wrong = Settings.of(values | {"external_torque.gain": 30.0, "energy.warn": ["knee=1"]})
+    with pytest.raises(InputError, match=r"'energy\.warn' names 'knee'"):
+        robot.use(robot.model, wrong, 2)
+    assert robot.settings is settings and robot.revision == 1
+    assert robot.torque.observation.gain == 25.0

@@ -107,7 +107,7 @@ def test_stuck_sensors(monitor, panda):
             monitor.publish(joint_state(panda.names, q, 0.0 * qd + 0.1, tau, stamp))
         report = monitor.next_report()
     assert report.since(before) == {"received": 20, "published": 20}
-    entry = report.entries["joint states"]
+    entry = report.entries["stuck sensors"]
     assert entry.level == WARN and "stuck values: " in entry.message
 
 

@@ -98,8 +98,6 @@ class InputStatistics:
         for key, text in WARNINGS.items():
             if recent[key]:
                 problems.append(text + texts.get(key, ""))
-        if robot and recent["received"] and (stuck := robot.assembler.stuck_text):
-            problems.append(stuck)
         return problems
 
 

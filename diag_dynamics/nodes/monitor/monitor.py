@@ -3,7 +3,6 @@
 
 """The monitor node: joint_states and robot_description in, diagonalized dynamics out."""
 
-import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -27,6 +26,7 @@ from diag_dynamics.nodes.monitor.monitored_robot import (
 from diag_dynamics.nodes.monitor.outputs import Outputs, frame_tokens
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
+from diag_dynamics.nodes.monitor.watch import Moment
 from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
@@ -66,9 +66,7 @@ class MonitorNode(TableNode, Node):
         check_entries(self.values)
         joint_names_of(self.values)  # reject wrong entries before a robot is loaded
         self._outputs.use_frames(self._settings.frames)
-        self._unobserved_frames = set()  # that the log has
-        self._reaction = Reaction(self)
-        self._commands = EffortCommands(self)
+        self.reaction, self.commands = Reaction(self), EffortCommands(self)
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._robot and self._robot.model
         )
@@ -117,7 +115,7 @@ class MonitorNode(TableNode, Node):
         """Simulated time restarts, or another clock is in force."""
         if self._robot:
             self._robot.forget()
-            self._reaction.end()
+            self.reaction.end()
             self._statistics.counts["clock jumped back"] += 1
 
     # --- The robot
@@ -133,7 +131,7 @@ class MonitorNode(TableNode, Node):
     def _make_robot(self, description, settings):
         """Return the robot of a description; in a thread, so the node stays as it is."""
         model = load_robot(self, description, settings.values)
-        return MonitoredRobot(description, model, settings, self._revision + 1)
+        return MonitoredRobot(description, model, settings, self._revision + 1, self)
 
     def _take_robot(self, made, description, _):
         """Put a robot in force, or report why it could not be made."""
@@ -152,15 +150,13 @@ class MonitorNode(TableNode, Node):
         if self._robot:
             self._statistics.keep(self._robot)
         self._robot, self._refused, self._started = robot, None, self.time.steady()
-        self._reaction.end()
-        self._unobserved_frames.clear()
+        self.reaction.end()
         self._revision = robot.revision
         log = self.get_logger()
         if robot.without_rotors:
             rotors = f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}"
             log.info(shortened(f"{rotors}. If so, set armature (docs/identification.md)."))
-        if robot.torque and robot.torque.is_judged:
-            count = np.isfinite(robot.torque.alarming.collision_limits[:-2]).sum()
+        if count := robot.threshold_count:
             log.info(f"Collision thresholds of {count} joints.")
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
         topic = self.resolve_topic_name("joint_states")
@@ -185,7 +181,7 @@ class MonitorNode(TableNode, Node):
 
     def _take_heartbeat(self):
         self._beat = self.time.steady()
-        self._reaction.check(self._beat)
+        self.reaction.check(self._beat)
 
     def _overloaded(self):
         """Store the time of reception of a message; return whether the heartbeat is overdue."""
@@ -250,96 +246,19 @@ class MonitorNode(TableNode, Node):
         self._statistics.count_rejected(what, cause, text)
         self.get_logger().debug(f"{what}: {cause}: {self._statistics.last_rejection}")
 
-    def _publish(self, robot, state, what):
-        """Evaluate a state, publish it where there are subscribers, and watch it."""
-        outputs = self._outputs
-        outputs.look()
+    def _publish(self, robot, state, outcome):
+        """Evaluate a state, watch it, and publish it where there are subscribers."""
+        self._outputs.look()
         robot.position = state.position
         self._gravity.check()
-        s, state = robot.evaluate(state)
-        stamp = state.newest
-        if robot.torque:  # a collision is reported before anything else
-            self._observe(robot, state)
-        if robot.contact_limits.has_limits or "contact_limits" in outputs.heard:
-            self._watch_contact_limits(robot, state)
-        outputs.publish(stamp, lambda topics: robot.messages(topics, s))
-        if robot.energy.accept_state(
-            stamp, s, robot.friction_power(s)
-        ):  # an alarm does not wait for the next second
-            self._diagnostics.publish([robot.energy.report()])
-        if "markers" in outputs.heard:  # whose meshes may be unreadable
-            _, fault = attempt(outputs.publish_beside, "markers", stamp, lambda: robot.markers(s))
-            if fault:
-                self.get_logger().warning(f"Markers: {fault.reason}", throttle_duration_sec=5.0)
-        self._statistics.count_published(what, stamp)
-        load = robot.torque.load if robot.torque else None
-        if load and load.begins and self.values["load.accept"] == "automatic":
-            self._accept_load()  # last, because it changes the model
-
-    def _observe(self, robot, state):
-        """Publish external torque, and a collision at once."""
-        watch = robot.torque
-        problem = robot.effort_problem(self._commands)
-        measured = state._replace(effort=None, partial=None) if problem else state
-        alarm = watch.accept_state(measured)
-        self._reaction.accept_state(watch, self._received)
-        if watch.begins:
-            self.get_logger().warning(shortened(f"Collision: {watch.cause}."))
-        elif watch.contact_begins:
-            self.get_logger().info(
-                shortened(f"Contact: {watch.contact_cause}."), throttle_duration_sec=1.0
-            )
-        self._outputs.publish_beside(
-            "external_torque",
-            state.newest,
-            lambda: robot.encoder.external_torque(watch.seen, state, watch.alarming, watch.touched),
-        )
-        if robot.settings.frames:
-            withheld = self._outputs.publish_wrenches(
-                state.newest, robot.wrench, robot.encoder, state
-            )
-            watch.withheld_wrenches += len(withheld)
-            if frames := set(withheld) - self._unobserved_frames:
-                self._unobserved_frames |= frames
-                self.get_logger().warning(
-                    f"No external wrench at {shortened(', '.join(sorted(frames)))}: the joints do "
-                    "not observe all directions (docs/external-wrench.md)."
-                )
-        if watch.load:
-            self._publish_load(robot, state)
-        if alarm:
-            self._diagnostics.publish([robot.torque_report(), *self._reaction.report()])
-
-    def _publish_load(self, robot, state):
-        """Publish the load, and log that one begins."""
-        load = robot.torque.load
-        payload = robot.model.payloads.get(load.link, NO_PAYLOAD)
-        self._outputs.publish_beside(
-            "load",
-            state.newest,
-            lambda: robot.encoder.load(load.link, load.estimate, payload, state),
-        )
-        if load.begins:
-            change = "Picked up" if load.estimate.mass > 0.0 else "Put down"
-            self.get_logger().info(shortened(f"{change}: {load.describe()}."))
-
-    def _accept_load(self):
-        """Add a load that begins to the payload."""
-        message, fault = attempt(self._payloads.accept)
-        log = self.get_logger()
-        log.warning(f"The load is not accepted: {fault.reason}") if fault else log.info(message)
-
-    def _watch_contact_limits(self, robot, state):
-        """Publish predicted contact, and at once that a limit is exceeded."""
-        watch = robot.contact_limits
-        alarm = watch.has_limits and watch.accept_state(state)
-        self._outputs.publish_beside(
-            "contact_limits",
-            state.newest,
-            lambda: robot.encoder.contact_limits(watch.compute(state), state),
-        )
-        if alarm:
-            self._diagnostics.publish([watch.report()])
+        moment = Moment(*robot.evaluate(state), self._received)
+        for watch in robot.watches:
+            if alarms := watch.accept(moment):  # which do not wait for the next second
+                self._diagnostics.publish(alarms)
+            watch.publish(moment, self._outputs)
+        self._outputs.publish(moment, robot)
+        self._statistics.count_published(outcome, moment.state.newest)
+        self._payloads.accept_automatically()
 
     # --- Parameters
 
@@ -383,8 +302,8 @@ class MonitorNode(TableNode, Node):
         revision = self._revision + (model is not robot.model)
         robot.use(model, settings, revision)
         self._revision = revision
-        if not (robot.torque and robot.torque.seen.valid):  # the observer has ended or restarted
-            self._reaction.end()
+        if not robot.judges_collisions:  # the observer has ended or restarted
+            self.reaction.end()
 
     # --- Diagnostics
 
@@ -404,7 +323,7 @@ class MonitorNode(TableNode, Node):
             statuses
             + self._gravity.report()
             + (robot.report() if robot else [])
-            + self._reaction.report()
+            + self.reaction.report()
         )
 
     def _notes(self):
@@ -429,7 +348,7 @@ class MonitorNode(TableNode, Node):
         first, model = robot.first_received, robot.model
         elapsed = None if first is None else self.time.steady() - first
         ignored = (*model.fixed_joints, *model.locked_joints)
-        problem = robot.effort_problem(self._commands)
+        problem = robot.effort_problem(self.commands)
         return [
             joint_coverage(robot.assembler, ignored, robot.name_entries, elapsed, self._statistics),
             Status("efforts", WARN if problem else OK, problem or "not contradicted by gravity"),

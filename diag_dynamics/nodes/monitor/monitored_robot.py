@@ -16,14 +16,13 @@ from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
+from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
-from diag_dynamics.nodes.monitor.watches import ContactLimitsWatch, EnergyWatch, LoopWatch
+from diag_dynamics.nodes.monitor.watches import WATCHES
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.messages import EVALUATED, BytesMaker, MessageMaker
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
-from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.shared import payloads_of
 from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.sweeps import evaluation, workspace
@@ -49,6 +48,8 @@ class MonitoredRobot:
     settings : Settings
     revision : int
         Number of the model.
+    node : MonitorNode, optional
+        What the watches publish and log by; without it they only accept states.
 
     Attributes
     ----------
@@ -62,10 +63,9 @@ class MonitoredRobot:
     base : OdometryBase or None
     state : RobotState or None
         The last one, which was evaluated; None if it could not be, or all has been forgotten since.
-    energy : EnergyWatch
-    torque : TorqueWatch or None
-        What observes external torque, if it is wanted.
-    contact_limits : ContactLimitsWatch
+    source : str, bytes or file
+        The description as it was when the robot was loaded.
+    watches : tuple of Watch
     without_rotors : tuple of str
         Joints whose D is so far below what their effort limits suggest that their rotors' inertia
         must be missing.
@@ -76,8 +76,8 @@ class MonitoredRobot:
         The settings name a joint that this robot has not.
     """
 
-    def __init__(self, description, model, settings, revision):
-        self.description, self._source = description, _kept(description)
+    def __init__(self, description, model, settings, revision, node=None):
+        self.description, self.source = description, _kept(description)
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         names = joint_names_of(settings.values)
@@ -86,11 +86,8 @@ class MonitoredRobot:
             joints_of(model), settings.inputs, self.base, names and names.map_name
         )
         self._links = LinkPositions(model)
-        self.energy = EnergyWatch(model, settings.thresholds)
-        self.contact_limits = ContactLimitsWatch()
-        self.settings = self.dynamics = self.revision = self.torque = self.state = self.position = (
-            None
-        )
+        self.watches = tuple(kind(self, node) for kind in WATCHES)
+        self.settings = self.dynamics = self.revision = self.state = self.position = None
         self.first_received = None  # steady time of the first joint state [s]
         self._moved = 0  # jumps of positions that the watches know of
         self._stands_still = False  # whether the last two states have the same positions
@@ -118,6 +115,11 @@ class MonitoredRobot:
         """The model in force."""
         return self.dynamics.model
 
+    @property
+    def torque(self):
+        """The TorqueWatch, None without an observer."""
+        return self.watches[0].torque
+
     def use(self, model, settings, revision):
         """Put the same robot in force with other settings or another gravity or payload; `model` is as it shall be.
 
@@ -132,28 +134,13 @@ class MonitoredRobot:
             raise InputError(
                 f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'."
             )
-        moved = {name for name in model.link_names if model.placement_in_body(name)[0]}
-        if wrong := [frame for frame in settings.frames if frame not in moved]:
-            raise InputError(
-                f"parameter 'external_wrench.frames' has '{wrong[0]}', expected links of robot '{model.name}' that a joint "
-                "moves."
-            )
-        check_load_link(model, settings.values["load.link"])
-        if settings.observation:
-            settings.observation.collision.of_names(model.dof_names)
-            settings.observation.contact.of_names(model.dof_names, "contact.threshold")
-            settings.observation.covariance_of(model.dof_names)
-        others = (
-            self.dynamics is None
-            or model is not self.model
-            or settings.contact_limits != self.settings.contact_limits
-        )
-        touched = contact_points(model, self._source, settings.contact_limits) if others else None
-        self.energy.configure(model, settings.thresholds)
+        is_new = self.dynamics is None or model is not self.model
+        dynamics = DiagonalDynamics(model) if is_new else self.dynamics
+        self._configure_watches(dynamics, settings)
         self.assembler.configure(settings.inputs)
-        before, self.settings = self.settings, settings
-        if self.dynamics is None or model is not self.model:
-            self.dynamics, self.revision, self.state = DiagonalDynamics(model), None, None
+        self.settings = settings
+        if is_new:
+            self.dynamics, self.revision, self.state = dynamics, None, None
             self.dynamics.compile("evaluate")  # also for groups, or the first state would wait
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (
@@ -162,48 +149,42 @@ class MonitoredRobot:
             )
             self._resistance = *resistance, float(model.friction_velocity)
             geared = model.load_friction.any() or model.root_friction.any() or model.couplings
-            self.loops = LoopWatch(model) if model.loops else None
             self._geared = bool(geared or model.has_follower_friction)
-        if settings.frames:
-            self.dynamics.compile("wrench")
-        if settings.observation and settings.observation.covariance:
-            self.dynamics.compile("touched_link", "wrench")  # wrench: of markers
-        self.contact_limits.use(self.dynamics, settings, touched)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
             self.revision = revision
             self.maker = MessageMaker(model, revision)
             self.encoder = BytesMaker(model, revision)
-        self._observe(before)
 
-    def _observe(self, before):
-        """Restart the observer of external torque if model, parameters or input options changed."""
-        wanted, settings, link = (
-            self.settings.observation,
-            self.settings,
-            self.settings.values["load.link"],
-        )
-        if wanted is None:
-            self.torque = None
-        elif self.torque is None:
-            self.torque = TorqueWatch(self.dynamics, wanted, link)
-        else:
-            now, earlier = (
-                (one.observation, _values_by(one.inputs), one.values["load.link"])
-                for one in (settings, before)
-            )
-            if (self.dynamics, *now) != (self.torque.dynamics, *earlier):
-                self.torque.use(self.dynamics, wanted, link)
+    def _configure_watches(self, dynamics, settings):
+        """Configure all watches, or none if one of them raises InputError."""
+        configured = []
+        try:
+            for watch in self.watches:
+                watch.configure(dynamics, settings)
+                configured.append(watch)
+        except DiagDynamicsError:
+            for watch in configured if self.settings else ():
+                watch.configure(self.dynamics, self.settings)
+            raise
+
+    @property
+    def judges_collisions(self):
+        """Whether the last state had a result of the observer."""
+        return bool(self.torque) and self.torque.seen.valid
+
+    @property
+    def threshold_count(self):
+        """Number of joints with a threshold of collisions."""
+        if not self.torque:
+            return 0
+        return int(np.isfinite(self.torque.alarming.collision_limits[:-2]).sum())
 
     def use_gravity(self, gravity):
         """Turn gravity [m/s²] in the axes of the root link; neither watches nor messages restart."""
         self.dynamics = DiagonalDynamics(self.model.with_gravity(gravity))
         if self.torque:
             self.torque.use_gravity(self.dynamics)
-
-    def torque_report(self):
-        """Status of external torque, where it is observed."""
-        return self.torque.report(self.assembler.without_effort)
 
     def effort_problem(self, commands):
         """Return why the efforts of the last state are not measured; empty if they may be.
@@ -230,19 +211,8 @@ class MonitoredRobot:
         )
 
     def report(self):
-        """Return the statuses of what watches states, and begin the next interval."""
-        statuses = [self.energy.report()]
-        self.energy.start_interval()
-        if self.torque:
-            statuses.append(self.torque_report())
-            statuses += [self.torque.load.report()] if self.torque.load else []
-            self.torque.start_interval()
-        if self.loops:
-            statuses.append(self.loops.report(self.state, self.assembler.follower_rates))
-        if self.contact_limits.has_limits:
-            statuses.append(self.contact_limits.report())
-            self.contact_limits.start_interval()
-        return statuses
+        """Return the statuses of all watches, and start their next intervals."""
+        return [status for watch in self.watches for status in watch.report()]
 
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
@@ -256,21 +226,20 @@ class MonitoredRobot:
     def forget(self):
         """Start anew, as after a jump of time or a pause."""
         self.assembler.forget()
-        self.energy.forget()
-        if self.torque:
-            self.torque.forget()
-        self.contact_limits.forget()
-        self._links.forget()
+        self._forget_motion()
         self.state = None
+
+    def _forget_motion(self):
+        """Have nothing of before count, because no motion has led to the next state."""
+        self._links.forget()
+        for watch in self.watches:
+            watch.forget()
 
     def evaluate(self, state):
         """Evaluation of a whole state, and that state with efforts that hold gravity."""
-        if self.assembler.counts["positions jumped"] > self._moved:  # no motion has led here
+        if self.assembler.counts["positions jumped"] > self._moved:
             self._moved = self.assembler.counts["positions jumped"]
-            self.energy.forget()
-            self._links.forget()
-            if self.torque:
-                self.torque.forget()
+            self._forget_motion()
         if state.effort is not None:
             state = state._replace(effort=self._of_joints(state.effort, state.position))
         elif state.partial is not None:
@@ -334,7 +303,7 @@ class MonitoredRobot:
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
         if self._markers is None:
             self._markers = MarkerMaker(
-                self.dynamics, self._source, self.settings.values["markers.link"]
+                self.dynamics, self.source, self.settings.values["markers.link"]
             )
         return self._markers.message(s, self.state, self.torque)
 
@@ -353,11 +322,6 @@ def joint_names_of(values):
     """Return the JointNames of the parameter `joint_names`; None without entries."""
     entries = assignments("joint_names", values["joint_names"], kind=str)
     return JointNames(entries, "parameter 'joint_names'") if entries else None
-
-
-def _values_by(options):
-    """Return the options of joint states without those that change no values."""
-    return options._replace(stuck_timeout=0.0)
 
 
 def _without_rotors(dynamics):

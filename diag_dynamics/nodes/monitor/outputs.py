@@ -10,6 +10,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import ORDER, TOPICS
 
@@ -37,11 +38,6 @@ class Outputs:
     Parameters
     ----------
     node : rclpy.node.Node
-
-    Attributes
-    ----------
-    heard : set of str
-        Topics with subscribers.
     """
 
     def __init__(self, node):
@@ -54,12 +50,12 @@ class Outputs:
 
     def _count_subscribers(self):
         self._counted = self._steady()
-        self.heard = {
+        self._heard = {
             topic
             for topic, publisher in self._publishers.items()
             if publisher.get_subscription_count()
         }
-        self._about_state = tuple(topic for topic in ORDER if topic in self.heard)
+        self._about_state = tuple(topic for topic in ORDER if topic in self._heard)
 
     def use_rates(self, rates):
         """Limit topics to these rates [Hz], 0 for every state."""
@@ -70,21 +66,18 @@ class Outputs:
         if self._steady() - self._counted > PERIOD:
             self._count_subscribers()
 
-    def publish(self, stamp, make):
-        """Publish the topics about a state.
-
-        Parameters
-        ----------
-        stamp : int
-            Of the state [ns].
-        make : callable
-            Returns the messages of some topics, or their bytes.
-        """
-        topics = self._about_state
+    def publish(self, moment, robot):
+        """Publish the topics about a Moment of a MonitoredRobot, the markers last."""
+        s, stamp, topics = moment.evaluation, moment.state.newest, self._about_state
         if self._limits:
             topics = tuple(topic for topic in topics if self._due(topic, stamp))
-        for topic, message in zip(topics, make(topics), strict=True):
+        for topic, message in zip(topics, robot.messages(topics, s), strict=True):
             self._publishers[topic].publish(message)
+        if "markers" in self._heard:  # whose meshes may be unreadable
+            _, fault = attempt(self.publish_beside, "markers", stamp, lambda: robot.markers(s))
+            if fault:
+                log = self._node.get_logger()
+                log.warning(f"Markers: {fault.reason}", throttle_duration_sec=5.0)
 
     def publish_beside(self, topic, stamp, make):
         """Publish another topic; `make` returns its message about a state stamped `stamp` [ns]."""

@@ -95,7 +95,8 @@ class PayloadServices:
     """
 
     def __init__(self, node, current, attach):
-        self._log, self._current, self._attach = node.get_logger(), current, attach
+        self._node, self._log = node, node.get_logger()
+        self._current, self._attach = current, attach
         self._accepted = None  # link, its payload before the first acceptance, and the accepted one
         for name, answer in (("accept_payload", self.accept), ("reset_payload", self._reset)):
             callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
@@ -135,6 +136,18 @@ class PayloadServices:
         before, payload = self._before(link), watch.estimator.payload()
         self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
         return f"The payload of '{link}' is {payload.mass:.3g} kg."
+
+    def accept_automatically(self):
+        """Add a load that begins to the payload, if `load.accept` says so."""
+        torque = self._current().torque
+        load = torque and torque.load
+        if not (load and load.begins and self._node.values["load.accept"] == "automatic"):
+            return
+        message, fault = attempt(self.accept)
+        if fault:
+            self._log.warning(f"The load is not accepted: {fault.reason}")
+        else:
+            self._log.info(message)
 
     def _before(self, link):
         """Return the payload of a link before the acceptances that are in force."""

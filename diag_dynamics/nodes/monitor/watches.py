@@ -11,9 +11,12 @@ from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadReports
+from diag_dynamics.nodes.monitor.watch import Watch
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status, problem_status
 from diag_dynamics.page.frames import coriolis_work
+from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.monitor import TOTAL
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
 from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
@@ -21,37 +24,40 @@ from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
 LEVELS = (OK, WARN, ERROR)
 
 
-class ContactLimitsWatch:
+class ContactLimitsWatch(Watch):
     """Predicted contact at states, and the levels of points with limits.
 
     A point is at WARN from `contact_limits.warn_at` of its allowed speed and at ERROR above all of
     it, until it is below `contact_limits.release` of that.
     """
 
-    def __init__(self):
+    def __init__(self, robot, node):
+        super().__init__(robot, node)
+        self._dynamics = self._limits = None
         self._exceeded, self._reported = 0, 0
-        self.start_interval()
+        self._start_interval()
 
-    def use(self, dynamics, settings, points):
-        """Use a model and settings; `points` are parameters.contact_points, None if unchanged."""
-        self._dynamics = dynamics
-        self._warn_at = settings.values["contact_limits.warn_at"]
-        self._release = settings.values["contact_limits.release"]
-        if points is not None:
+    def configure(self, dynamics, settings):
+        """See Watch."""
+        is_new = self._dynamics is None or dynamics.model is not self._dynamics.model
+        if is_new or settings.contact_limits != self._limits:
+            points = contact_points(dynamics.model, self._robot.source, settings.contact_limits)
             self.points, self._without_shape = points
             self.has_limits = bool(self.points.limited.any())
             self.forget()
+        self._dynamics, self._limits = dynamics, settings.contact_limits
+        self._warn_at = settings.values["contact_limits.warn_at"]
+        self._release = settings.values["contact_limits.release"]
 
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
         self._last = self._contact = None
         self._levels = np.zeros(len(self.points), dtype=int)
 
-    def start_interval(self):
-        """Start a report interval."""
+    def _start_interval(self):
         self._count, self._level, self._alarm = 0, 0, ""
 
-    def compute(self, state):
+    def _compute(self, state):
         """Return the predicted contact at a RobotState."""
         if self._last is not state:
             self._contact = self._dynamics.contact_limits(
@@ -60,9 +66,20 @@ class ContactLimitsWatch:
             self._last = state
         return self._contact
 
-    def accept_state(self, state):
-        """Return whether a RobotState is worse than the last report."""
-        contact = self.compute(state)
+    def publish(self, moment, outputs):
+        """See Watch."""
+        state, encoder = moment.state, self._robot.encoder
+        outputs.publish_beside(
+            "contact_limits",
+            state.newest,
+            lambda: encoder.contact_limits(self._compute(state), state),
+        )
+
+    def accept(self, moment):
+        """See Watch."""
+        if not self.has_limits:
+            return []
+        contact = self._compute(moment.state)
         usage, before = contact.usage, self._levels
         risen = (usage >= self._warn_at).astype(int) + (usage > 1.0)
         held = (usage >= self._release * self._warn_at).astype(int) + (usage >= self._release)
@@ -75,9 +92,15 @@ class ContactLimitsWatch:
             verb = "exceeds" if usage[k] > 1.0 else "is close to"
             limit = f"the allowed speed of region '{contact.region(k)}'"
             self._level, self._alarm = level, f"'{contact.names[k]}' {verb} {limit}"
-        return level > self._reported
+        return [self._status()] if level > self._reported else []
 
     def report(self):
+        """See Watch."""
+        statuses = [self._status()] if self.has_limits else []
+        self._start_interval()
+        return statuses
+
+    def _status(self):
         """Return the status of this interval; STALE without states."""
         if not self._count:
             return Status("contact limits", STALE, "no states since the last report")
@@ -108,18 +131,19 @@ NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and its unex
 MAX_ROUNDING = 1e-9  # relative error of exact laws
 
 
-class EnergyWatch:
+class EnergyWatch(Watch):
     """Compare energies of all states with thresholds, and the change of K with the power."""
 
-    def __init__(self, model, thresholds):
+    def __init__(self, robot, node):
+        super().__init__(robot, node)
         self._reported = OK
-        self.configure(model, thresholds)
-        self.start_interval()
+        self._start_interval()
 
-    def configure(self, model, thresholds):
-        """Use a model and EnergyThresholds; InputError if these name another joint."""
+    def configure(self, dynamics, settings):
+        """See Watch."""
+        model = dynamics.model
         names = single_joints(model)
-        limits = thresholds.by_joint(names)
+        limits = settings.thresholds.by_joint(names)
         self._limits = {name: x for name, x in limits.items() if np.isfinite(x).any()}
         self._names = (TOTAL, *names)
         self._places = np.array(places(names, model.dof_names), dtype=int)
@@ -130,13 +154,13 @@ class EnergyWatch:
         """Restart the balance at the next state, for example after a jump of time."""
         self._last, self._window = None, NOTHING
 
-    def start_interval(self):
-        """Start a report interval."""
+    def _start_interval(self):
         self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
         self._time = self._residual = 0.0
 
-    def accept_state(self, stamp, s, friction=0.0):
-        """Return whether a state is worse than the last report; `friction` is ν·ε_fric [W]."""
+    def accept(self, moment):
+        """See Watch."""
+        stamp, s = moment.state.newest, moment.evaluation
         self._count += 1
         self._newest, self._energy, self._power = stamp, s.kinetic_energy, s.effort_power
         self._largest = max(self._largest, self._energy)
@@ -152,8 +176,8 @@ class EnergyWatch:
         if self._power is None:
             self.forget()
         elif self._last is None or stamp != self._last[0]:  # of one stamp the first state
-            self._integrate(stamp, self._energy, self._power, friction)
-        return self._level > self._reported
+            self._integrate(stamp, self._energy, self._power, self._robot.friction_power(s))
+        return [self._status()] if self._level > self._reported else []
 
     def _integrate(self, stamp, energy, power, friction):
         """Add ΔK less the integral of ν·(ε − ε_g) since the last state."""
@@ -182,6 +206,12 @@ class EnergyWatch:
         return explained_share(residual.var(), change.var())
 
     def report(self):
+        """See Watch."""
+        status = self._status()
+        self._start_interval()
+        return [status]
+
+    def _status(self):
         """Return the status of this interval; STALE without states."""
         if not self._count:
             return Status("energy", STALE, "no states since the last report")
@@ -220,14 +250,26 @@ def numerical_health(dynamics, state):
     return Status("numerical health", OK, "errors within rounding", values)
 
 
-class LoopWatch:
+class LoopWatch(Watch):
     """Report how nearly singular loops are, and the energy by which measured rates break them, at the last state."""
 
-    def __init__(self, model):
-        self._balance, self._model = LoopBalance(model), model
+    def __init__(self, robot, node):
+        super().__init__(robot, node)
+        self._model = self._balance = None
 
-    def report(self, state, rates):
-        """Return the status at a RobotState or None; `rates` are measured ones of followers, NaN for unknown ones."""
+    def configure(self, dynamics, settings):
+        """See Watch."""
+        if dynamics.model is not self._model:
+            self._model = dynamics.model
+            self._balance = LoopBalance(self._model) if self._model.loops else None
+
+    def report(self):
+        """See Watch."""
+        return [self._status()] if self._balance else []
+
+    def _status(self):
+        """Return the status at the last state, by measured rates of followers, NaN if unknown."""
+        state, rates = self._robot.state, self._robot.assembler.follower_rates
         if state is None:
             return Status("loops", STALE, "no state")
         try:
@@ -253,3 +295,24 @@ class LoopWatch:
             (WARN, f"nearly singular: {'; '.join(singular)}") if singular else (OK, "closed")
         )
         return Status("loops", level, text, values)
+
+
+class StuckWatch(Watch):
+    """Report sensors that repeat a value while the robot moves, or a velocity of a standing one."""
+
+    _count = 0
+
+    def accept(self, _):
+        """See Watch. The rules of joint states compare the values."""
+        self._count += 1
+        return []
+
+    def report(self):
+        """See Watch."""
+        text = self._robot.assembler.stuck_text if self._count else ""
+        self._count = 0
+        return [problem_status("stuck sensors", [text] * bool(text), "none", {})]
+
+
+WATCHES = CollisionWatch, LoadReports, ContactLimitsWatch, EnergyWatch, LoopWatch, StuckWatch
+"""All watches in the order in which they accept a state: collisions first."""
