@@ -62,7 +62,7 @@ study: setup-tests  ## compare control laws in simulation, with plots: docs/cont
 docs: setup-tests  ## build the site: build/docs/index.html; warnings are errors
 	@$(in_env) python3 docs/site/build.py build/docs
 
-docs-tables: setup  ## generate config/*.yaml from the code
+docs-tables: setup  ## generate config/*.yaml and the tables of docs from the code
 	@$(in_env) python3 docs/tables.py
 
 page:  ## build the page from web/ into diag_dynamics/page/static/; requires Node.js

@@ -3,8 +3,9 @@
 
 """Generate tables of parameters, topics, services, messages and diagnostics from the code.
 
-``make docs-tables`` writes config/*.yaml. The site replaces markers such as ``<!-- table: parameters of monitor -->`` in
-its pages. The library is required, ROS is not.
+``make docs-tables`` writes config/*.yaml, and the tables of pages: each stands between
+``<!-- table: parameters of monitor -->`` and ``<!-- end of table -->``. The library is required, ROS
+is not.
 """
 
 import re
@@ -93,8 +94,8 @@ def as_yaml(value):
 
 
 def cell(text):
-    """Text as it stands in a cell of a table."""
-    return re.sub(r"([|*<])", r"\\\1", text)
+    """Return text for a cell of a table; code keeps its * and <."""
+    return re.sub(r"[*<](?=[^`]*(?:`[^`]*`[^`]*)*$)|\|", r"\\\g<0>", text)
 
 
 def marked_up(text):
@@ -557,7 +558,11 @@ def checks_table(_):
 
 # --- Markers in pages ---
 
-MARKER = re.compile(r"<!-- table: (?P<kind>\w+)(?: of (?P<name>[\w ]+))? -->")
+END = "<!-- end of table -->"
+TABLE = re.compile(
+    rf"(?P<begin><!-- table: (?P<kind>\w+)(?: of (?P<name>[\w ]+))? -->).*?{END}", re.DOTALL
+)
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
 
 KINDS = {
     "parameters": parameter_tables,
@@ -570,9 +575,13 @@ KINDS = {
 """Function of each kind of table; its argument is the name in the marker."""
 
 
-def expand(text):
-    """Replace the markers in a page by tables."""
-    return MARKER.sub(lambda found: KINDS[found["kind"]](found["name"]), text)
+def with_tables(text):
+    """Return the text of a page with its tables."""
+
+    def generate(marked):
+        return f"{marked['begin']}\n\n{KINDS[marked['kind']](marked['name'])}\n\n{END}"
+
+    return TABLE.sub(generate, text)
 
 
 # --- Configuration ---
@@ -610,8 +619,9 @@ def commented(text, indent):
 
 
 def files():
-    """Text of every file that is generated, by path."""
-    return {ROOT / "config" / f"{node}.yaml": configuration(node) for node in NODES}
+    """Text of every file that is generated or has generated tables, by path."""
+    texts = {path: with_tables(path.read_text(encoding="utf-8")) for path in PAGES}
+    return texts | {ROOT / "config" / f"{node}.yaml": configuration(node) for node in NODES}
 
 
 if __name__ == "__main__":

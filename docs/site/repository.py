@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Adapt pages to the site: generated tables, links to folders, docstrings, long names in tables, a first page at the top."""
+"""Adapt pages to the site: links to folders, docstrings, long names in tables, a first page."""
 
 import re
-import runpy
 import shutil
 from pathlib import Path
 
@@ -18,9 +17,6 @@ FOLDERS = {
     "](../srv)": "](interfaces.md#services)",
 }
 """Links to folders, which GitHub lists, and the pages that show their content."""
-
-EXPAND = runpy.run_path(str(Path(__file__).parents[1] / "tables.py"))["expand"]
-"""Function that replaces the markers in a page by generated tables."""
 
 NO_SPACE = "\u200b"
 """A place to break a line that is no space to docutils."""
@@ -36,12 +32,8 @@ FIRST = """<!doctype html>
 """
 
 
-def prepare_page(app, _name, source):
-    """Insert generated tables, and link to pages in place of folders."""
-    expanded = EXPAND(source[0])
-    if expanded != source[0]:
-        app.env.note_reread()  # tables change without their page
-    source[0] = expanded
+def link_pages(_app, _name, source):
+    """Link to pages in place of folders."""
     for folder, page in FOLDERS.items():
         source[0] = source[0].replace(folder, page)
 
@@ -106,7 +98,7 @@ def complete(app, error):
 
 def setup(app):
     """Take part in the build."""
-    app.connect("source-read", prepare_page)
+    app.connect("source-read", link_pages)
     app.connect("doctree-read", open_live_pages, priority=100)  # before downloads are collected
     app.connect("autodoc-process-docstring", read_plainly, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", keep_bars)

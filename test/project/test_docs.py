@@ -49,18 +49,19 @@ def test_generated_files_are_fresh():
 
 
 def test_pages_have_a_table_of_every_node():
-    """The site replaces the markers by tables, in which every parameter, topic and service stands."""
-    pages = {
-        name: TABLES.expand((DOCS / f"{name}.md").read_text(encoding="utf-8"))
-        for name in ("parameters", "interfaces")
-    }
-    assert not any(TABLES.MARKER.search(text) for text in pages.values())
+    """Every parameter, topic, service and key of diagnostics stands in a page."""
+    names = ("parameters", "interfaces", "troubleshooting")
+    pages = {name: (DOCS / f"{name}.md").read_text(encoding="utf-8") for name in names}
     for node in NODES:
         assert [
             name for name in node_parameters(node) if f"| `{name}` |" not in pages["parameters"]
         ] == []
         assert [
             one.name for one in INTERFACES[node] if f"| `{one.name}` |" not in pages["interfaces"]
+        ] == []
+        keys = [key for entry in TABLES.diagnostics()[node].values() for key in entry]
+        assert [
+            key for key in keys if f"| {TABLES.cell(key)} |" not in pages["troubleshooting"]
         ] == []
     files = [path for folder in ("msg", "srv") for path in (ROOT / folder).iterdir()]
     assert [path.stem for path in files if f"### {path.stem}\n" not in pages["interfaces"]] == []
