@@ -18,10 +18,11 @@ from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 
 LOOSE = [
-    f"plausibility.{name}=0"
-    for name in ("jump", "beyond_limits", "beyond_velocity", "velocity", "position")
+    "plausibility.jump=0",
+    "plausibility.beyond_limits=0",
+    "plausibility.beyond_velocity=0",
+    "stuck_timeout=0",
 ]
-LOOSE += ["stuck_timeout=0"]
 """Parameters that accept velocities and positions in wrong units."""
 
 
@@ -388,9 +389,8 @@ def test_joints_are_observed_one_by_one(tmp_path, ur5, motion, value):
     np.testing.assert_array_equal(some.external_torque[:, known], whole.external_torque[:, known])
     np.testing.assert_allclose(some.residual[:, 4:], whole.residual[:, 4:], rtol=1e-12, atol=1e-12)
     assert np.isnan(some.external_torque[:, 3]).all() and np.isnan(some.residual[:, :4]).all()
-    assert (
-        (some.valid == whole.valid).all() and np.isnan(some.norm).all() and not some.collision.any()
-    )
+    np.testing.assert_array_equal(some.valid, whole.valid)
+    assert np.isnan(some.norm).all()
     assert some.external_torque[-1, [1, 4]] == pytest.approx([4.0, 1.0], abs=0.3)
     assert not some.wrench("wrist_3_link").observed.any()
 
