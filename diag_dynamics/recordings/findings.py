@@ -4,15 +4,13 @@
 """Findings of a recording: unreadable data, rejected messages, and what else a reader of its numbers should know."""
 
 from collections import Counter
+from shlex import quote
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
 from diag_dynamics.recordings.intake import IMPLAUSIBLE
-from diag_dynamics.recordings.joint_names import (
-    complete_maps,
-    describe_maps,
-)
+from diag_dynamics.recordings.joint_names import JointNames, complete_maps
 from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 from diag_dynamics.text import MAX_NAMES, listed
 
@@ -106,34 +104,33 @@ def collect_findings(intake, source):
 
 def _name_texts(intake, counts):
     """Return texts on missing joints, and on messages of other joints, by the name of a count."""
-    missing, own, joints = (
-        intake.assembler.missing,
-        intake.assembler.names,
-        intake.assembler.joint_names,
-    )
-    foreign, incomplete = "messages of other joints: ", "messages before all joints had arrived"
+    assembler = intake.assembler
+    missing, joints = assembler.missing, assembler.joint_names
+    incomplete = "messages before all joints had arrived"
     if not missing:
-        foreign += f"{listed(intake.assembler.last_foreign)}; the robot has {listed(joints)}"
-        return {"incomplete": incomplete, "foreign": foreign}
-    map_name = intake.names.map_name if intake.names else str
-    others = intake.assembler.unknown_names()
-    there = set(own).intersection(map(map_name, intake.assembler.arrived))
-    entries = intake.names.entries if intake.names else ()
-    maps = complete_maps(others, missing, there, entries)
-    nothing, lock = len(missing) == len(joints), _lock(missing)
-    if maps:
-        advice, mapped = describe_maps(maps, others, own)
-        lacking = [joint for joint in missing if joint not in mapped.values()]
-        advice += f". {_lock(lacking)}" if lacking else ""
-    else:
-        advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
-        advice += "" if nothing else f". {lock}"
-    foreign += f"{listed(others)}; {'the robot has' if nothing else 'missing:'} {listed(missing)}. {advice}"
+        foreign = f"{listed(assembler.last_foreign)}; the robot has {listed(joints)}"
+        return {"incomplete": incomplete, "foreign": f"messages of other joints: {foreign}"}
+    advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
+    map_name, entries = (intake.names.map_name, intake.names.entries) if intake.names else (str, ())
+    unknown, nothing = assembler.unknown_names(), len(missing) == len(joints)
+    present = set(assembler.names).intersection(map(map_name, assembler.arrived))
+    lacking = [] if nothing else missing
+    if maps := complete_maps(unknown, missing, present, entries):
+        words = (" ".join(quote(f"{name}={joint}") for name, joint in pairs) for pairs in maps)
+        options = " or ".join(f"--joint-names {text}" for text in words)
+        mapped = set(map(JointNames(dict(maps[0])).map_name, unknown))
+        count = len(mapped.intersection(assembler.names))
+        number = "them" if count == len(unknown) else f"{count} of them"
+        advice = f"{options} (joint_names) maps {number} to the robot's joints"
+        lacking = [joint for joint in missing if joint not in mapped]
+    advice += f". {_lock(lacking)}" if lacking else ""
+    lack = f"{'the robot has' if nothing else 'missing:'} {listed(missing)}"
     incomplete += f"; missing: {listed(missing)}. "
-    if others and not counts["foreign"]:
-        incomplete += f"The recording has other joints: {listed(others)}. {advice}"
+    if unknown and not counts["foreign"]:
+        incomplete += f"The recording has other joints: {listed(unknown)}. {advice}"
     else:
-        incomplete += lock
+        incomplete += _lock(missing)
+    foreign = f"messages of other joints: {listed(unknown)}; {lack}. {advice}"
     return {"foreign": foreign, "incomplete": incomplete}
 
 

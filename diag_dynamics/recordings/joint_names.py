@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from itertools import product, takewhile
-from shlex import quote
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.text import listed
@@ -108,85 +107,66 @@ def _replace(entry, other, name):
     return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
 
 
-def propose_maps(names, joints):
-    """Return entries with ``*`` that map names of a recording to joints; several if ambiguous, as for two arms.
-
-    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at
-    least two and half of them.
-    """
-    names, joints = list(names)[:MAX_NAMES], list(joints)[:MAX_NAMES]
-    for turn in (str, lambda text: text[::-1]):
-        turned, wanted = [turn(name) for name in names], {turn(joint) for joint in joints}
-        whole, part = {}, {}
-        for old, new in {_heads(name, joint) for name, joint in product(turned, wanted)} - {None}:
-            own = [(name, new + name[len(old) :]) for name in turned if name.startswith(old)]
-            own = tuple(pair for pair in own if pair[1] in wanted)
-            entry = turn(old + ANY), turn(new + ANY)
-            if own and len(own) in (len(wanted), len(turned)):
-                whole.setdefault(own, []).append(entry)
-            elif 2 * len(own) >= max(4, len(wanted)):
-                part.setdefault(own, []).append(entry)
-        if whole or part:
-            return sorted(
-                min(alike, key=lambda entry: (len(entry[0]), entry))
-                for alike in (whole or part).values()
-            )
-    return []
-
-
 def complete_maps(names, missing, there, given):
     """Return tuples of entries that map as many names as possible to joints that are missing.
 
     `there` are joints that the recording has already; they get no second name. The tuples begin
-    with the entries `given`. There are several if it is ambiguous.
+    with the entries `given`. There are several if it is ambiguous, as for two arms.
     """
     completed = {}
-    for entries, mapped in _combine_maps(names, missing):
+    for entries, mapped in _combine_entries(names[:MAX_NAMES], missing[:MAX_NAMES]):
         whole = *given, *entries
         map_name = JointNames(dict(whole)).map_name
         targets = {name: map_name(name) for name in names}
-        expected = targets | mapped
         is_unique = len(dict(whole)) == len(whole) and not set(targets.values()) & set(there)
-        if not is_unique or targets != expected:
+        if not is_unique or targets | mapped != targets:
             whole = *given, *mapped.items()
         completed[frozenset(whole)] = whole
     return list(completed.values())
 
 
-def _combine_maps(names, missing):
+def _combine_entries(names, joints):
     """Yield tuples of entries with ``*``, and the joints to which they lead by name."""
-    for entry in propose_maps(names, missing):
-        targets = {name: _replace(*entry, name) for name in names}
-        mapped = {name: joint for name, joint in targets.items() if joint in missing}
-        others = [name for name in names if name not in mapped]
-        more = list(_combine_maps(others, [j for j in missing if j not in mapped.values()]))
-        entries, joints = more[0] if len(more) == 1 else ((), {})
-        yield (entry, *entries), mapped | joints
+    for entry, mapped in _find_entries(names, joints):
+        names_left = [name for name in names if name not in mapped]
+        joints_left = [joint for joint in joints if joint not in mapped.values()]
+        more = list(_combine_entries(names_left, joints_left))
+        entries, more_joints = more[0] if len(more) == 1 else ((), {})
+        yield (entry, *entries), mapped | more_joints
 
 
-def describe_maps(found, names, joints):
-    """Return tuples of entries as options, in a sentence without its point, and joints by name.
+def _find_entries(names, joints):
+    """Return the entries with ``*`` that map most names, and joints by name; several if ambiguous.
 
-    `joints` are all those of the robot. The first tuple maps.
+    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at
+    least two and half of the joints.
     """
-    texts = [" ".join(quote(f"{name}={joint}") for name, joint in one) for one in found]
-    options = " or ".join(f"--joint-names {text}" for text in texts)
-    mapped = {name: JointNames(dict(found[0])).map_name(name) for name in names}
-    count = sum(joint in joints for joint in mapped.values())
-    which = "them" if count == len(mapped) else f"{count} of them"
-    return f"{options} (joint_names) maps {which} to the robot's joints", mapped
+    for step in (1, -1):  # reversed texts for suffixes
+        targets = {joint[::step]: joint for joint in joints}
+        turned = {name[::step]: name for name in names}
+        entries = {}
+        for old, new in {_heads(*pair) for pair in product(turned, targets)} - {None}:
+            rests = [text[len(old) :] for text in turned if text.startswith(old)]
+            fitting = [rest for rest in rests if new + rest in targets]
+            mapped = tuple((turned[old + rest], targets[new + rest]) for rest in fitting)
+            is_whole = len(mapped) in (len(joints), len(names))
+            if is_whole or 2 * len(mapped) >= max(4, len(joints)):
+                entries.setdefault(mapped, []).append((old + ANY, new + ANY))
+        most = max(map(len, entries), default=0)
+        if most:
+            largest = [mapped for mapped in entries if len(mapped) == most]
+            shortest = [min(entries[mapped]) for mapped in largest]
+            texts = [(old[::step], new[::step]) for old, new in shortest]
+            return list(zip(texts, map(dict, largest), strict=True))
+    return []
 
 
 def _heads(name, joint):
-    """Return what stands before the longest common words at the end of two names; None without any."""
+    """Return the texts before the longest common words at the end of two names, or None."""
     words = [re.findall(r"\d+|[^\W\d_]+|[\W_]", text) for text in (name, joint)]
     pairs = zip(*map(reversed, words), strict=False)
     common = [word for word, other in takewhile(lambda pair: pair[0] == pair[1], pairs)]
-    if not common:
-        return None
-    alone = min(map(len, words)) == len(common)
-    if not (
-        alone or len(common) == 1 or common[-1].isalnum()
-    ):  # the separator goes with what is before it
-        common.pop()
-    return tuple("".join(some[: len(some) - len(common)]) for some in words)
+    if len(common) > 1 and not common[-1].isalnum() and len(common) < min(map(len, words)):
+        common.pop()  # the separator goes with the words before it
+    length = len("".join(common))
+    return (name[:-length], joint[:-length]) if length else None
