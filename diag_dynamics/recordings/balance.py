@@ -27,12 +27,6 @@ AROUND, MAX_TOUCHED = (
 )  # time before and after an alarm [s]; largest fraction of windows near alarms
 
 FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
-POWERS = (
-    "kinetic",
-    "total",
-    "residual",
-)  # whose variances count: dK/dt, d(K + U)/dt, and the residual
-KINETIC, TOTAL, RESIDUAL = range(3)
 
 
 class Windows(NamedTuple):
@@ -88,70 +82,65 @@ class WindowSums:
 
 
 class Balance:
-    """Pool windows: count, means and squared deviations of POWERS and joints (Chan, Golub and LeVeque 1983)."""
+    """Balance of power over all windows; `moved` is whether the robot has moved."""
 
     def __init__(self, names):
         self._names, self.moved = tuple(names), True
-        self.count, self.mean, self.squares = 0, *np.zeros((2, len(POWERS) + len(names)))
-        self._spans, self._residuals = [], []
+        empty = np.zeros((2, 0), dtype=np.int64)
+        self._parts = [Windows(*empty, *np.zeros((4, 0)), np.zeros((0, len(names))))]
 
     def add_windows(self, windows):
         """Add :class:`Windows`."""
-        powers = windows.kinetic, windows.kinetic + windows.gravity, windows.residual
-        values = np.column_stack([*powers, windows.joints])
-        if not len(values):
-            return
-        self._spans.append(np.array([windows.begin, windows.end]))
-        self._residuals.append(windows.residual)
-        count, mean = len(values), values.mean(axis=0)
-        apart, total = mean - self.mean, self.count + count
-        self.squares = (
-            self.squares
-            + ((values - mean) ** 2).sum(axis=0)
-            + apart**2 * (self.count * count / total)
-        )
-        self.mean, self.count = self.mean + apart * (count / total), total
+        self._parts.append(windows)
+
+    @property
+    def windows(self):
+        """All :class:`Windows`."""
+        return Windows(*map(np.concatenate, zip(*self._parts, strict=True)))
+
+    @property
+    def count(self):
+        """Number of windows."""
+        return sum(len(part.begin) for part in self._parts)
 
     @property
     def explained(self):
         """1 − var(residual) / var(dK/dt); None with too few windows, or at rest."""
-        return self._explained_share(KINETIC)
+        return self._explained_share(self.windows.kinetic)
 
     @property
     def explained_total(self):
         """1 − var(residual) / var(d(K + U)/dt); None with too few windows, or at rest."""
-        return self._explained_share(TOTAL)
+        return self._explained_share(self.windows.kinetic + self.windows.gravity)
 
     def _explained_share(self, change):
         if self.count < MIN_WINDOWS or not self.moved:
             return None
-        variance = self.squares / self.count
-        return explained_share(variance[RESIDUAL], variance[change])
+        return explained_share(self.windows.residual.var(), change.var())
 
     def is_explained_beside(self, collisions):
         """Return whether efforts explain enough outside of collisions, which last for less than half of the time."""
         if not collisions or self.explained is None:
             return False
-        begin, end = np.hstack(self._spans)
-        touched, margin = np.zeros(len(begin), dtype=bool), round(AROUND * SECOND)
-        for one in collisions:
-            touched |= (end > one.start - margin) & (begin < one.end + margin)
-        left = np.square(np.concatenate(self._residuals)[~touched]).sum()
-        share = explained_share(left, self.squares[KINETIC])
+        windows, margin = self.windows, round(AROUND * SECOND)
+        touched = np.zeros(self.count, dtype=bool)
+        for alarm in collisions:
+            touched |= (windows.end > alarm.start - margin) & (windows.begin < alarm.end + margin)
+        left = np.square(windows.residual[~touched]).sum()
+        share = explained_share(left / self.count, windows.kinetic.var())
         return bool(touched.mean() < MAX_TOUCHED and share >= MIN_EXPLAINED)
-
-    def _mean_squares(self):
-        return self.squares / max(self.count, 1) + self.mean**2
 
     @property
     def residual_power(self):
         """Root mean square of the residual [W]; None with too few windows."""
-        return float(np.sqrt(self._mean_squares()[RESIDUAL])) if self.count >= MIN_WINDOWS else None
+        if self.count < MIN_WINDOWS:
+            return None
+        return float(np.sqrt(np.square(self.windows.residual).mean()))
 
     @property
     def joints(self):
         """Each joint's root mean square residual `residual_power` [W] and its `share` of all squares, by name."""
-        squares = self._mean_squares()[len(POWERS) :]
+        squares = np.square(self.windows.joints).sum(axis=0) / max(self.count, 1)
         rows = zip(
             self._names,
             np.sqrt(squares).tolist(),
@@ -199,7 +188,7 @@ class Balance:
                 f"kinetic and potential energy. To improve this, {remedy}"
             )
         culprits = ", ".join(
-            name for name, one in self.joints.items() if one["share"] >= FAULT_SHARE
+            name for name, numbers in self.joints.items() if numbers["share"] >= FAULT_SHARE
         )
         where = f"; the largest residual is at {culprits}" if culprits else ""
         how = (
