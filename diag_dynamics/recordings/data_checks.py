@@ -122,7 +122,7 @@ class EffortRange:
     @property
     def measures(self):
         """Whether the effort of any joint can have been measured."""
-        return len(self.values()) < len(self._names)
+        return bool((self._words() == "").any())
 
     def hide_constant(self, states):
         """Add States; return them without efforts of joints that have moved while their efforts were constant."""
@@ -136,13 +136,8 @@ class EffortRange:
 
         `missing` is that of missing ones.
         """
-        values = self.values()
-        words = {"0": "0", "missing": missing, UNSCALED: UNSCALED}
-        several = len(set(values.values()) - words.keys()) > 1
-        words = {
-            name: words.get(text, "constant" if several else text) for name, text in values.items()
-        }
-        return {word: [name for name in words if words[name] == word] for word in words.values()}
+        words, names = self._words(missing), np.array(self._names)
+        return {word: names[words == word].tolist() for word in dict.fromkeys(words) if word}
 
     def unmeasured(self, missing="missing"):
         """Return which efforts are unknown, in words; or an empty text."""
@@ -156,17 +151,14 @@ class EffortRange:
             for word, names in groups.items()
         )
 
-    def values(self):
-        """Return the values of unknown efforts as texts, by joint."""
-        low, largest = self._low[0], np.maximum(np.abs(self._low[0]), np.abs(self._high[0]))
-        texts = np.where(self._constant(), [f"{value:.6g}" for value in low], "")
-        missing = np.where(self.unscaled, UNSCALED, "missing")
-        texts = np.where(np.isfinite(low), np.where(largest < ZERO, "0", texts), missing).tolist()
-        return {
-            name: text
-            for name, text in zip(self._names, texts, strict=True)
-            if text and self.states > 1
-        }
+    def _words(self, missing="missing"):
+        """Return the word for the unknown effort of each joint, empty for a measured one."""
+        low, high = self._low[0], self._high[0]
+        is_missing = ~np.isfinite(low)
+        is_zero = np.maximum(np.abs(low), np.abs(high)) < ZERO
+        conditions = [is_missing & self.unscaled, is_missing, is_zero, self._constant()]
+        words = np.select(conditions, [UNSCALED, missing, "0", "constant"], "")
+        return words if self.states > 1 else np.full(len(words), "")
 
     def _constant(self):
         """Return which joints have moved while their efforts were constant or missing, bool (n,)."""

@@ -192,7 +192,7 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
     [
         (np.nan, "efforts of wrist_1_joint are missing throughout, so no state has all efforts"),
         (0.0, "efforts of wrist_1_joint are 0 throughout"),
-        (2.5, "efforts of wrist_1_joint are 2.5 throughout"),
+        (2.5, "efforts of wrist_1_joint are constant throughout"),
     ],
 )
 def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said):

@@ -299,7 +299,7 @@ UNMEASURED = {
     ),
     "one constant": (
         lambda tau: tau * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5],
-        "efforts of elbow are 1.5 throughout",
+        "efforts of elbow are constant throughout",
     ),
 }
 
