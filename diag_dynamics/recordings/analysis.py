@@ -23,9 +23,6 @@ from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 from diag_dynamics.results import BatchEvaluation, expand
 
-BINS_PER_DECADE, LOWEST_BIN, BINS = 10, -3300, 6500
-"""Histogram of the kinetic energy: bin k begins at 10^(k/10) J; numbers of the first bin, and of bins."""
-
 MAX_INTERVAL = 0.5  # longest interval between states that is counted [s]
 MOMENTS, SEPARATION = 5, SECOND  # number of the worst moments, and time between them [ns]
 
@@ -149,7 +146,6 @@ class Analysis:
         self.exposure = ContactExposure(self._points) if self._points else None
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
         self.efforts, self.motion = EffortRange(model), MotionSample(model)
-        self.histogram = np.zeros(BINS, dtype=int)
         self.unobserved = np.zeros(
             model.nv, dtype=bool
         )  # joints without an external torque at some observed state
@@ -240,8 +236,6 @@ class Analysis:
         self.states += len(states)
         self.observed += int(observed.valid.sum())
         self.kinetic += float(energy.sum())
-        bins = np.floor(BINS_PER_DECADE * np.log10(energy[energy > 0.0])).astype(int) - LOWEST_BIN
-        self.histogram += np.bincount(bins, minlength=BINS)
         for quantity, values, entries in (
             ("kinetic_energy", energy, ("",)),
             ("energy_share", s.energy_share, names),

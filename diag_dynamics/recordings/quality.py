@@ -41,9 +41,7 @@ MAX_ERROR_LEFT = (
 )
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
-SAMPLE, MAX_LEVELS, MOVING = 5000, 0.2, 0.05
-"""First states that units and steps are judged by, fraction of distinct values of a signal with
-steps, and speed at which a position has to change [rad/s, m/s]."""
+SAMPLE = 5000  # first states that units are judged by
 
 WRONG_RATIO = 1.5  # factor from which an unknown ratio is wrong
 UNKNOWN = "times, positions or velocities seem to have a wrong unit"
@@ -62,7 +60,6 @@ class Quality:
         )
         self._windows, self._last = WindowIntegrals(WINDOW), None
         self._relation = VelocityRelation(count)
-        self._still = np.zeros(count, dtype=int)
         self._largest = {
             name: np.zeros((2, count)) for name in ("velocity", "effort")
         }  # and how often
@@ -71,7 +68,7 @@ class Quality:
         )  # number, sums of distances from MIDDLES, and of their squares
         self._sample = []
         self._longest = 0.0, None
-        counts = "repeated_states", "repeated_stamps", "without_effort", "estimated_velocity"
+        counts = "repeated_states", "repeated_stamps", "without_effort"
         self._counts, self._count = dict.fromkeys(counts, 0), 0
         self._elapsed, self.begin, self.end = 0, None, None
 
@@ -83,7 +80,6 @@ class Quality:
     def add_states(self, states):
         """Add states."""
         self._counts["without_effort"] += int(np.count_nonzero(~states.effort_known))
-        self._counts["estimated_velocity"] += int(np.count_nonzero(states.velocity_estimated))
         self.begin, self.end = (
             states.stamp[0] if self.begin is None else self.begin,
             states.stamp[-1],
@@ -130,14 +126,12 @@ class Quality:
         )
         elapsed = np.diff(stamps) / SECOND
         steps = np.zeros((len(stamps), 2, len(self._joints)))  # Δq and ∫q̇dt
-        moved = position_changes(states.position[:, self._q], self._continuous, out=steps[1:, 0])
-        np.multiply(0.5 * elapsed[:, None], velocity[:-1] + velocity[1:], out=steps[1:, 1])
-        same, again = moved == 0.0, elapsed == 0.0
-        self._still += column_counts(same & (np.abs(velocity[1:]) >= MOVING))
-        k = np.flatnonzero(same[:, 0])  # NumPy is slow along short rows
-        k = k[same[k].all(axis=1)]
-        same = (velocity[k + 1] == velocity[k]) & (effort[k + 1] == effort[k])
-        self._counts["repeated_states"] += int(np.count_nonzero(same.all(axis=1)))
+        steps[1:, 0] = position_changes(states.position[:, self._q], self._continuous)
+        steps[1:, 1] = 0.5 * elapsed[:, None] * (velocity[:-1] + velocity[1:])
+        repeats = (steps[1:, 0] == 0.0) & (np.diff(velocity, axis=0) == 0.0)
+        repeats &= effort[1:] == effort[:-1]
+        self._counts["repeated_states"] += int(np.count_nonzero(repeats.all(axis=1)))
+        again = elapsed == 0.0
         self._counts["repeated_stamps"] += int(np.count_nonzero(again))
         follows = again | ((elapsed > 0.0) & (elapsed <= MAX_GAP) & ~states.jumped[1:])
         follows = np.append(False, follows)
@@ -165,15 +159,9 @@ class Quality:
     def report(self):
         """Return numbers of all states, a dict with those of joints in `joints`; times [s], stamps [ns]; and warnings."""
         sample = States.concatenate(self._sample)
-        signals = {"position": sample.position[:, self._q]}
-        signals |= {name: getattr(sample, name)[:, self._v] for name in ("velocity", "effort")}
-        steps = [_smallest_steps(signals, j) for j in range(len(self._joints))]
-        joints = {
-            name: self._report_joint(j) | {"steps": steps[j]} for j, name in enumerate(self._joints)
-        }
-        ratios = position_ratios(
-            sample.stamp, signals["position"], signals["velocity"], self._continuous
-        )
+        joints = {name: self._report_joint(j) for j, name in enumerate(self._joints)}
+        columns = sample.position[:, self._q], sample.velocity[:, self._v]
+        ratios = position_ratios(sample.stamp, *columns, self._continuous)
         wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
         warnings += self._warn_of_balls(sample)
         period, jitter, gaps = self._regularity()
@@ -208,7 +196,6 @@ class Quality:
             "velocity_error": _known(relation.error[j]),
             "velocity_delay": _known(relation.delay[j]),
             "velocity_error_without_delay": _known(relation.error_without_delay[j]),
-            "still": int(self._still[j]),
             **{f"largest_{name}": float(values[0, j]) for name, values in largest},
             "clipped": [
                 name for name, (value, number) in largest if value[j] > 0.0 and number[j] >= often
@@ -252,17 +239,6 @@ class Quality:
 def _known(number):
     """Return a number, None for NaN."""
     return None if np.isnan(number) else float(number)
-
-
-def _smallest_steps(signals, j):
-    """Return the smallest step of each signal of a joint that has steps, by quantity."""
-    steps = {}
-    for name, columns in signals.items():
-        values = columns[np.isfinite(columns[:, j]), j]
-        levels = np.unique(values)
-        if 2 < len(levels) <= MAX_LEVELS * len(values):
-            steps[name] = float(np.diff(levels).min())
-    return steps
 
 
 def _judge_ratios(ratios):

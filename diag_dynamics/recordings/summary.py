@@ -7,7 +7,6 @@ import textwrap
 
 import numpy as np
 
-from diag_dynamics.recordings.analysis import BINS_PER_DECADE, LOWEST_BIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
 from diag_dynamics.recordings.findings import (
     NOTE,
@@ -89,16 +88,11 @@ def summarize(analysis):
 
 
 def _kinetic_energy(analysis, time):
-    """Return mean and maximum, and the bins with states; the first bin of those without energy is from 0 to 0."""
+    """Return mean, maximum with its time, and the largest share of each joint [J]."""
     shares, _, names = analysis.peaks.entries["energy_share"]
     largest, at, _ = analysis.peaks.largest()["kinetic_energy"]
-    none = analysis.states - int(analysis.histogram.sum())
-    bins = [{"from": 0.0, "to": 0.0, "states": none}] if none else []
-    for k in np.flatnonzero(analysis.histogram).tolist():
-        low, high = (10.0 ** ((k + LOWEST_BIN + one) / BINS_PER_DECADE) for one in (0, 1))
-        bins.append({"from": low, "to": high, "states": int(analysis.histogram[k])})
     mean, share = analysis.kinetic / analysis.states, dict(zip(names, shares.tolist(), strict=True))
-    return {"mean": mean, "max": largest, "at": time(at), "share": share, "histogram": bins}
+    return {"mean": mean, "max": largest, "at": time(at), "share": share}
 
 
 def _unmeasured(analysis, without_effort):

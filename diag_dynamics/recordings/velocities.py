@@ -96,9 +96,9 @@ def turning_dofs(model):
     return np.isin(model.dof_names, list(set(model.continuous_joints) - coupled))
 
 
-def position_changes(position, continuous, out=None):
+def position_changes(position, continuous):
     """Return changes of positions from row to row, (T − 1, n); within ±π of continuous joints."""
-    changes = np.subtract(position[1:], position[:-1], out=out)
+    changes = np.diff(position, axis=0)
     changes[:, continuous] = wrap_angle(changes[:, continuous])
     return changes
 

