@@ -262,17 +262,11 @@ class StateAssembler:
     # --- Messages ---
 
     def accept(self, message, now):
-        """Judge a JointState, or its bytes, received at `now` [ns]; return Accepted or Rejected.
+        """Judge the bytes of a JointState received at `now` [ns]; return Accepted or Rejected.
 
         A rejected message leaves no trace but what a later restart of time, setting of a clock or
         jump depends on.
         """
-        if not isinstance(message, bytes):
-            stamp, fields = (
-                message.header.stamp,
-                (message.position, message.velocity, message.effort),
-            )
-            return self.accept_values(tuple(message.name), stamp.sec, stamp.nanosec, fields, now)
         try:
             places = self._decoder.find_places(message)
         except ValueError as error:
@@ -330,15 +324,15 @@ class StateAssembler:
             return Rejected(codes.CAUSES[code], text)
         if code:
             return Accepted(None)
-        position, velocity, effort = self._states
-        effort, partial = effort.copy(), None
+        states = self._states
+        if self._base:
+            states = _add_base(self._base.position, self._base.velocity, states)
+        position, velocity, effort = map(np.copy, states)
+        partial = None
         if not with_effort:
             effort, partial = None, effort if np.isfinite(effort).any() else None
         flags = received > 0, estimated > 0
-        state = RobotState(
-            position.copy(), velocity.copy(), effort, newest, oldest, *flags, partial
-        )
-        return Accepted(self._with_base(state) if self._base else state)
+        return Accepted(RobotState(position, velocity, effort, newest, oldest, *flags, partial))
 
     def accept_odometry(self, message, now):
         """Judge a nav_msgs.msg.Odometry; it completes a state of a robot without joints."""
@@ -348,17 +342,16 @@ class StateAssembler:
             return Rejected(error.cause, str(error))
         if self.joint_names:
             return Accepted(None)
-        base, nothing = self._base, np.zeros(0)
-        state = RobotState(nothing, nothing, None, base.stamp, base.stamp, base.unstamped)
-        return Accepted(self._with_base(state))
+        base = self._base
+        position, velocity, _ = _add_base(base.position, base.velocity, np.zeros((3, 0)))
+        stamps = base.stamp, base.stamp
+        return Accepted(RobotState(position, velocity, None, *stamps, base.unstamped))
 
     def _judge_one(self, batch, layout, now, sec=0, nanosec=0):
         """Judge the message of a batch of one; return the SUMMARY of its outcome."""
         MESSAGE.pack_into(self._message, 0, sec, nanosec, now, layout)
         self._judge_batch(batch)
         return self._summary.tolist()
-
-    # --- Base ---
 
     def _judge_batch(self, batch):
         """Judge messages with the base of the newest odometry; reset the base where time restarted without it."""
@@ -370,16 +363,6 @@ class StateAssembler:
         if base and base.stamp is not None and self._shared["base_stamp"] < 0:
             base.forget()
 
-    def _with_base(self, state):
-        """Return a state of joints with that of the base."""
-        position = np.concatenate([self._base.position, state.position])
-        velocity = np.concatenate([self._base.velocity, state.velocity])
-        efforts = state.effort, state.partial
-        effort, partial = (
-            None if one is None else np.concatenate([np.zeros(6), one]) for one in efforts
-        )
-        return state._replace(position=position, velocity=velocity, effort=effort, partial=partial)
-
     # --- Many messages ---
 
     def assemble(self, parts, now):
@@ -389,8 +372,8 @@ class StateAssembler:
             for part in parts
         ]
         widths = [sum(layout.lengths) for layout in layouts]
-        entries = [layout.entries for layout in layouts]
-        batch = memory.Batch.create(len(now), entries, self._memory, max(widths, default=0))
+        rows = [layout.row for layout in layouts]
+        batch = memory.Batch.create(len(now), rows, self._memory, max(widths, default=0))
         messages = batch.messages
         messages["now"], messages["layout"] = now, memory.UNREADABLE
         for k, (part, width) in enumerate(zip(parts, widths, strict=True)):
@@ -402,7 +385,7 @@ class StateAssembler:
         base = self._base and (self._base.position, self._base.velocity)
         self._judge_batch(batch)
         self._count(batch.outcome, messages["layout"], [part.names for part in parts])
-        states = batch.states if base is None else _with_bases(base, batch)
+        states = batch.states if base is None else _add_base(*base, batch.states)
         return Assembled(
             batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts)
         )
@@ -423,48 +406,19 @@ class StateAssembler:
         short = (name for name in names if len(name) <= MAX_NAME_LENGTH)
         self.arrived |= dict.fromkeys(islice(short, MAX_NAMES - len(self.arrived)))
         joints = [self._map_name(name) for name in names]
-        count, code, text = len(self._own), 0, ""
         index = {name: k for k, name in enumerate(self.names)}
-        there, here = (
-            np.array([(k, index[one]) for k, one in enumerate(joints) if one in index], int)
-            .reshape(-1, 2)
-            .T
-        )
-        own, beside = (
-            (there[here < count], here[here < count]),
-            (there[here >= count], here[here >= count] - count),
-        )
-        wrong = [k for k, length in enumerate(lengths) if names and length not in (0, len(names))]
-        if len(set(joints)) < len(joints):
-            twice = next(name for name, number in Counter(joints).items() if number > 1)
-            code, text = codes.DUPLICATE_NAME, f"joint '{twice}' is listed twice in one message"
-            own = beside = (there[:0], here[:0])
-        elif wrong:
-            length = lengths[wrong[0]]
-            at = min(length, len(names) - 1)  # the first joint without a value, or without a name
-            text = f"{FIELDS[wrong[0]]} has {length} entries for {len(names)} names (first at '{names[at]}')"
-            code = codes.WRONG_LENGTH
-        entries = code, own[1], beside[1], self._pairs(own, beside, lengths, begins, bool(code))
-        layouts = memory.Batch.create(0, [entries], self._memory).layouts
-        batch = self._one._replace(layouts=layouts, numbers=numbers)
         listed = tuple(dict.fromkeys(joint for joint in joints if joint in index))
-        return _Layout(names, listed, text, lengths, entries, batch)
-
-    def _pairs(self, own, beside, lengths, begins, wrong):
-        """Return the place of each number in a message, and in the arrays."""
-        count, more = len(self._own), len(self._memory.followers)
-        arrays = (
-            (0, own, 0),
-            (1, own, count),
-            (2, own, 2 * count),
-            *((field, beside, 3 * count + field * more) for field in range(3)),
-        )
-        pairs = [
-            np.stack([begins[field] + there, first + here], axis=1)
-            for field, (there, here), first in arrays
-            if lengths[field] and not wrong
+        code, text = _check_layout(names, joints, lengths)
+        places = {index[joint]: joints.index(joint) for joint in listed}
+        if code == codes.DUPLICATE_NAME:
+            places = {}
+        begins = [
+            begin if length and not code else memory.UNUSED
+            for begin, length in zip(begins, lengths, strict=True)
         ]
-        return np.concatenate([np.zeros((0, 2), int), *pairs])
+        row = memory.layout_row(self._memory, code, places, begins)
+        batch = self._one._replace(layouts=row[None], numbers=numbers)
+        return _Layout(names, listed, text, lengths, row, batch)
 
     def _count(self, outcome, layout, names):
         """Count outcomes and events of messages."""
@@ -519,7 +473,7 @@ class _Layout(NamedTuple):
     joints: tuple  # of the robot, in the order of the names
     text: str  # error of such messages, if the layout itself has one
     lengths: tuple
-    entries: tuple  # of memory.Batch.create
+    row: np.ndarray  # of memory.Batch.layouts
     batch: memory.Batch  # of one such message
     buffer: memoryview = memoryview(
         b""
@@ -547,16 +501,30 @@ def _write(array, **fields):
         array[name] = values
 
 
-def _with_bases(base, batch):
-    """Return the states of a batch with that of the base, NaN where it is unknown."""
-    position, velocity = (
-        np.full(width, np.nan) if one is None else one
-        for width, one in zip((7, 6), base, strict=True)
-    )
-    count = len(batch.messages)
-    effort = np.where(np.isfinite(batch.states[2]).any(axis=1)[:, None], np.zeros(6), np.nan)
+def _check_layout(names, joints, lengths):
+    """Return the code and the text of an error of names and lengths; 0 and an empty text for none."""
+    for name, count in Counter(joints).items():
+        if count > 1:
+            return codes.DUPLICATE_NAME, f"joint '{name}' is listed twice in one message"
+    for field, length in zip(FIELDS, lengths, strict=True):
+        if names and length not in (0, len(names)):
+            first = names[min(length, len(names) - 1)]  # without a value, or the last with a name
+            text = f"{field} has {length} entries for {len(names)} names (first at '{first}')"
+            return codes.WRONG_LENGTH, text
+    return 0, ""
+
+
+def _add_base(position, velocity, states):
+    """Return positions, velocities and efforts of joints behind those of a base.
+
+    These are NaN where they are unknown, None, and without the effort of a joint.
+    """
+    rows = states[0].shape[:-1]
+    effort = np.where(np.isfinite(states[2]).any(axis=-1, keepdims=True), np.zeros(6), np.nan)
+    position = np.full(7, np.nan) if position is None else position
+    velocity = np.full(6, np.nan) if velocity is None else velocity
     return (
-        np.hstack([np.broadcast_to(position, (count, 7)), batch.states[0]]),
-        np.hstack([np.broadcast_to(velocity, (count, 6)), batch.states[1]]),
-        np.hstack([effort, batch.states[2]]),
+        np.concatenate([np.broadcast_to(position, (*rows, 7)), states[0]], axis=-1),
+        np.concatenate([np.broadcast_to(velocity, (*rows, 6)), states[1]], axis=-1),
+        np.concatenate([effort, states[2]], axis=-1),
     )

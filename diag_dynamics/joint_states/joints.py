@@ -23,6 +23,7 @@ from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.joint_types import places, single_joints
 
 _NONE = MappingProxyType({})
+_NO_LIMIT = np.array([-np.inf, np.inf])  # lower and upper
 JOINT_TIMEOUT = 0.5
 """Default age limit of a joint [s]."""
 
@@ -39,10 +40,10 @@ class Joints(NamedTuple):
     names: tuple
     mimics: Mapping = _NONE  # Mimic by name of the follower
     continuous: frozenset = frozenset()  # names of joints whose position is an angle that wraps
-    lower: np.ndarray | None = None  # position limits [rad, m]
-    upper: np.ndarray | None = None
-    velocity: np.ndarray | None = None  # velocity limits [rad/s, m/s]
-    effort: np.ndarray | None = None  # effort limits [N m, N]
+    lower: np.ndarray = _NO_LIMIT[0]  # position limits [rad, m]
+    upper: np.ndarray = _NO_LIMIT[1]
+    velocity: np.ndarray = _NO_LIMIT[1]  # velocity limits [rad/s, m/s]
+    effort: np.ndarray = _NO_LIMIT[1]  # effort limits [N m, N]
     effort_scale: Mapping = (
         _NONE  # effort by reported unit [N m, N], where the options have none; NaN if unknown
     )
@@ -108,32 +109,21 @@ def joint_limits(joints, options):
 
     Continuous joints have no position limits. A URDF limit of 0 for velocity or effort is unknown.
     """
-    count = len(joints.names)
     turns = np.array([name in joints.continuous for name in joints.names], dtype=bool)
     bound = np.where(turns, np.inf, MAX_POSITION)
     slack = options.beyond_limits or np.inf
-    lower = (
-        np.full(count, -np.inf) if joints.lower is None else np.asarray(joints.lower, dtype=float)
+    velocity, effort = (
+        np.where(limit > 0.0, limit, np.inf) for limit in (joints.velocity, joints.effort)
     )
-    upper = (
-        np.full(count, np.inf) if joints.upper is None else np.asarray(joints.upper, dtype=float)
-    )
-    velocity, effort = (_known(limit, count) for limit in (joints.velocity, joints.effort))
     return {
-        "lower": np.maximum(lower - slack, -bound),
-        "upper": np.minimum(upper + slack, bound),
+        "lower": np.maximum(joints.lower - slack, -bound),
+        "upper": np.minimum(joints.upper + slack, bound),
         "turns": turns,
         "fastest": np.minimum((options.beyond_velocity or np.inf) * velocity, MAX_VELOCITY),
         "strongest": np.minimum(BEYOND_EFFORT * effort, MAX_EFFORT),
         "reach": np.where(np.isfinite(velocity), velocity, 0.0),
         "lasting": np.where(np.isfinite(velocity), MAX_STEP_TIME, MAX_STEP_TIME_WITHOUT_LIMIT),
     }
-
-
-def _known(limit, count):
-    """Return limits, infinite where there is none."""
-    limit = np.full(count, np.inf) if limit is None else np.asarray(limit, dtype=float)
-    return np.where(limit > 0.0, limit, np.inf)
 
 
 def age_limits(names, options):

@@ -78,10 +78,14 @@ FOLLOWER = _record(
 )
 """An element for each follower."""
 
-ERROR, JOINT_COUNT, FOLLOWER_COUNT, NUMBER_COUNT, HEAD = range(5)
-"""First columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, and counts. Then come the indices
-of joints, those of followers, and pairs for each number that is used: its place in `Batch.numbers`,
-and in the values of the scratch."""
+ERROR, JOINT_COUNT, COUNT, BEGIN = range(4)
+HEAD = BEGIN + 3
+"""Columns of a layout: 0, DUPLICATE_NAME or WRONG_LENGTH, the number of joints, and that of joints
+and followers. Then come the places in `Batch.numbers` where positions, velocities and efforts
+begin, the indices of joints and followers, and the place of each in these fields."""
+
+UNUSED = -1
+"""Begin of a field that is not used."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
 """An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
@@ -102,8 +106,8 @@ OUTCOME = _record(
 SUMMARY = OUTCOME.names[: OUTCOME.names.index("joint")]  # fields that every message is asked for
 
 FAR, VALUES, ROWS = range(3)
-"""Rows of the scratch: whether the step of a joint is too far; the positions, velocities and
-efforts of joints, then of followers, NaN for what the message lacks."""
+"""Rows of the scratch: whether the step of a joint is too far; the positions of joints and
+followers, their velocities and efforts, NaN for what the message lacks."""
 
 BASE = 7
 """Coordinates of a floating base, which stand before those of the joints where loops are closed."""
@@ -142,18 +146,25 @@ class Batch(NamedTuple):
     @classmethod
     def create(cls, count, layouts, memory, width=0):
         """Return a batch of a number of messages with `width` numbers each."""
-        n, f = len(memory.joints), len(memory.followers)
-        rows = np.zeros((max(len(layouts), 1), HEAD + 7 * (n + f)), np.int64)
-        for row, (error, joints, followers, pairs) in zip(rows, layouts, strict=False):
-            row[:HEAD] = error, len(joints), len(followers), len(pairs)
-            for begin, entries in (
-                (HEAD, joints),
-                (HEAD + n, followers),
-                (HEAD + n + f, pairs.ravel()),
-            ):
-                row[begin : begin + len(entries)] = entries
         messages, outcome = np.zeros(count, MESSAGE), np.zeros(count, OUTCOME)
-        return cls(rows, messages, np.zeros((count, width)), outcome, np.empty((3, count, n)))
+        rows = np.array(layouts, np.int64).reshape(len(layouts), row_length(memory))
+        states = np.empty((3, count, len(memory.joints)))
+        return cls(rows, messages, np.zeros((count, width)), outcome, states)
+
+
+def row_length(memory):
+    """Return the length of a layout."""
+    return HEAD + 2 * (len(memory.joints) + len(memory.followers))
+
+
+def layout_row(memory, error, places, begins):
+    """Return a row of Batch.layouts; `places` has the place in a message by joint or follower."""
+    count, row = len(memory.joints), np.zeros(row_length(memory), np.int64)
+    joints = [index for index in places if index < count]
+    indices = joints + [index for index in places if index >= count]
+    row[:HEAD] = error, len(joints), len(indices), *begins
+    row[HEAD:].reshape(2, -1)[:, : len(indices)] = indices, [places[index] for index in indices]
+    return row
 
 
 def _array(dtype, ndim):

@@ -15,14 +15,14 @@ from numba import types
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.memory import (
     BATCH_TYPES,
+    BEGIN,
+    COUNT,
     ERROR,
     FAR,
-    FOLLOWER_COUNT,
     FORGET,
     HEAD,
     JOINT_COUNT,
     MEMORY_TYPES,
-    NUMBER_COUNT,
     VALUES,
     Batch,
     Memory,
@@ -94,12 +94,11 @@ def _clear(one):
 def _judge(memory, batch, k, layout):
     """Judge one message and return the code of what comes of it."""
     message, one = batch.messages[k], batch.outcome[k]
-    n, f = len(memory.joints), len(memory.followers)
+    names, row = len(memory.joints) + len(memory.followers), memory.scratch[VALUES]
     here = layout[HEAD : HEAD + layout[JOINT_COUNT]]
-    beside = layout[HEAD + n : HEAD + n + layout[FOLLOWER_COUNT]]
-    row = memory.scratch[VALUES]
-    _spread(batch.numbers[k], layout[HEAD + n + f :], layout[NUMBER_COUNT], row)
-    position, velocity, effort = row[:n], row[n : 2 * n], row[2 * n : 3 * n]
+    beside = layout[HEAD + layout[JOINT_COUNT] : HEAD + layout[COUNT]]
+    _spread(batch.numbers[k], layout, names, row)
+    position, velocity, effort = row[:names], row[names : 2 * names], row[2 * names : 3 * names]
     if layout[ERROR] == codes.DUPLICATE_NAME:
         return codes.DUPLICATE_NAME
     if len(here) == 0 and len(beside) == 0:
@@ -141,7 +140,7 @@ def _judge(memory, batch, k, layout):
     _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
     accept_step(memory, here, one)
     implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    implausible |= _store_followers(memory, beside, row[3 * n : 3 * (n + f)], stamp, one)
+    implausible |= _store_followers(memory, beside, position, velocity, effort, stamp, one)
     if implausible:
         one.events |= codes.IMPLAUSIBLE_EFFORT
     if len(here) == 0:
@@ -150,12 +149,15 @@ def _judge(memory, batch, k, layout):
 
 
 @kernel
-def _spread(numbers, pairs, count, row):
+def _spread(numbers, layout, names, row):
     """Put the numbers of a message to their places; what it lacks is NaN."""
     for i in range(len(row)):
         row[i] = np.nan
-    for i in range(count):
-        row[pairs[2 * i + 1]] = numbers[pairs[2 * i]]
+    for field in range(3):
+        begin = layout[BEGIN + field]
+        if begin >= 0:
+            for i in range(HEAD, HEAD + layout[COUNT]):
+                row[field * names + layout[i]] = numbers[begin + layout[names + i]]
 
 
 @kernel
@@ -213,7 +215,7 @@ def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
         if last >= 0:
             source = _first(here)
     else:
-        one.joint = len(memory.joints) + beside[0]
+        one.joint = beside[0]
     if memory.shared[0].max_age and now and not unstamped:
         code = _judge_clock(memory, stamp, now, one)
         if code:
@@ -366,50 +368,37 @@ def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
 
 
 @kernel
-def _store_followers(memory, beside, row, stamp, one):
+def _store_followers(memory, beside, position, velocity, effort, stamp, one):
     """Store values of followers and compare their positions; return whether an effort is implausible."""
-    implausible, shared, count = False, memory.shared[0], len(memory.followers)
-    position, velocity, effort = row[:count], row[count : 2 * count], row[2 * count :]
-    for f in beside:
-        follower = memory.followers[f]
-        torque = effort[f] * follower.factor
+    implausible = False
+    for j in beside:
+        follower = memory.followers[j - len(memory.joints)]
+        torque = effort[j] * follower.factor
         if abs(torque) > MAX_EFFORT:
             torque, implausible = np.nan, True
-        follower.position, follower.velocity = position[f], velocity[f]
+        follower.position, follower.velocity = position[j], velocity[j]
         follower.effort, follower.stamp = torque, stamp
-    if shared.tolerance == 0.0:
-        return implausible
-    disagrees = False
-    for f in beside:
-        disagrees |= _distance(memory, f, position[f], stamp) > shared.tolerance
-    if disagrees:
-        one.events |= codes.DISAGREES
-        for f in range(len(memory.followers)):
-            memory.followers[f].own = np.nan
-        for f in beside:
-            if _distance(memory, f, position[f], stamp) > shared.tolerance:
-                memory.followers[f].own = position[f]
-                memory.followers[f].expected = _expected(memory, memory.followers[f])
+        source = memory.joints[follower.source]
+        is_stale = not source.known or abs(source.stamp - stamp) > source.span
+        if follower.body or is_stale or not np.isfinite(position[j]):  # bodies: see _close_loops
+            continue
+        expected = follower.multiplier * source.position + follower.offset
+        _compare_follower(memory, follower, expected, one)
     return implausible
 
 
 @kernel
-def _expected(memory, follower):
-    """Return the position that a follower's source gives it."""
-    return follower.multiplier * memory.joints[follower.source].position + follower.offset
-
-
-@kernel
-def _distance(memory, f, position, stamp):
-    """Return the distance of a follower from its expected position, 0 where its source is stale."""
-    follower = memory.followers[f]
-    source = memory.joints[follower.source]
-    if follower.body:  # see _close_loops
-        return 0.0
-    if not source.known or abs(source.stamp - stamp) > source.span or not np.isfinite(position):
-        return 0.0
-    distance = abs(position - _expected(memory, follower))
-    return abs(_wrap_angle(distance)) if follower.turns else distance
+def _compare_follower(memory, follower, expected, one):
+    """Store the positions of a follower that disagree; forget those of an earlier message."""
+    distance, tolerance = abs(follower.position - expected), memory.shared[0].tolerance
+    distance = abs(_wrap_angle(distance)) if follower.turns else distance
+    if tolerance == 0.0 or not distance > tolerance:
+        return
+    if not one.events & codes.DISAGREES:
+        one.events |= codes.DISAGREES
+        for f in range(len(memory.followers)):
+            memory.followers[f].own = np.nan
+    follower.own, follower.expected = follower.position, expected
 
 
 @kernel
@@ -477,14 +466,8 @@ def _close_loops(memory, position, effort, one):
             continue
         for j in range(n):
             effort[j] += row[1 + shared.nv - n + j] * _fresh_effort(follower, one.newest)
-        distance = abs(follower.position - row[0])
-        distance = abs(_wrap_angle(distance)) if follower.turns else distance
-        if shared.tolerance and follower.stamp == one.newest and distance > shared.tolerance:
-            if not one.events & codes.DISAGREES:
-                one.events |= codes.DISAGREES
-                for other in range(len(memory.followers)):
-                    memory.followers[other].own = np.nan
-            follower.own, follower.expected = follower.position, row[0]
+        if follower.stamp == one.newest:
+            _compare_follower(memory, follower, row[0], one)
     return codes.STATE
 
 

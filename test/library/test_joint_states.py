@@ -68,7 +68,7 @@ def streams(draw):
 @examples(100)
 @given(streams())
 def test_readers_agree(stream):
-    """Messages, their bytes, and columns in one or several pieces have equal outcomes."""
+    """Bytes of messages, and columns in one or several pieces have equal outcomes."""
     expected, *results = (read(*stream) for read in READERS.values())
     for result in results:
         assert result == expected
@@ -310,7 +310,7 @@ def test_long_messages_fill_no_memory():
     """Places of messages, their layouts and names are kept up to a length, whatever names are sent;
     all are judged.
     """
-    reader = Reader(model("arm"), {}, as_bytes=True)
+    reader = Reader(model("arm"), {})
 
     def read(name, length):
         names = (*NAMES, name * (length // len(name)))

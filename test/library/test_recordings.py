@@ -44,7 +44,7 @@ def driven(model, count, seed=3, stuck=0):
 
 def one_after_the_other(case, messages):
     """Do with each message what the monitor does; return states and counts."""
-    reader = Reader(case.model, DEFAULTS | case.parameters, as_bytes=True)
+    reader = Reader(case.model, DEFAULTS | case.parameters)
     for _, now, raw, kind in messages:
         reader.read(Given(raw, now, kind == ODOMETRY))
     result = reader.result()

@@ -74,8 +74,8 @@ def settings(parameters):
 class Reader:
     """Reads messages as the monitor does, one at a time, and counts as it does."""
 
-    def __init__(self, robot, parameters, as_bytes=False):
-        chosen, self._as_bytes = settings(parameters), as_bytes
+    def __init__(self, robot, parameters):
+        chosen = settings(parameters)
         self.counts, self.states, self.rejections = Counter(), [], []
         self.base = (
             OdometryBase(robot, chosen.values["odom_twist_frame"] == "header")
@@ -121,13 +121,7 @@ class Reader:
                     "malformed",
                     f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})",
                 )
-        if self._as_bytes:
-            return self.assembler.accept(message.raw, message.now)
-        try:
-            parsed = read_message(message.raw, JOINT_STATE)
-        except ValueError:  # rclpy hands out no such message
-            return self.assembler.accept(message.raw, message.now)
-        return self.assembler.accept(parsed, message.now)
+        return self.assembler.accept(message.raw, message.now)
 
 
 def as_state(position, velocity, effort, newest, oldest, received, estimated, partial=None):
@@ -153,9 +147,9 @@ def positive(counts):
     return {name: count for name, count in sorted(counts.items()) if count}
 
 
-def read_messages(robot, parameters, messages, as_bytes=False):
+def read_messages(robot, parameters, messages):
     """Return the result of one message after the other."""
-    reader = Reader(robot, parameters, as_bytes)
+    reader = Reader(robot, parameters)
     for message in messages:
         reader.read(message)
     return reader.result()
@@ -202,8 +196,7 @@ def recorded(messages):
 
 
 READERS = {
-    "messages": read_messages,
-    "bytes": partial(read_messages, as_bytes=True),
+    "bytes": read_messages,
     "columns": read_columns,
     "columns in pieces": partial(read_columns, pieces=3),
 }
