@@ -42,7 +42,6 @@ from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.text import listed, shortened
-from diag_dynamics.wire.cdr import Template
 
 ROBOT_NODES = [name for node, name in NODES.items() if node != "view"]
 """Nodes of a robot whose diagnostics are shown."""
@@ -52,8 +51,6 @@ SEARCH_PERIOD, SEARCH_TIMEOUT = 1.0, 3.0
 
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 """Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
-
-MAX_ROBOTS = 32
 
 OBSERVED = [
     name
@@ -71,9 +68,9 @@ MAX_DIFFERENCE = 0.1
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
 
-REMOVAL_TIMEOUT, LOADING_TIMEOUT, RETRY_PERIOD = 10.0, 10.0, 5.0
-"""Time without a publisher after which a robot is removed, time without a model after which it
-gives way to another one, and time until an unanswered request is repeated [s]."""
+REMOVAL_TIMEOUT, RETRY_PERIOD = 10.0, 5.0
+"""Time without a publisher after which a robot is removed, and time until an unanswered request is
+repeated [s]."""
 
 VECTORS = (
     "position",
@@ -98,27 +95,15 @@ CONTACT_VECTORS = {
 DIAGNOSTICS_TIMEOUT = 5.0
 """Time [s] after which a status that is not repeated is removed; diagnostic_aggregator takes it for stale then."""
 
+KINDS = {
+    "state": DiagonalizedState,
+    "external_torque": ExternalTorque,
+    "contact_limits": ContactLimits,
+    "load": Load,
+}
+"""Types of a monitor's messages by topic."""
+
 NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-class MessageReader:
-    """Read messages of one type. rclpy reads the first one of each layout; of others the numbers alone are read.
-
-    Attributes
-    ----------
-    message
-        The last message that rclpy has read: its texts are those of the last one.
-    """
-
-    def __init__(self, kind):
-        self._kind, self._template, self.message = kind, None, None
-
-    def read(self, raw):
-        """Return arrays by field, valid until the next call; fields that are empty are not there."""
-        if self._template is None or not self._template.read(raw):
-            self.message = deserialize_message(raw, self._kind)
-            self._template = Template(self.message)
-        return self._template.numbers
 
 
 class RobotSubscription:
@@ -142,30 +127,14 @@ class RobotSubscription:
 
     def __init__(self, node, monitor, folders):
         self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
-        self._node, self._folders, self._newest, self._count, self._read_count = (
-            node,
-            folders,
-            {},
-            0,
-            0,
-        )
+        self._node, self._folders = node, folders
+        self._newest, self._count, self._read_count = {}, 0, 0
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
-        self.stream = RobotStream(
-            self.namespace if is_usual else monitor, self._read, notifies=True
-        )
+        name = self.namespace if is_usual else monitor
+        self.stream = RobotStream(name, self._read, notifies=True)
         self._subscriptions, self._added_at = {}, time.monotonic()
-        kinds = {
-            "state": DiagonalizedState,
-            "torque": ExternalTorque,
-            "contact_limits": ContactLimits,
-            "load": Load,
-        }
-        self._readers = {name: MessageReader(kind) for name, kind in kinds.items()}
-        self._subscribe(DiagonalizedState, "state", self._receive_state)
-        self._subscribe(
-            ExternalTorque, "external_torque", lambda raw: self._newest.update(torque=raw)
-        )
-        self._subscribe(Load, "load", lambda raw: self._newest.update(load=raw))
+        for topic in ("state", "external_torque", "load"):
+            self._subscribe(topic)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
         self._subscriptions["robot_description"] = node.create_subscription(
@@ -173,16 +142,11 @@ class RobotSubscription:
         )
         self._client = node.create_client(GetParameters, f"{monitor}/get_parameters")
         self._loader = RobotLoader(node, self._load_robot, self._take_robot)
-        self._description = self._values = self._loaded = (
-            None  # of the topic; of the monitor; both of the model in force
-        )
+        # Of the topic; of the monitor; both of the model in force.
+        self._description = self._values = self._loaded = None
         self._publishers, self._requested_at, self._is_outdated = set(), None, True
-        self._published_at, self._revision, self._differs_in_time, self._points = (
-            time.monotonic(),
-            None,
-            False,
-            (),
-        )
+        self._published_at, self._revision = time.monotonic(), None
+        self._differs_in_time, self._points = False, ()
         self._diagnostics, self._faults, self.difference = {}, {}, ""
         self._lock = Lock()  # of the faults
         self.stream.set_waiting(f"waiting for the parameters of {monitor}")
@@ -191,12 +155,6 @@ class RobotSubscription:
     def fault(self):
         """Why the robot or its states cannot be shown; empty if nothing is wrong."""
         return "; ".join(self._faults.values())
-
-    @property
-    def is_replaceable(self):
-        """Whether no robot was loaded within :data:`LOADING_TIMEOUT`."""
-        is_old = time.monotonic() - self._added_at > LOADING_TIMEOUT
-        return is_old and not self.stream.layout() and self._loader.loading is None
 
     @property
     def has_gone(self):
@@ -229,35 +187,27 @@ class RobotSubscription:
     def set_diagnostics(self, statuses):
         """Show statuses of this robot's nodes."""
         for status in statuses:
-            if (
-                status.name == f"{self.monitor.lstrip('/')}: contact limits"
-                and "contact_limits" not in self._subscriptions
-            ):
+            is_of_limits = status.name == f"{self.monitor.lstrip('/')}: contact limits"
+            if is_of_limits and "contact_limits" not in self._subscriptions:
                 # Without limits the monitor would compute contact for the page alone.
-                self._subscribe(
-                    ContactLimits,
-                    "contact_limits",
-                    lambda raw: self._newest.update(contact_limits=raw),
-                )
-            values = {value.key: value.value for value in status.values}
+                self._subscribe("contact_limits")
             about = {
                 "level": status.level[0],
                 "name": status.name,
                 "message": status.message,
-                "values": values,
+                "values": {value.key: value.value for value in status.values},
             }
             self._diagnostics[status.name] = time.monotonic(), about
         self._show_diagnostics()
 
     def _show_diagnostics(self):
-        oldest = time.monotonic() - DIAGNOSTICS_TIMEOUT
-        self._diagnostics = {
-            name: one for name, one in self._diagnostics.items() if one[0] > oldest
-        }
-        statuses = sorted(
-            (about for _, about in self._diagnostics.values()),
-            key=lambda one: (-SEVERITY[one["level"]], one["name"]),
-        )
+        oldest, statuses = time.monotonic() - DIAGNOSTICS_TIMEOUT, []
+        for name, (received, about) in list(self._diagnostics.items()):
+            if received > oldest:
+                statuses.append(about)
+            else:
+                del self._diagnostics[name]
+        statuses.sort(key=lambda status: (-SEVERITY[status["level"]], status["name"]))
         self.stream.set_diagnostics(statuses)
 
     def destroy(self):
@@ -267,10 +217,13 @@ class RobotSubscription:
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
 
-    def _subscribe(self, kind, topic, callback):
-        name = f"{self.monitor}/{topic}"
+    def _subscribe(self, topic):
+        def receive(raw):
+            self._newest[topic] = raw
+
+        callback = self._receive_state if topic == "state" else receive
         self._subscriptions[topic] = self._node.create_subscription(
-            kind, name, callback, NEWEST, raw=True
+            KINDS[topic], f"{self.monitor}/{topic}", callback, NEWEST, raw=True
         )
 
     # --- Faults ---
@@ -415,33 +368,34 @@ class RobotSubscription:
             return None
         raw, received = self._newest.pop("state")
         count, self._read_count = self._count - self._read_count, self._count
-        reader, model = self._readers["state"], dynamics.model
-        fields = reader.read(raw)
-        if (revision := int(fields["model_revision"][0])) != self._revision:
-            self._revision, self._is_outdated = revision, True
-        names, positions = tuple(reader.message.dof_names), tuple(reader.message.position_names)
+        message, model = deserialize_message(raw, DiagonalizedState), dynamics.model
+        if message.model_revision != self._revision:
+            self._revision, self._is_outdated = message.model_revision, True
+        names, positions = tuple(message.dof_names), tuple(message.position_names)
         if names != model.dof_names or (positions or names) != model.coordinate_names:
             self._is_outdated = True
             raise InputError(f"joint names differ from those of robot '{model.name}'")
+        vectors = []
         for name in VECTORS:
-            expected = model.nq if name == "position" else model.nv
-            if name in fields and len(fields[name]) != expected:
-                raise InputError(f"{name} has {len(fields[name])} entries; expected {expected}")
-        t = stamp_of(fields)
+            values, expected = getattr(message, name), model.nq if name == "position" else model.nv
+            if len(values) not in (0, expected):
+                raise InputError(f"{name} has {len(values)} entries; expected {expected}")
+            vectors.append(row_of(values))
+        t = stamp_of(message)
         torque, limits = self._read_torque(t, model)
-        points, contact = self._read_contact_limits(t, model)
+        contact = self._read_contact_limits(t, model)
         states = States(
             np.array([t]),
-            *(fields[name][None] if name in fields else np.nan for name in VECTORS),
-            fields["kinetic_energy"],
-            velocity_estimated=fields["velocity_estimated"],
-            receive_time=fields["stamp_is_receive_time"],
+            *vectors,
+            np.array([message.kinetic_energy]),
+            velocity_estimated=message.velocity_estimated,
+            receive_time=message.stamp_is_receive_time,
             latency=self._latency(t, received),
             **torque,
             **contact,
             **self._read_load(t, model),
         )
-        return Received(states, received, count, limits, points)
+        return Received(states, received, count, limits, self._points)
 
     def _latency(self, t, received):
         """Return the age of a state at its reception [s]; NaN where its stamp is of another clock than the node's."""
@@ -451,64 +405,63 @@ class RobotSubscription:
         now = clock.now().nanoseconds * 1e-9 if clock.ros_time_is_active else time.time()
         return now - (time.monotonic() - received) - t
 
+    def _newest_message(self, topic):
+        """Return the newest message of a topic; an empty one before the first."""
+        kind = KINDS[topic]
+        return deserialize_message(self._newest[topic], kind) if topic in self._newest else kind()
+
     def _read_torque(self, t, model):
         """Return fields of the external torque at a time, and thresholds of alarms."""
-        if "torque" not in self._newest:
+        message = self._newest_message("external_torque")
+        if len(message.dof_names) != model.nv:
             return {}, ()
-        reader = self._readers["torque"]
-        fields = reader.read(self._newest["torque"])
-        if len(reader.message.dof_names) != model.nv:
-            return {}, ()
-        limits = tuple(fields["collision_threshold"].tolist())
-        if not fields["valid"] or abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
+        limits = tuple(message.collision_threshold)
+        if not message.valid or abs(stamp_of(message) - t) > MAX_DIFFERENCE:
             return {}, limits
-        rows = {
-            name: fields[name][None] for name in ("residual", "external_torque") if name in fields
-        }
-        return rows | {name: fields[name] for name in ("norm", "collision", "contact")}, limits
+        fields = {name: getattr(message, name) for name in ("norm", "collision", "contact")}
+        for name in ("residual", "external_torque"):
+            fields[name] = row_of(getattr(message, name))
+        return fields, limits
 
     def _read_contact_limits(self, t, model):
-        """Return name and link of each point of contact, and its fields at a time."""
-        if "contact_limits" not in self._newest:
-            return self._points, {}
-        reader = self._readers["contact_limits"]
-        fields, message = reader.read(self._newest["contact_limits"]), reader.message
-        if not fields["valid"] or not set(message.link_names) <= set(model.link_names):
-            return self._points, {}
+        """Store name and link of each point of contact; return the fields of contact at a time."""
+        message = self._newest_message("contact_limits")
+        if not message.valid or not set(message.link_names) <= set(model.link_names):
+            return {}
         self._points = tuple(zip(message.point_names, message.link_names, strict=True))
-        if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
-            return self._points, {}
-        worst = int(fields["worst"][0])
-        position = (
-            fields["positions"][3 * worst : 3 * worst + 3] if worst >= 0 else np.full(3, np.nan)
-        )
-        rows = {field: fields[name][None] for field, name in CONTACT_VECTORS.items()}
-        return self._points, rows | {
-            "contact_limits_worst": fields["worst"],
-            "contact_limits_position": position[None],
-        }
+        if abs(stamp_of(message) - t) > MAX_DIFFERENCE:
+            return {}
+        fields = {field: row_of(getattr(message, name)) for field, name in CONTACT_VECTORS.items()}
+        fields["contact_limits_worst"] = message.worst
+        if message.worst >= 0:
+            position = message.positions[3 * message.worst :][:3]
+            fields["contact_limits_position"] = row_of(position)
+        return fields
 
     def _read_load(self, t, model):
         """Return the fields of a load at a time; none without a recognized load."""
-        if "load" not in self._newest:
+        message = self._newest_message("load")
+        link = message.header.frame_id
+        if not (message.valid and message.is_load and link in model.link_names):
             return {}
-        reader = self._readers["load"]
-        fields, link = reader.read(self._newest["load"]), reader.message.header.frame_id
-        if not (fields["valid"] and fields["is_load"] and link in model.link_names):
+        if abs(stamp_of(message) - t) > MAX_DIFFERENCE:
             return {}
-        if abs(stamp_of(fields) - t) > MAX_DIFFERENCE:
-            return {}
-        deviation = fields["mass_deviation"]
         return {
             "load_link": model.link_names.index(link),
-            "load_mass": fields["mass"],
-            "load_deviation": deviation,
+            "load_mass": message.mass,
+            "load_deviation": message.mass_deviation,
         }
 
 
-def stamp_of(fields):
+def row_of(values):
+    """Return numbers of a message as one row; NaN if they are missing."""
+    return np.asarray(values)[None] if len(values) else np.nan
+
+
+def stamp_of(message):
     """Return the stamp of a message [s]."""
-    return fields["header.stamp.sec"].item() + 1e-9 * fields["header.stamp.nanosec"].item()
+    stamp = message.header.stamp
+    return stamp.sec + 1e-9 * stamp.nanosec
 
 
 def folders_of(entries):
@@ -526,7 +479,7 @@ class ViewNode(TableNode, Node):
     def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
-        self._robots, self._replaced_at = {}, {}
+        self._robots = {}
         self._found_at, self._missing = self.time.steady(), ""  # last time of a monitor [s]
         self._absence = RobotStream("no monitor", lambda dynamics: None)
         self._folders = folders_of(values["mesh_folders"])
@@ -580,12 +533,9 @@ class ViewNode(TableNode, Node):
         """Find monitors. A robot stays for :data:`REMOVAL_TIMEOUT` after its monitor has gone."""
         topics = [topic for topic in topics_of(self, KIND) if topic.endswith(STATE)]
         monitors = [topic.removesuffix(STATE) for topic in topics]
-        self._replaced_at = {
-            monitor: t for monitor, t in self._replaced_at.items() if monitor in monitors
-        }
-        new = [name for name in monitors if name not in self._robots and self._is_selected(name)]
-        for monitor in sorted(new, key=lambda name: self._replaced_at.get(name, 0.0)):
-            self._add_robot(monitor)
+        for monitor in monitors:
+            if monitor not in self._robots and self._is_selected(monitor):
+                self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
         self._missing = self._explain_absence()
         self._absence.set_waiting(f"{self._missing}; {self._looked()}")
         for robot in self._robots.values():
@@ -598,29 +548,16 @@ class ViewNode(TableNode, Node):
             self._robots.pop(monitor).destroy()
 
     def _is_selected(self, monitor):
-        wanted = {name.rstrip("/") or "/" for name in self.values["robots"] if name}
-        wanted = {name if name.startswith("/") else f"/{name}" for name in wanted}
-        return not wanted or bool(wanted & {monitor, monitor.rpartition("/")[0] or "/"})
-
-    def _add_robot(self, monitor):
-        """Add a robot; of :data:`MAX_ROBOTS` it replaces one that was never loaded."""
-        if len(self._robots) >= MAX_ROBOTS:
-            idle = [name for name, robot in self._robots.items() if robot.is_replaceable]
-            if not idle:
-                self.get_logger().warning(
-                    f"The page shows at most {MAX_ROBOTS} robots and omits {monitor}.", once=True
-                )
-                return
-            self._robots.pop(idle[0]).destroy()
-            self._replaced_at[idle[0]] = time.monotonic()
-        self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
+        selected = {f"/{name.strip('/')}" for name in self.values["robots"] if name}
+        return not selected or bool(selected & {monitor, monitor.rpartition("/")[0] or "/"})
 
     def _receive_diagnostics(self, message):
         for robot in self._robots.values():
-            own = {f"{robot.namespace.rstrip('/')}/{name}".lstrip("/") for name in ROBOT_NODES}
-            own.add(robot.monitor.lstrip("/"))
+            prefix = robot.namespace.strip("/")
+            nodes = {f"{prefix}/{name}".lstrip("/") for name in ROBOT_NODES}
+            nodes.add(robot.monitor.lstrip("/"))
             statuses = [
-                status for status in message.status if status.name.partition(": ")[0] in own
+                status for status in message.status if status.name.partition(": ")[0] in nodes
             ]
             if statuses:
                 robot.set_diagnostics(statuses)

@@ -64,10 +64,6 @@ class Template:
             path: self.data[begin:end].view(kind)
             for path, (kind, begin, end) in self._places.items()
         }
-        is_text = self._meaningful.copy()
-        for _, begin, end in self._places.values():
-            is_text[begin:end] = False
-        self._texts = np.flatnonzero(is_text)
 
     def encoded(self):
         """Return a copy of the bytes."""
@@ -79,16 +75,6 @@ class Template:
             return False
         theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
         return bool((theirs == self.data)[self._meaningful].all())
-
-    def read(self, raw):
-        """Read the numbers of a message; return False if its texts or lengths differ."""
-        if len(raw) < len(self.data):
-            return False
-        theirs = np.frombuffer(raw, dtype=np.uint8, count=len(self.data))
-        if (theirs.take(self._texts) != self.data.take(self._texts)).any():
-            return False
-        self.data[:] = theirs
-        return True
 
     def place(self, path):
         """Return the first byte of a number or sequence; -1 if the sequence is empty."""
