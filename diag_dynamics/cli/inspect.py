@@ -11,7 +11,7 @@ from pathlib import Path
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.text import plain
+from diag_dynamics.text import listed, plain
 
 WIDTH = 80
 
@@ -27,11 +27,12 @@ OUTPUTS = {"-o": "output"}
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
     parser.add_argument("--loops", metavar="FILE.yaml", help="closed loops of the robot")
-    text = "write a URDF with inertias estimated from geometry at this density [kg/m³], for links without one"
-    parser.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
+    text = "write a URDF in which links without an inertia have one from geometry at this density [kg/m³]"
+    group.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
     parser.add_argument(
         "-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias"
     )
@@ -44,7 +45,7 @@ def run(chosen):
             raise InputError("--estimate-inertias DENSITY and -o NEW.urdf require each other.")
         robot = common.chosen_robot(chosen)
         if chosen.output is not None:
-            return _estimate(robot, chosen.estimate_inertias, Path(chosen.output), chosen.json)
+            return _estimate(robot, chosen.estimate_inertias, Path(chosen.output))
         from diag_dynamics.inspection import inspect_robot
 
         report = inspect_robot(robot, chosen.floating_base, loops=chosen.loops)
@@ -67,8 +68,8 @@ def _print_json(document):
 # --- Estimated inertias
 
 
-def _estimate(robot, density, output, as_json):
-    """Write a URDF with estimated inertias; return the status: 1 if an estimate failed, or none was needed."""
+def _estimate(robot, density, output):
+    """Write a URDF with estimated inertias; return the exit status."""
     from diag_dynamics.description.geometry import estimated
     from diag_dynamics.description.mjcf import is_mjcf
     from diag_dynamics.description.text import folder_of, read_text
@@ -77,40 +78,21 @@ def _estimate(robot, density, output, as_json):
         raise InputError(f"-o is '{output}', which exists. Choose another name.")
     if is_mjcf(robot):
         raise InputError(
-            f"--estimate-inertias writes a URDF, but '{robot}' is an MJCF, whose inertias MuJoCo estimates."
+            f"--estimate-inertias writes a URDF, but '{robot}' is an MJCF. "
+            "MuJoCo estimates its inertias."
         )
-    found = estimated(read_text(robot), density, folder_of(robot).resolve())
-    if found.estimates:
-        write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{found.text}\n')
-    if as_json:
-        _print_json(_estimates_document(found, density, output))
-    else:
-        _print_estimates(found, density, output)
-    return common.DONE if found.estimates and not found.failed else common.DOUBTFUL
-
-
-def _estimates_document(found, density, output):
-    estimates = []
-    for one in found.estimates:
-        inertia = {"centre": list(one.centre), "inertia": one.inertia.tolist()}
-        estimates.append({"link": one.link, "mass": one.mass} | inertia | {"from": one.source})
-    written = str(output) if found.estimates else None
-    return {"written": written, "density": density, "estimated": estimates, "failed": found.failed}
-
-
-def _print_estimates(found, density, output):
-    for one in found.estimates:
-        print(plain(f"{one.link}: {one.mass:.4g} kg, estimated from {one.source}"))
-    for link, reason in found.failed.items():
+    result = estimated(read_text(robot), density, folder_of(robot).resolve())
+    for estimate in result.estimates:
+        mass = f"{estimate.mass:.4g} kg, estimated from {estimate.source}"
+        print(plain(f"{estimate.link}: {mass} at {density:g} kg/m³"))
+    for link, reason in result.failed.items():
         print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
-    if found.estimates:
-        print(
-            plain(
-                f"Wrote {output}: {len(found.estimates)} links with an inertia estimated at {density:g} kg/m³."
-            )
-        )
-    elif not found.failed:
-        print("Every link with geometry has an <inertial>. No file was written.", file=sys.stderr)
+    if not result.estimates:
+        print("No inertia was estimated. No file was written.", file=sys.stderr)
+        return common.DOUBTFUL
+    write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{result.text}\n')
+    common.report_written(output)
+    return common.DOUBTFUL if result.failed else common.DONE
 
 
 # --- Report
@@ -147,23 +129,21 @@ def _facts(report):
     yield from _wrapped("", facts["name"])
     path, space = report.source, WIDTH - 11
     path = path if len(path) <= space else f"…{path[1 - space :]}"
-    rows = [("file", path), ("links", _links(facts))]
-    if facts["degrees_of_freedom"] is not None:
+    rows = [
+        ("file", path),
+        ("links", _links(facts)),
+        ("joints", f"{facts['joints']}, {facts['moving_joints']} movable"),
+    ]
+    if (count := facts["degrees_of_freedom"]) is not None:
         base = "floating" if facts["floating_base"] else "fixed"
-        rows.append(
-            (
-                "freedom",
-                f"{facts['degrees_of_freedom']} degrees, {base} base '{facts['root_link']}'",
-            )
-        )
-    rows.insert(2, ("joints", f"{facts['joints']}, {facts['moving_joints']} movable"))
+        rows.append(("freedom", f"{count} degrees, {base} base '{facts['root_link']}'"))
     rows.append(("mass", f"{facts['total_mass']:.5g} kg"))
     if facts["mimic_joints"]:
         groups = facts["coupled_groups"]
         coupled = f" ({_count(len(groups), 'coupled group')})" if groups else ""
-        rows.append(("mimic", f"{_some(facts['mimic_joints'])}{coupled}"))
+        rows.append(("mimic", f"{listed(facts['mimic_joints'], MAX_NAMES)}{coupled}"))
     if facts["locked_joints"]:
-        rows.append(("locked", _some(facts["locked_joints"])))
+        rows.append(("locked", listed(facts["locked_joints"], MAX_NAMES)))
     if facts["poses"]:
         rows += _ranges(facts)
     for title, value in rows:
@@ -218,16 +198,10 @@ def _finding(finding):
             if len(names) > 1
             else ""
         )
-        listed = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names]
-        yield from _wrapped(" " * 11, f"{count}{_some(listed)}")
+        texts = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names]
+        yield from _wrapped(" " * 11, f"{count}{listed(texts, MAX_NAMES)}")
     if finding.remedy:
         yield from _wrapped(f"{'':9}→ ", finding.remedy)
-
-
-def _some(names):
-    return ", ".join(names[:MAX_NAMES]) + (
-        f" … and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    )
 
 
 def _wrapped(start, text):
