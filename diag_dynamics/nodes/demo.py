@@ -45,8 +45,8 @@ FORCE, ALARM, CONTACT, DEVIATION = 0.15, 0.03, 0.015, 0.003
 """Force of a push, as a fraction of the robot's weight; external torque of an alarm and of a
 contact, and its standard deviation at each joint, as fractions of weight × 1 m."""
 
-OBSERVER_GAIN, GRAVITY = 25.0, 9.81
-"""Gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
+RATE, OBSERVER_GAIN, GRAVITY = 250.0, 25.0, 9.81
+"""Joint states per second; gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
 
 
 class Pusher(Node):
@@ -140,17 +140,12 @@ def parse(arguments):
         "--loops", metavar="FILE.yaml", default="", help="closed loops of the robot"
     )
     parser.add_argument(
-        "--rate", type=float, default=250.0, help="joint states per second (default: 250)"
-    )
-    parser.add_argument(
         "--compile-rest", action="store_true", help="compile all other kernels meanwhile"
     )
     parser.add_argument(
         "--duration", type=float, default=math.inf, help="time to run [s] (default: until Ctrl-C)"
     )
     chosen = parser.parse_args(arguments)
-    if not 1.0 <= chosen.rate <= 10000.0:
-        parser.error(f"argument --rate: {chosen.rate} is not between 1 and 10000")
     if not chosen.duration > 0.0:
         parser.error(f"argument --duration: {chosen.duration} is not a number > 0")
     return chosen
@@ -181,7 +176,7 @@ def main(args=None):
         simulator = {
             "robot_description": source,
             "motion": "wave",
-            "rate": chosen.rate,
+            "rate": RATE,
             **wrenches,
             **options,
         }
