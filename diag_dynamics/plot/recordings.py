@@ -21,7 +21,6 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, escape, styled
 from diag_dynamics.recordings import balance as power
-from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
@@ -94,20 +93,9 @@ def balance(of: Recording) -> Any:
     _check_states(of.q)
     if of.tau is None:
         raise InputError(f"{explain_missing_efforts(of.counts)}. A balance of power needs them.")
-    windows, whole, efforts = (
-        _integrate(of),
-        power.Balance(of.model.dof_names),
-        EffortRange(of.model),
-    )
-    efforts.add_values(of.q[:, -of.model.nv :], of.tau)
-    whole.add_windows(windows)
-    whole.moved = efforts.moved
+    windows = _integrate(of)
     if not len(windows.kinetic):
-        raise InputError(f"there is no balance of power: {whole.judgement()}.")
-    share, total, rate = whole.explained, whole.explained_total, "dK/dt"
-    if (share or 0.0) < power.NOTHING_EXPLAINED and (total or 0.0) >= power.MIN_EXPLAINED:
-        share, rate = total, "d(K + U)/dt"  # gravity hides the share of dK/dt
-    title = "" if share is None else f": {100 * max(share, 0.0):.1f} % of {rate} explained"
+        raise InputError(f"of has {len(of)} states; expected 0.1 s of them in a row with efforts.")
     middle = 0.5e-9 * ((windows.begin - of.stamp[0]) + (windows.end - of.stamp[0]))
     powers = (windows.kinetic, windows.kinetic - windows.residual, windows.residual)
     t, columns = drawing.insert_gaps(middle, np.column_stack(powers))
@@ -123,7 +111,7 @@ def balance(of: Recording) -> Any:
     power_axes.set(ylabel="power [W]")
     rest_axes.set(ylabel="rest [W]", xlabel="time [s]")
     power_axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=2)
-    power_axes.set_title(f"{escape(of.model.name)}{title}")
+    power_axes.set_title(f"{escape(of.model.name)}: power balance")
     return figure
 
 

@@ -152,15 +152,6 @@ def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
         curve(both, "dK/dt")[1] - curve(both, "explained by efforts, gravity and friction")[1]
     )
     assert np.allclose(difference, power) and both.get_ylabel() == "power [W]"
-    assert re.search(r"panda: \d+\.\d % of dK/dt explained", both.get_title(loc="left"))
-
-
-def test_balance_at_rest_has_no_share():
-    """Noise of velocities is no motion, however much power it seems to have."""
-    rng, still = np.random.default_rng(0), np.tile(Q[0], (len(T), 1))
-    velocities, efforts = rng.normal(size=(2, *Q.shape))
-    both, rest = dd.plot.balance(recorded(PANDA, T, still, 0.01 * velocities, efforts)).axes
-    assert np.abs(rest.lines[0].get_ydata()).max() > 0.05 and both.get_title(loc="left") == "panda"
 
 
 def test_external_torque_of_each_joint(recording):
@@ -238,6 +229,7 @@ def test_errors_name_the_argument(recording):
         ),
         (lambda: dd.plot.balance(without), "has efforts of all joints"),
         (lambda: dd.plot.balance(empty), "no states"),
+        (lambda: dd.plot.balance(recorded(PANDA, T[:9], Q[:9], QD[:9], Q[:9])), "has 9 states"),
         (lambda: dd.plot.energy(empty), "no states"),
         (lambda: dd.plot.energy(fixed.evaluate([[]], [[]])), "no joint that moves"),
         (lambda: dd.plot.external_torque(dd.observe(DYN, recording)), "model"),
