@@ -174,40 +174,22 @@ class PositionRepulsion:
                 )
         dynamics.compile("epsilon_from_tau", "factors")
 
-    def depth(self, q: VectorLike) -> Array:
-        """Return the depth in the margin [rad, m], shape (nv,): positive at the upper end, negative at the lower."""
-        depth: Array = np.minimum(np.maximum(self._distance(q), -self._margin), self._margin)
-        return depth
-
-    def _distance(self, q: VectorLike) -> Array:
-        q = vector("q", q, self.dynamics.model.dof_names)
-        return np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
-
-    def potential(self, q: VectorLike) -> float:
-        """Return U = ½Σk d² [J], and kd more for each unit beyond the limit."""
-        d, distance = self.depth(q), self._distance(q)
-        return 0.5 * float(self.stiffness @ (d * (2.0 * distance - d)))
-
-    def effort(self, q: VectorLike, qd: VectorLike) -> Array:
-        """Return the joint efforts of springs and dampers [N m, N], shape (nv,)."""
-        return self._effort(self.depth(q), vector("qd", qd, self.dynamics.model.dof_names))
-
-    def _effort(self, d: Array, qd: Array) -> Array:
-        outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
-        return -self.stiffness * d - self.damping * outward * qd
-
     def filter(self, q: VectorLike, qd: VectorLike, command: Command, period: float) -> Command:
         """Return the command with these efforts added at positions q [rad, m] and rates qd [rad/s, m/s].
 
         `period` is h > 0, until the next command [s].
         """
-        h, d = positive("period", period, "[s]"), self.depth(q)
+        h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
+        q, qd = vector("q", q, names), vector("qd", qd, names)
+        depth = np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
+        d = np.clip(depth, -self._margin, self._margin)
         if not d.any():
             return command
-        qd = vector("qd", qd, self.dynamics.model.dof_names)
         inertia = 1.0 / np.square(self.dynamics.factors(q).l).sum(axis=0)
         bound = inertia * (SPRING * np.abs(d) / h + DAMPER * np.abs(qd)) / h
-        effort = np.clip(self._effort(d, qd), -bound, bound)
+        outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
+        effort = -self.stiffness * d - self.damping * outward * qd
+        effort = np.clip(effort, -bound, bound)
         added = self.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 
@@ -289,11 +271,8 @@ class ContactLimiter:
 
         `period` is h > 0, until the next command [s].
         """
-        dynamics, names, h = (
-            self.dynamics,
-            self.dynamics.model.dof_names,
-            positive("period", period, "[s]"),
-        )
+        dynamics, names = self.dynamics, self.dynamics.model.dof_names
+        h = positive("period", period, "[s]")
         q, qd = vector("q", q, names), vector("qd", qd, names)
         now = self.look(q, qd).contact.usage ** 2
         tau = command.tau
@@ -324,11 +303,8 @@ class ContactLimiter:
 
     def _impulse(self, q: Array, qd: Array, contact: PredictedContact, k: int) -> Array:
         """Return M⁻¹JᵀΛv, the change of rates by an impulse that stops the worst point of an entry."""
-        dynamics, link, point = (
-            self.dynamics,
-            contact.links[k],
-            self.points.points[k][contact.point[k]],
-        )
+        dynamics, link = self.dynamics, contact.links[k]
+        point = self.points.points[k][contact.point[k]]
         v = dynamics.link_velocity(q, link, qd, point)[:3]
         mobility = dynamics.operational_inverse_inertia(q, link, point)[:3, :3]
         impulse = np.linalg.pinv(mobility, rcond=IMMOBILE, hermitian=True) @ v
@@ -336,8 +312,8 @@ class ContactLimiter:
         return dynamics.qd_from_nu(q, w)
 
 
-def _fraction(found: Array, allowed: Array) -> Array:
-    """Return the fraction of its speed that each entry may keep."""
-    kept = np.maximum(allowed, 0.0)
+def _fraction(usage: Array, allowed: Array) -> Array:
+    """Return the fraction of its speed that each entry may keep, by its B and the allowed one."""
+    allowed = np.maximum(allowed, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(found > kept * (1.0 + 1e-9), np.sqrt(kept / found), 1.0)
+        return np.where(usage > allowed * (1.0 + 1e-9), np.sqrt(allowed / usage), 1.0)
