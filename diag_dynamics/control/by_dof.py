@@ -36,10 +36,8 @@ def effort_limits(entries, model):
 
 def command_order(entries, names, complete=True):
     """Return the joints of a command's entries and their indices among `names`; by default and if `complete`, all."""
-    joints, parameter = (
-        tuple(name for name in entries if name) or tuple(names),
-        "parameter 'command_joints'",
-    )
+    joints = tuple(name for name in entries if name) or tuple(names)
+    parameter = "parameter 'command_joints'"
     for name in joints:
         if name not in names:
             raise InputError(f"{parameter} names '{name}'; expected one of {', '.join(names)}.")
@@ -53,16 +51,11 @@ def command_order(entries, names, complete=True):
     return joints, [names.index(name) for name in joints]
 
 
-def require_same_joints(own, theirs, controller):
-    """Raise InputError if the order of commands differs from an effort controller's; name the first different entry."""
-    if len(own) != len(theirs):
-        difference = f"{len(own)} joints here, {len(theirs)} there"
-    elif different := [k for k, (a, b) in enumerate(zip(own, theirs, strict=True)) if a != b]:
-        difference = (
-            f"entry {different[0]} is '{own[different[0]]}' here and '{theirs[different[0]]}' there"
+def require_same_joints(joints, executed, controller):
+    """Raise InputError if the order of commands differs from that which an effort controller executes."""
+    if list(joints) != list(executed):
+        order = ", ".join(executed)
+        raise InputError(
+            f"joints of {controller} are {order}; expected {', '.join(joints)}. "
+            f"Set command_joints to [{order}]."
         )
-    else:
-        return
-    raise InputError(
-        f"joints of {controller} differ: {difference}. Set command_joints to [{', '.join(theirs)}]."
-    )

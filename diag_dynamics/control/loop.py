@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.control.by_dof import by_dof, effort_limits
-from diag_dynamics.control.filters import Limits
+from diag_dynamics.control.filters import Limited, Limits
 from diag_dynamics.control.following import (
     INVALID_GOAL,
     PATH_TOLERANCE_VIOLATED,
@@ -41,20 +41,19 @@ START_TIMEOUT = 1.0
 class Sent(NamedTuple):
     """Effort of one cycle, and its reasons."""
 
-    effort: np.ndarray  # after all filters [N m, N], shape (nv,); without compensated gravity
-    saturated: tuple  # joints whose effort or effort rate was limited
+    # The fields of Limited: the command is None without a valid state.
+    effort: np.ndarray
+    demand: np.ndarray
+    command: Command | None
+    saturated: tuple
+    energy_limited: bool
+    contact_limited: bool
     stamp: int  # of the command's state, or of the last valid one [ns]
     age: float  # of that state [s]
-    demand: np.ndarray  # the effort before the limit of its rate
-    command: Command | None = (
-        None  # of the law, after the limiters of energy and contact; None without a valid state
-    )
-    energy_limited: bool = False  # whether an energy limiter changed the command
-    contact_limited: bool = False  # whether the contact limiter did
-    lyapunov_rate: float | None = (
-        None  # dV/dt since the state before [W]; None unless both have the same target
-    )
-    lost: str = ""  # why the robot's position replaced the target, or another mode its own; empty if it did not
+    # dV/dt since the state before [W]; None unless both have the same target
+    lyapunov_rate: float | None = None
+    # why the robot's position replaced the target, or another mode its own; empty if it did not
+    lost: str = ""
     silent: bool = False  # whether there is no command, because a ramp to zero has ended
 
 
@@ -109,10 +108,8 @@ class ControlLoop:
         self.dynamics = dynamics = DiagonalDynamics(model)
         self.limits = _limits(dynamics, values, compensated, points)
         self._max_period = values["max_state_age"]
-        self._scale_timeout, self._scale = (
-            values["contact_limits.scale_timeout"],
-            None,
-        )  # scale, and its time [ns]
+        self._scale_timeout = values["contact_limits.scale_timeout"]
+        self._scale = None  # and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._slow = SLOW * self.modes[DAMPING].max_speed
@@ -132,10 +129,8 @@ class ControlLoop:
         self._begin_efforts()
         self._origin = None  # stamp of the observer's first state [ns]
         self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
-        self._periods, self._period = (
-            0,
-            0.0,
-        )  # number of measured periods of states, and their mean [s]
+        self._periods = 0  # number of measured periods of states
+        self._period = 0.0  # and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
         self._mode.stop()
 
@@ -379,16 +374,7 @@ class ControlLoop:
         period = self._elapsed(state.newest)
         limited = self.limits.filter(state.position, state.velocity, command, period, external)
         self._count_time(state.newest)
-        return Sent(
-            limited.effort,
-            limited.limited,
-            state.newest,
-            (now - state.newest) * 1e-9,
-            limited.demand,
-            limited.command,
-            limited.energy_limited,
-            limited.contact_limited,
-        )
+        return Sent(*limited, state.newest, (now - state.newest) * 1e-9)
 
     def _elapsed(self, time):
         """Return the time since the last command [s], after a stall no more than the longest cycle."""
@@ -435,7 +421,8 @@ class ControlLoop:
         self._count_time(now)
         waiting = names_where(self.dynamics.model.dof_names, effort != demand)
         age = (now - self.state.newest) * 1e-9
-        return Sent(effort, waiting, self.state.newest, age, demand, silent=silent)
+        limited = Limited(effort, demand, None, waiting, False, False)
+        return Sent(*limited, self.state.newest, age, silent=silent)
 
     @property
     def is_silent(self):

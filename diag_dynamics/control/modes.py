@@ -71,10 +71,8 @@ class Mode:
 
     def __init__(self, law, values):
         self.law, self._model = law, law.dynamics.model
-        self._max_period, self._max_error = (
-            values["max_state_age"],
-            values["following_energy"] or np.inf,
-        )
+        self._max_period = values["max_state_age"]
+        self._max_error = values["following_energy"] or np.inf
         limits = self._model.velocity_bound
         self.max_speed = np.where(np.isfinite(limits), limits, DEFAULT_SPEED)  # [rad/s, m/s]
         self._target = None
@@ -126,9 +124,9 @@ class Mode:
         """Return dV/dt from the last command to this one at a time [ns]; None unless both have the same target."""
         V, last = command.lyapunov, self._last
         self._lag, self._last = V / self._max_error, None if self._moving else (V, time)
-        return (
-            None if last is None or time <= last[1] else (V - last[0]) / ((time - last[1]) * 1e-9)
-        )
+        if last is None or time <= last[1]:
+            return None
+        return (V - last[0]) / ((time - last[1]) * 1e-9)
 
     def forget_rate(self):
         """Measure no rate from the last command to the next one."""
@@ -189,19 +187,15 @@ class PoseMode(Mode):
 
     def take_pose(self, state, link, position, orientation):
         """Go to a position [m], shape (3,), and an orientation in the axes of a link, from a RobotState on."""
-        position = numbers("position", position, (3,), "three finite numbers [m]")
+        name = "target.pose.position"
+        position = numbers(name, position, (3,), "three finite numbers [m]")
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
-        U, _, V = np.linalg.svd(
-            X[:3, :3] @ axes
-        )  # the nearest rotation: the URDF's angles are rounded
+        # the nearest rotation, because the URDF's angles are rounded
+        U, _, V = np.linalg.svd(X[:3, :3] @ axes)
         self.begin(state)
-        goal, rate, before = (
-            (X[:3, :3] @ position + X[:3, 3], U @ V),
-            np.full(2, APPROACH_RATE),
-            self._target,
-        )
+        goal, rate = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, APPROACH_RATE)
         self._target = PoseTarget(
-            goal, state.newest, self._aim, self._speed, rate, self._max_period, before
+            goal, state.newest, self._aim, self._speed, rate, self._max_period, self._target
         )
         self.forget_rate()
 
@@ -286,7 +280,9 @@ class JointMode(Mode):
     def _require_within_limits(self, what, positions):
         """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
         model, positions = self._model, np.atleast_2d(positions)
-        for row, k in np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))[:1]:
+        beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
+        if len(beyond):
+            row, k = beyond[0]
             joint = f"joint '{model.dof_names[k]}'"
             position, lower, upper = distinct(positions[row, k], model.lower[k], model.upper[k])
             raise InputError(
@@ -294,8 +290,8 @@ class JointMode(Mode):
             )
 
     def _require_near(self, position, state):
-        both = np.array([state.position, self.desired.position])
-        away = np.abs(nearest(position, both, self._continuous) - both).min(axis=0)
+        starts = np.array([state.position, self.desired.position])
+        away = np.abs(nearest(position, starts, self._continuous) - starts).min(axis=0)
         k = int(np.argmax(away))
         if away[k] > MAX_STEP:
             joint = f"joint '{self._model.dof_names[k]}'"
@@ -306,24 +302,20 @@ class JointMode(Mode):
 
     def _require_speed(self, trajectory):
         fastest = trajectory.fastest().max(axis=0, initial=0.0)
-        for k in np.flatnonzero(~(fastest <= MAX_OVERSPEED * self.max_speed))[:1]:
+        too_fast = np.flatnonzero(~(fastest <= MAX_OVERSPEED * self.max_speed))
+        if len(too_fast):
+            k = too_fast[0]
             joint = f"joint '{self._model.dof_names[k]}'"
             speed, limit = distinct(fastest[k], self.max_speed[k])
-            has_limit = self._model.velocity_limit[k] > 0.0
-            limit = (
-                f"its limit {limit}"
-                if has_limit
-                else f"{limit}, as the URDF has no velocity limit for it"
-            )
             raise InputError(
-                f"trajectory has {joint} move at {speed}, expected no more than {limit}."
+                f"trajectory has {joint} move at {speed}, expected at most {limit}: its velocity "
+                f"limit, or {DEFAULT_SPEED:g} without one in the URDF."
             )
 
     def follow(self, state):
         """Return the command, and why the position replaced the target: V exceeds following_energy."""
-        command = self.command(state)
+        command, _ = super().follow(state)
         if command.lyapunov <= self._max_error:
-            self._watch_arrival(command, state.newest)
             return command, ""
         k = int(np.argmax(np.abs(command.error)))
         behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"

@@ -86,13 +86,10 @@ class SetPoint:
         if elapsed == 0.0:
             return Desired(self._position.copy(), self.velocity.copy(), np.zeros_like(self._goal))
         left, a, k = self._goal - self._position, self._acceleration, self._rate
-        far, near = (
-            np.abs(left),
-            a / k**2,
-        )  # both velocities are equal at `near`, and so are their slopes
-        velocity = np.where(
-            far > near, np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0)), k * far
-        )
+        # Both velocities are equal at `near`, and so are their slopes.
+        far, near = np.abs(left), a / k**2
+        braking = np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0))
+        velocity = np.where(far > near, braking, k * far)
         velocity = np.sign(left) * np.minimum(np.minimum(velocity, self._speed), far / elapsed)
         slower = min(max(1.5 - 2.0 * lag, 0.0), 1.0)
         max_change = a * elapsed * (1.0 + MAX_HARDER * (1.0 - slower))
@@ -164,7 +161,8 @@ class Trajectory:
 
     Times of waypoints increase, numbers are finite and at most :data:`MAX_NUMBER`, and the last
     velocity is zero. `names` are the joints of the robot in its order, and `stamp` is the start
-    [ns]; 0: the first state.
+    [ns]; 0: the first state. After `begin`, `start` is the time from which those of waypoints count
+    [ns], and `end` that of the last one.
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):
@@ -173,25 +171,17 @@ class Trajectory:
         _require_order(self._times)
         for field in ("positions", "velocities", "accelerations"):
             _require_numbers(field, getattr(waypoints, field), names)
-        for joint in np.flatnonzero(waypoints.velocities[-1])[:1]:
-            what = f"velocity of joint '{names[joint]}' at the last point of the trajectory"
+        last = waypoints.velocities[-1]
+        if last.any():
+            k = np.flatnonzero(last)[0]
             raise InputError(
-                f"{what} is {waypoints.velocities[-1][joint]:g}, expected 0: the robot rests there."
+                f"velocity of joint '{names[k]}' at the last point of the trajectory is "
+                f"{last[k]:g}, expected 0: the robot rests there."
             )
 
     def ends_before(self, time):
         """Return whether a trajectory with a stamp ends before a time [ns]."""
         return bool(self._stamp) and self._stamp + round(self._times[-1] * 1e9) < time
-
-    @property
-    def start(self):
-        """Time from which the times of waypoints count [ns]."""
-        return self._start
-
-    @property
-    def end(self):
-        """Time of the last waypoint [ns]."""
-        return self._start + round(self._times[-1] * 1e9)
 
     def begin(self, time, position, velocity):
         """Start at a time [ns], or at the stamp, from the position and velocity at that time.
@@ -199,23 +189,21 @@ class Trajectory:
         A cubic to a first point far ahead would follow that velocity a long way before it turns:
         :data:`MAX_COAST` bounds it.
         """
-        self._start = self._stamp or time
-        self._begin = (time - self._start) * 1e-9
+        self.start = self._stamp or time
+        self.end = self.start + round(self._times[-1] * 1e9)
+        self._begin = (time - self.start) * 1e-9
         first = self._times[0]
         begin = min(self._begin, first - 1e-9)
         max_speed = MAX_COAST * 27.0 / 4.0 / (first - begin)
-        here = nearest(np.array(position, dtype=float), self.positions[0], self._continuous)
+        position = nearest(np.array(position, dtype=float), self.positions[0], self._continuous)
         moving = np.clip(velocity, -max_speed, max_speed)
-        start = begin, here, moving, np.zeros_like(here), True, False
+        start = begin, position, moving, np.zeros_like(position), True, False
         knots = [
             np.concatenate([[value], field])
             for value, field in zip(start, self._points, strict=True)
         ]
         self._knots = knots[0]
-        ends = (
-            Waypoints(*(field[part] for field in knots)) for part in (slice(-1), slice(1, None))
-        )
-        self._segments = _polynomials(*ends)
+        self._segments = _polynomials([x[:-1] for x in knots], [x[1:] for x in knots])
 
     def fastest(self):
         """Return the maximum speeds [rad/s, m/s], shape (segments, nv), of each segment that is left after the start."""
@@ -226,7 +214,7 @@ class Trajectory:
 
     def sample(self, time, lag=0.0):
         """Return the desired motion at a time [ns]; unlike a SetPoint, it does not wait for a robot that lags behind."""
-        t = (time - self._start) * 1e-9
+        t = (time - self.start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
             return at_rest(self.positions[-1])
@@ -247,25 +235,29 @@ def _require_order(times):
         raise InputError(
             f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0."
         )
-    for k in np.flatnonzero(np.diff(times) <= 0.0)[:1]:
-        what = f"trajectory.points[{k + 1}].time_from_start"
+    late = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(late):
+        k = late[0]
         before, time = distinct(times[k], times[k + 1])
         raise InputError(
-            f"{what} is {time} s, expected more than the {before} s of the point before."
+            f"trajectory.points[{k + 1}].time_from_start is {time} s, expected more than the "
+            f"{before} s of the point before."
         )
 
 
 def _require_numbers(field, table, names):
     """Reject numbers that are not finite, or larger than MAX_NUMBER."""
-    for k, joint in np.argwhere(~(np.abs(table) <= MAX_NUMBER))[:1]:
-        what = f"trajectory.points[{k}].{field} of joint '{names[joint]}'"
+    wrong = np.argwhere(~(np.abs(table) <= MAX_NUMBER))
+    if len(wrong):
+        k, joint = wrong[0]
         raise InputError(
-            f"{what} is {table[k, joint]}, expected a finite number of at most {MAX_NUMBER:g}."
+            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, "
+            f"expected a finite number of at most {MAX_NUMBER:g}."
         )
 
 
 def _polynomials(start, end):
-    """Return the coefficients from Waypoints to the next ones: quintic, cubic or linear, shape (points, 6, nv)."""
+    """Return the coefficients from fields of Waypoints to the next ones: quintic, cubic or linear, shape (points, 6, nv)."""
     (times, q, v, a, has_v, has_a), (times1, q1, v1, a1, has_v1, has_a1) = start, end
     T, step = (times1 - times)[:, None], q1 - q
     c = np.zeros((len(T), 6, q.shape[1]))

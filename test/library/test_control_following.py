@@ -141,7 +141,10 @@ def test_conventions_of_the_message():
         (goal([tolerance(acceleration=1.0)]), r"^path_tolerance\.acceleration of joint 'elbow'"),
         (goal(sec=-2), r"^goal_time_tolerance is -2"),
         (goal(component_path_tolerance=[tolerance()]), "^component_path_tolerance is set"),
-        (goal(multi_dof_trajectory=SimpleNamespace(joint_names=["base"])), "has joint 'base'"),
+        (
+            goal(multi_dof_trajectory=SimpleNamespace(joint_names=["base"])),
+            "^multi_dof_trajectory is set",
+        ),
     ],
 )
 def test_wrong_tolerances(wrong, key):

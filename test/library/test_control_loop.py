@@ -69,11 +69,11 @@ def test_entries_by_joint():
             lambda _: require_same_joints(
                 NAMES, ["shoulder", "wrist", "elbow"], "/effort_controller"
             ),
-            "entry 1",
+            "are shoulder, wrist, elbow; expected",
         ),
         (
             lambda _: require_same_joints(NAMES, NAMES[:2], "/effort_controller"),
-            "3 joints here, 2 there",
+            f"are {', '.join(NAMES[:2])}; expected {', '.join(NAMES)}",
         ),
         (lambda arm: loop_of(arm, hold_time=0.03), "'hold_time' is 0.03 s"),
         (
@@ -317,7 +317,7 @@ def follow(points, stamp=0):
         (
             TRACKING,
             follow([(0.05, THERE)]),
-            r"'shoulder_lift_joint' move at 20, expected no more than its limit 3\.15",
+            r"'shoulder_lift_joint' move at 20, expected at most 3\.15: its velocity limit",
         ),
         # The maximum of a cubic is 1.5 times its mean.
         (
@@ -432,9 +432,7 @@ def test_without_velocity_limits_trajectories_are_slow():
     loop = loop_of(dd.load_urdf(re.sub(r' velocity="[^"]*"', ' velocity="0"', robot(UR5).urdf)))
     loop.limits.reset(gravity_of(Q))
     settle(loop, cycles=5)
-    with pytest.raises(
-        InputError, match="expected no more than 1, as the URDF has no velocity limit"
-    ):
+    with pytest.raises(InputError, match="expected at most 1: its velocity limit, or 1 without"):
         follow([(0.1, Q + 0.5)])(loop)
 
 

@@ -591,8 +591,7 @@ def test_it_does_not_start_on_a_guess(peer):
                 not result.successful and "read-only while the node is configured" in result.reason
             )
             assert not peer.transition(name, "activate")
-            said = f"entry 0 is '{model.names[0]}' here and '{model.names[1]}' there"
-            controller.wait_until_told("control", said, b"\2")
+            controller.wait_until_told("control", f"joints of {other} are", b"\2")
             assert peer.set_parameter(other, "joints", list(model.names)).successful
             assert peer.transition(name, "activate")
             report = controller.wait_until_told("control", "no valid state yet", b"\1")

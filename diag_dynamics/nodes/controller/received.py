@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from diag_dynamics.checks import vector
 from diag_dynamics.control.following import Tolerances
 from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.control.references import Waypoints
@@ -24,9 +25,7 @@ def pose(message, model, transforms=None):
     :class:`Transforms` place the frame now; without tf2_ros these are None.
     """
     link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
-    position = np.array([p.x, p.y, p.z])
-    if not np.isfinite(position).all():
-        raise InputError(f"target.pose.position is {position.tolist()}, expected finite numbers.")
+    position = [p.x, p.y, p.z]
     axes = rotation_of((o.x, o.y, o.z, o.w))
     if link in model.link_names:
         return link, position, axes
@@ -42,24 +41,16 @@ def pose(message, model, transforms=None):
 
 def set_point(message, names):
     """Return the positions of all joints [rad, m] of a JointState, in the order of `names`; the robot rests there."""
-    columns = _columns("set_point.name", message.name, names)
-    for name in names:
-        if name not in message.name:
-            raise InputError(f"set_point.name lacks joint '{name}'.")
-    if len(message.position) != len(names):
+    _columns("set_point.name", message.name, names)
+    if len(message.position) != len(message.name):
         raise InputError(
-            f"set_point.position has {len(message.position)} entries, expected {len(names)}."
+            f"set_point.position has {len(message.position)} entries, expected {len(message.name)}."
         )
     if any(message.velocity) or any(message.effort):
         raise InputError("set_point has velocities or efforts, expected positions only.")
-    position = np.empty(len(names))
-    position[columns] = message.position
-    for name, value in zip(names, position, strict=True):
-        if not np.isfinite(value):
-            raise InputError(
-                f"set_point.position of joint '{name}' is {value}, expected a finite number."
-            )
-    return position
+    return vector(
+        "set_point.position", dict(zip(message.name, message.position, strict=True)), names
+    )
 
 
 def trajectory(message, names, position):
@@ -79,16 +70,12 @@ def trajectory(message, names, position):
         raise InputError(
             f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}."
         )
-    if stamp.sec < 0 or stamp.nanosec >= 1_000_000_000:
-        raise InputError(
-            f"trajectory.header.stamp is {stamp.sec} s {stamp.nanosec} ns, expected a time."
-        )
     times = np.array(
         [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
     )
     positions, with_position = _field(points, "positions", columns, position)
     if not with_position.all():
-        k = int(np.argmin(with_position))
+        k = np.argmin(with_position)
         raise InputError(
             f"trajectory.points[{k}].positions is empty, expected {len(columns)} entries."
         )
@@ -103,28 +90,24 @@ def trajectory(message, names, position):
 
 def tolerances(goal, names, defaults):
     """Return the Tolerances of a FollowJointTrajectory goal: 0 is a default, and -1 is none."""
-    for field in ("component_path_tolerance", "component_goal_tolerance"):
-        if getattr(goal, field, ()):
+    for field in ("component_path_tolerance", "component_goal_tolerance", "multi_dof_trajectory"):
+        value = getattr(goal, field, ())
+        if getattr(value, "joint_names", value):
             raise InputError(
-                f"{field} is set, expected none because the robot has joints of one degree of freedom only."
+                f"{field} is set, expected none because the robot has joints of one degree of "
+                "freedom only."
             )
-    if getattr(goal, "multi_dof_trajectory", None) and goal.multi_dof_trajectory.joint_names:
-        raise InputError(
-            f"multi_dof_trajectory has joint '{goal.multi_dof_trajectory.joint_names[0]}', expected none."
-        )
     tables = {"path_tolerance": defaults.path.copy(), "goal_tolerance": defaults.goal.copy()}
-    for what, table in tables.items():
-        for entry in getattr(goal, what):
-            if entry.name not in names:
-                raise InputError(
-                    f"{what} has '{entry.name}', expected joints of {', '.join(names)}."
-                )
-            of, k = f"of joint '{entry.name}'", names.index(entry.name)
-            table[0, k] = _tolerance(f"{what}.position {of}", entry.position, table[0, k])
-            table[1, k] = _tolerance(f"{what}.velocity {of}", entry.velocity, table[1, k])
+    for field, table in tables.items():
+        for entry in getattr(goal, field):
+            (k,) = _columns(field, [entry.name], names)
+            joint = f"of joint '{entry.name}'"
+            table[0, k] = _tolerance(f"{field}.position {joint}", entry.position, table[0, k])
+            table[1, k] = _tolerance(f"{field}.velocity {joint}", entry.velocity, table[1, k])
             if entry.acceleration > 0.0:
                 raise InputError(
-                    f"{what}.acceleration {of} is {entry.acceleration}, but accelerations are not measured."
+                    f"{field}.acceleration {joint} is {entry.acceleration}, but accelerations are "
+                    "not measured."
                 )
     duration = goal.goal_time_tolerance
     time = _tolerance("goal_time_tolerance", duration.sec + 1e-9 * duration.nanosec, defaults.time)
@@ -156,14 +139,14 @@ def _field(points, name, columns, default):
     Other points and columns have `default`, shape (nv,).
     """
     values, width = [getattr(point, name) for point in points], len(columns)
-    lengths = np.array([len(one) for one in values])
-    given = lengths > 0
-    wrong = given & (lengths != width)
+    lengths = np.array([len(value) for value in values])
+    present = lengths > 0
+    wrong = present & (lengths != width)
     if wrong.any():
-        k = int(np.argmax(wrong))
+        k = np.argmax(wrong)
         raise InputError(
             f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}."
         )
     table = np.tile(default, (len(points), 1))
-    table[np.ix_(given, columns)] = np.frombuffer(b"".join(values)).reshape(-1, width)
-    return table, given
+    table[np.ix_(present, columns)] = np.frombuffer(b"".join(values)).reshape(-1, width)
+    return table, present
