@@ -121,6 +121,19 @@ def require_at_most(what: str, value: float, largest: float, unit: str, period: 
         raise InputError(f"{what} is {value:.6g}; expected at most {limit}.")
 
 
+def require_slow(
+    root: Array, names: list[str], stiffness: Array, largest: float, period: float
+) -> None:
+    """Raise InputError unless all modes of springs K̃ = root rootᵀ are slower than a frequency [rad/s].
+
+    `names` and `stiffness` are those of the springs, the columns of the root.
+    """
+    _, frequencies, modes = np.linalg.svd(root)
+    k = int(np.argmax(np.abs(modes[0])))  # the spring with most of the mode
+    bound = stiffness[k] * (largest / frequencies[0]) ** 2
+    require_at_most(names[k], stiffness[k], bound, "N m/rad (N/m)", period)
+
+
 class RateDamping(Law):
     """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own; the gain is c > 0 [1/s].
 
@@ -310,14 +323,9 @@ class JointRegulation(JointLaw):
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError unless the fastest mode at q has ω·period < min(4ζ, 1/ζ)."""
         root = self.dynamics.factors(q).l * np.sqrt(self.stiffness)
-        _, frequencies, modes = np.linalg.svd(root)
-        k = int(np.argmax(np.abs(modes[0])))  # the joint with most of the mode
-        largest = (
-            self.stiffness[k]
-            * (largest_frequency(self.damping_ratio, period) / frequencies[0]) ** 2
-        )
-        what = f"stiffness of '{self.dynamics.model.dof_names[k]}'"
-        require_at_most(what, self.stiffness[k], largest, "N m/rad (N/m)", period)
+        names = [f"stiffness of '{name}'" for name in self.dynamics.model.dof_names]
+        largest = largest_frequency(self.damping_ratio, period)
+        require_slow(root, names, self.stiffness, largest, period)
 
 
 def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:
@@ -455,15 +463,9 @@ class PoseRegulation(Law):
         else:
             self._require_rates("damping", self.damping, period)
             root, largest = root / np.sqrt(self.damping)[:, None], math.sqrt(STABLE / period)
-        _, frequencies, modes = np.linalg.svd(root)
-        k = int(np.argmax(np.abs(modes[0])))
-        what, unit = (
-            (f"position_stiffness of '{'xyz'[k]}'", "N/m")
-            if k < 3
-            else ("orientation_stiffness", "N m/rad")
-        )
-        stiffness = self._root[k] ** 2
-        require_at_most(what, stiffness, stiffness * (largest / frequencies[0]) ** 2, unit, period)
+        names = [f"position_stiffness of '{axis}'" for axis in "xyz"]
+        names += 3 * ["orientation_stiffness"]
+        require_slow(root, names, self._root**2, largest, period)
 
 
 def rotation_of(orientation: Any) -> Array:
