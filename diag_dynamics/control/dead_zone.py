@@ -60,7 +60,7 @@ class DeadZone:
         qd: Array,
         residual: Array,
         external_torque: Array,
-        restarts: BoolArray | None = None,
+        restarts: Array | BoolArray | None = None,
     ) -> tuple[Array, Array]:
         """Return r and m r of states in order, after those of earlier calls.
 
