@@ -20,22 +20,9 @@ from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
-_BROKEN = (
-    *(
-        zipfile.BadZipFile,
-        zlib.error,
-        ValueError,
-        EOFError,
-        OSError,
-        NotImplementedError,
-        MemoryError,
-    ),
-    *(
-        RuntimeError,
-        SyntaxError,
-        tokenize.TokenError,
-    ),  # of what is encrypted, and of numpy's header of an array
-)
+_BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, MemoryError)
+_BROKEN += (RuntimeError, SyntaxError, tokenize.TokenError)
+"""Errors of damaged and encrypted archives, and of NumPy's header of an array."""
 _OWN = (b"pandas", b"ARROW:schema", b"PARQUET:field_id", b"unit")
 """Keys of metadata that have no order of joints."""
 _NOT_WHOLE = "A file that was not closed or not copied completely lacks the index at its end."
@@ -120,7 +107,7 @@ def _flatten(table):
 
 
 class NpzTable:
-    """Rows of the arrays of an npz, (n,) or (n, k); one that is (k, n) is transposed."""
+    """Rows of the arrays of an npz, (n,) or (n, k)."""
 
     unit = "row"
 
@@ -129,7 +116,6 @@ class NpzTable:
         arrays = _read_arrays(path)
         if not arrays:
             raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
-        self._turned = _turn(arrays)
         lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
         for name, array in list(arrays.items()):
             if array.dtype.kind in "UO" and not (array.ndim == 1 and len(array) in lengths):
@@ -144,8 +130,6 @@ class NpzTable:
         first, count = self.columns[used[0]].name, len(self._arrays[used[0]])
         for k in used:
             name, array = self.columns[k].name, self._arrays[k]
-            if name in self._turned:
-                self.notes.append(f"{name}: transposed, because it has a row for each joint.")
             if len(array) != count:
                 expected = f"expected the {count} rows of '{first}'"
                 raise InputError(f"'{self.path}': '{name}' has shape {array.shape}; {expected}.")
@@ -177,21 +161,6 @@ def _read_arrays(path):
 
 def _is_numeric(array):
     return array.dtype.kind in "iufMm" and array.ndim in (1, 2)
-
-
-def _turn(arrays):
-    """Give all numeric arrays a row for each time; return the names of those that were (k, n)."""
-    shapes, turned = [array.shape for array in arrays.values() if _is_numeric(array)], []
-    lengths = {shape[0] for shape in shapes if len(shape) == 1}
-    if 1 not in lengths:  # in a recording of one row, (1, k) are k joints
-        lengths |= {max(shape) for shape in shapes if len(shape) == 2 and 1 in shape}
-    for name, array in arrays.items():
-        if _is_numeric(array) and array.ndim == 2:
-            first, second = array.shape
-            if second in lengths and (first not in lengths or first < second):
-                array, turned = array.T, [*turned, name] if first > 1 else turned
-            arrays[name] = array.reshape(-1) if array.shape[1] == 1 else array
-    return turned
 
 
 def _make_array_column(name, array):
