@@ -58,7 +58,7 @@ class Bag:
         self._notes, self._folders = Notes(), []  # temporary folders are deleted with the bag
         self.unread, self.oddities = self._notes.unread, self._notes.oddities
         paths = _find_files(self.path, self._notes) if self.path.is_dir() else [self.path]
-        self._files = [self._open_file(one, str(one)) for one in paths]
+        self._files = [self._open_file(path, str(path)) for path in paths]
         self._maps = [self._map_connections(file) for file in self._files]
         starts = (file.start for file in self._files if file.start is not None)
         self.start = min(starts, default=None)
@@ -71,9 +71,8 @@ class Bag:
             convert = partial(
                 _convert, conversions=conversions, places=np.array(places), failed=failed
             )
-            for first, last, read in file.parts(
-                {k for k, one in enumerate(places) if one in wanted}
-            ):
+            chosen = {k for k, place in enumerate(places) if place in wanted}
+            for first, last, read in file.parts(chosen):
                 is_late = end is not None and first >= end
                 if not (is_late or (begin is not None and last < begin)):
                     yield first, lambda read=read: convert(read())
@@ -83,8 +82,8 @@ class Bag:
         )
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
-            what = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
-            self._notes.add_damage(self.path, "messages of ROS 1", what)
+            text = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
+            self._notes.add_damage(self.path, "messages of ROS 1", text)
 
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
@@ -97,10 +96,10 @@ class Bag:
             raise InputError(f"'{name}' is not a supported bag; expected {KNOWN}.")
         if kind == "mcap":  # the library is optional
             require("mcap", REASON)
-            return import_module("diag_dynamics.recordings.mcap_file").McapFile(
-                path, name, self._notes
-            )
-        return (SqliteFile if kind == "sqlite" else Ros1File)(path, name, self._notes)
+            reader = import_module("diag_dynamics.recordings.mcap_file").McapFile
+        else:
+            reader = SqliteFile if kind == "sqlite" else Ros1File
+        return reader(path, name, self._notes)
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
@@ -115,8 +114,8 @@ class Bag:
                     unpacker.stream_reader(file, read_across_frames=True), out, 1 << 17
                 )
         except zstandard.ZstdError as error:
-            what = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
-            self._notes.add_damage(path, "its compression", what)
+            text = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
+            self._notes.add_damage(path, "its compression", text)
         except OSError as error:
             raise InputError(f"'{path}' cannot be decompressed: {error.strerror}.") from error
         return content
@@ -124,18 +123,15 @@ class Bag:
     def _map_connections(self, file):
         """Return the places of a file's connections in `connections`, and conversions by connection."""
         places, conversions = [], {}
-        for k, one in enumerate(file.connections):
-            one = one._replace(type=_normalize_type(one.type))
-            if one.encoding in ROS1:
-                if convert := _find_conversion(one.type, one.md5):
+        for k, connection in enumerate(file.connections):
+            connection = connection._replace(type=_normalize_type(connection.type))
+            if connection.encoding in ROS1:
+                if convert := _find_conversion(connection.type, connection.md5):
                     conversions[k] = convert
-                one = one._replace(encoding="cdr")
-            others = enumerate(self.connections)
-            place = next((n for n, other in others if other == one and n not in places), None)
-            if place is None:
-                place = len(self.connections)
-                self.connections.append(one)
-            places.append(place)
+                connection = connection._replace(encoding="cdr")
+            if connection not in self.connections:
+                self.connections.append(connection)
+            places.append(self.connections.index(connection))
         return places, conversions
 
 
@@ -144,9 +140,8 @@ def _convert(messages, conversions, places, failed):
     if messages is None:
         return None
     view, first = memoryview(messages.data), int(messages.at[0])
-    if (
-        not conversions and view[first : first + 4] != ZSTD
-    ):  # a file has all messages compressed, or none
+    is_compressed = view[first : first + 4] == ZSTD  # all messages of a file, or none
+    if not conversions and not is_compressed:
         return messages._replace(connection=places[messages.connection])
     rows, columns = [], (column.tolist() for column in messages[1:])
     for k, at, size, time in zip(*columns, strict=True):
@@ -206,10 +201,10 @@ class SqliteFile:
         self._advice = f"`sqlite3 {name} .recover` may find more"
         self.connections, self._topics, self.start, self._copy = [], {}, None, None
         journals = [Path(f"{self._path}{end}") for end in ("-wal", "-journal")]
-        if journals := [one for one in journals if one.is_file() and one.stat().st_size]:
+        if journals := [file for file in journals if file.is_file() and file.stat().st_size]:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
-            for one in (path, *journals):
-                shutil.copy(one, self._copy.name)
+            for file in (path, *journals):
+                shutil.copy(file, self._copy.name)
             notes.add_oddity(
                 name, " has a journal: its recorder was killed or still records. It is read, too."
             )
@@ -222,11 +217,8 @@ class SqliteFile:
                     self.connections.append(Connection(*map(str, declaration)))
         except sqlite3.Error as error:
             size = self._path.stat().st_size
-            is_empty = not size and not self._copy
-            self._lose(
-                "database",
-                "the file is empty" if is_empty else f"{error}: {size} bytes; {self._advice}",
-            )
+            text = f"{error}: {size} bytes; {self._advice}"
+            self._lose("database", text if size or self._copy else "the file is empty")
         with suppress(sqlite3.Error), closing(self._open()) as database:
             (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
             self.start = start if isinstance(start, int) else None
@@ -273,14 +265,15 @@ class Ros1File:
         self.connections, self.start = [], None
         try:
             with self._open() as reader:
-                for one in reader.connections:
-                    self.connections.append(Connection(one.topic, one.msgtype, "ros1", one.digest))
-                self.start = min((one.start_time for one in reader.chunk_infos), default=None)
+                for entry in reader.connections:
+                    connection = Connection(entry.topic, entry.msgtype, "ros1", entry.digest)
+                    self.connections.append(connection)
+                self.start = min((info.start_time for info in reader.chunk_infos), default=None)
         except Exception as error:  # of damaged bytes
-            size, advice = self._path.stat().st_size, f"`rosbag reindex {name}` makes an index"
+            size = self._path.stat().st_size
+            advice = f"{size} bytes; `rosbag reindex {name}` makes an index"
             self._lose(
-                "index",
-                f"{describe_error(error)}: {size} bytes; {advice}" if size else "the file is empty",
+                "index", f"{describe_error(error)}: {advice}" if size else "the file is empty"
             )
 
     def parts(self, wanted):
@@ -291,14 +284,14 @@ class Ros1File:
         """Yield (connection, log time, content) of each message."""
         time, count = 0, 0
         with self._open() as reader:
-            chosen = {one.id: k for k, one in enumerate(reader.connections) if k in wanted}
-            connections = [one for one in reader.connections if one.id in chosen]
+            chosen = {entry.id: k for k, entry in enumerate(reader.connections) if k in wanted}
+            entries = [entry for entry in reader.connections if entry.id in chosen]
             try:
-                for one, time, data in reader.messages(connections):
+                for entry, time, data in reader.messages(entries):
                     count += 1
-                    yield chosen[one.id], time, data
+                    yield chosen[entry.id], time, data
             except Exception as error:  # of damaged bytes
-                lost = sum(one.msgcount for one in connections) - count
+                lost = sum(entry.msgcount for entry in entries) - count
                 self._lose(f"after log time {time}", f"{describe_error(error)}: {lost} messages")
 
 
@@ -312,33 +305,25 @@ def _find_files(folder, notes):
     if not bags and not listed:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        raise InputError(
-            f"'{folder}' {why} and contains no bag; expected {KNOWN}, or the file of a table.{meant}"
-        )
+        expected = f"expected {KNOWN}, or the file of a table"
+        raise InputError(f"'{folder}' {why} and contains no bag; {expected}.{meant}")
     if not listed:
         notes.add_oddity(folder, f" {why}. All bags in it are read in the order of their names.")
         return [folder / name for name in bags]
     files = {}
     for name in listed:
         stored = name, f"{name}{PACKED}", name.removesuffix(PACKED)
-        files[name] = next((one for one in stored if (folder / one).is_file()), None)
+        files[name] = next((file for file in stored if (folder / file).is_file()), None)
     missing = [name for name, file in files.items() if file is None]
-    others = [name for name in bags if name not in files.values()]
-    if others and len(missing) == len(listed):
-        if len(missing) != len(others):
-            raise InputError(
-                f"'{folder}': {METADATA} lists {', '.join(missing)}, but the folder has {', '.join(others)}. Give one "
-                f"file, or delete {METADATA} to read all of them."
-            )
-        for name, other in zip(missing, others, strict=True):
-            notes.add_oddity(
-                folder, f": {METADATA} lists {name}, which is missing; {other} is read instead."
-            )
-        return [folder / name for name in others]
+    unlisted = [name for name in bags if name not in files.values()]
+    if unlisted and len(missing) == len(listed):
+        lack = f": {METADATA} lists {', '.join(missing)}, missing here"
+        notes.add_oddity(folder, f"{lack}; {', '.join(unlisted)} is read instead.")
+        return [folder / name for name in unlisted]
     for name in missing:
         notes.add_damage(folder, name, f"{METADATA} lists this file, which is missing")
-    if others:
-        notes.add_oddity(folder, f": {METADATA} does not list {', '.join(others)}: not read.")
+    if unlisted:
+        notes.add_oddity(folder, f": {METADATA} does not list {', '.join(unlisted)}: not read.")
     return [folder / file for file in files.values() if file is not None]
 
 
@@ -366,7 +351,7 @@ def _find_bags(folder):
         return False
 
     try:
-        names = [one.name for one in folder.iterdir() if one.is_file() and is_bag(one)]
+        names = [path.name for path in folder.iterdir() if path.is_file() and is_bag(path)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
     parts = {name: enumerate(re.split(r"(\d+)", name)) for name in names}
