@@ -22,24 +22,23 @@ class JointNames:
     stay.
     """
 
-    def __init__(self, entries, where="joint_names"):
+    def __init__(self, entries):
         if not isinstance(entries, Mapping) or not entries:
             raise InputError(
-                f"{where} is {entries!r}; expected a mapping such as {{'fer_joint1': 'panda_joint1'}}."
+                f"joint_names is {entries!r}; expected a mapping such as "
+                "{'fer_joint1': 'panda_joint1'}."
             )
         joints = {}
         for name, joint in entries.items():
             if not (isinstance(name, str) and isinstance(joint, str) and name and joint):
-                raise InputError(f"{where} maps {name!r} to {joint!r}; expected names of joints.")
+                text = f"joint_names maps {name!r} to {joint!r}"
+                raise InputError(f"{text}; expected names of joints.")
             if max(name.count(ANY), joint.count(ANY)) > 1 or name.count(ANY) != joint.count(ANY):
-                raise InputError(
-                    f"{where} maps '{name}' to '{joint}'; expected one * in both names or in neither."
-                )
+                text = f"joint_names maps '{name}' to '{joint}'"
+                raise InputError(f"{text}; expected one * in both names or in neither.")
             if ANY not in joint and joints.setdefault(joint, name) != name:
-                raise InputError(
-                    f"{where} maps '{joints[joint]}' and '{name}' to '{joint}'; expected one name for each."
-                )
-        self._where = where
+                text = f"joint_names maps '{joints[joint]}' and '{name}' to '{joint}'"
+                raise InputError(f"{text}; expected one name for each.")
         self._entries = dict(
             sorted(entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[0])))
         )
@@ -55,35 +54,34 @@ class JointNames:
         return [name for name in names if name and self.map_name(name) == joint] or [joint]
 
     def check_recording(self, pieces, model):
-        """Compare the map with the joints of a recording; return the names that were read from `pieces`."""
+        """Compare the map with the joints of a recording, whose names are in `pieces`."""
         names = {}
-        for some in pieces:
-            names |= dict.fromkeys(some)
-            if all(any(_replace(entry, entry, name) for name in names) for entry in self._entries):
+        unused = set(self._entries)
+        for piece in pieces:
+            names |= dict.fromkeys(piece)
+            fitting = {entry for entry in unused for name in names if _replace(entry, entry, name)}
+            unused -= fitting
+            if not unused:
                 break
-        robot, mapped = (
-            {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints},
-            {},
-        )
+        robot = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}
         for entry in self._entries if names else ():
-            own = {name: self.map_name(name) for name in names if self._entry(name) == entry}
-            if not any(_replace(entry, entry, name) for name in names):
-                found = f"has '{entry}', which is no joint of the recording. Its joints are {listed(names)}."
-                raise InputError(f"{self._where} {found}{suggest(entry, names)}")
-            if own and not robot & set(own.values()):
-                name, joint = next(iter(own.items()))
-                found = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'. Its joints are"
-                raise InputError(
-                    f"{self._where} {found} {listed(model.joint_names)}.{suggest(joint, robot)}"
-                )
+            joints = {name: self.map_name(name) for name in names if self._entry(name) == entry}
+            if entry in unused:
+                text = f"has '{entry}', which is no joint of the recording"
+                joints_text = f"Its joints are {listed(names)}.{suggest(entry, names)}"
+                raise InputError(f"joint_names {text}. {joints_text}")
+            if joints and not robot & set(joints.values()):
+                name, joint = next(iter(joints.items()))
+                text = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'"
+                joints_text = f"Its joints are {listed(model.joint_names)}.{suggest(joint, robot)}"
+                raise InputError(f"joint_names {text}. {joints_text}")
+        mapped = {}
         for name in names:
             joint = self.map_name(name)
             if joint in robot and mapped.setdefault(joint, name) != name:
-                raise InputError(
-                    f"{self._where} maps both '{mapped[joint]}' and '{name}' to joint '{joint}'; expected one name of "
-                    "the recording for each joint."
-                )
-        return list(names)
+                text = f"maps both '{mapped[joint]}' and '{name}' to joint '{joint}'"
+                expected = "expected one name of the recording for each joint"
+                raise InputError(f"joint_names {text}; {expected}.")
 
     @property
     def entries(self):

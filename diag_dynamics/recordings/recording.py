@@ -117,8 +117,7 @@ def read_recording(
     joint_names : mapping of str to str, optional
         The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*":
         "panda_*"}``. An entry that names no joint of the recording or of the robot is an error.
-        Without it, the parameter `joint_names` counts. Beside it, `columns` has the key
-        ``joint_names``.
+        Without it, the parameter `joint_names` counts.
     parameters : mapping, optional
         Values of the monitor's parameters other than the defaults, by name. Those that shape a
         model, such as `armature` and `parameters_file`, need a description: a :class:`RobotModel`
@@ -219,11 +218,10 @@ class Reading:
         self.settings = make_settings(parameters)
         self._span, self._limits = _check_span(start, end), None
         names = assignments("joint_names", self.settings.values["joint_names"], str)
-        self._locks_rest = any(one.startswith(ALL) for one in self.settings.values["locked_joints"])
-        self._source, self._path = (
-            open_source(path, columns, topic, joint_names or names or None),
-            path_text(path),
-        )
+        locked = self.settings.values["locked_joints"]
+        self._locks_rest = any(entry.startswith(ALL) for entry in locked)
+        self._source = open_source(path, columns, topic, joint_names or names or None)
+        self._path = path_text(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None
@@ -238,9 +236,8 @@ class Reading:
     def contact_points(self):
         """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
         if self.described is None:
-            raise InputError(
-                "contact_limits.file requires the path or text of a URDF; the robot is a RobotModel."
-            )
+            text = "contact_limits.file requires the path or text of a URDF"
+            raise InputError(f"{text}; the robot is a RobotModel.")
         return contact_points(self.model, self.described, self.settings.contact_limits)
 
     @property
@@ -255,23 +252,23 @@ class Reading:
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        locked = ", ".join(
-            f"{name}={position:g}" for name, position in self.model.locked_joints.items()
-        )
-        text = f"joints that the recording lacks are locked: {locked}."
-        added = [Finding(NOTE, 1, text)] if locked and self._locks_rest else []
-        return collect_findings(self.intake, self._source) + added
+        findings, locked = collect_findings(self.intake, self._source), self.model.locked_joints
+        if locked and self._locks_rest:
+            entries = ", ".join(f"{name}={position:g}" for name, position in locked.items())
+            text = f"joints that the recording lacks are locked: {entries}."
+            findings.append(Finding(NOTE, 1, text))
+        return findings
 
     def pieces(self, size=SIZE):
         """Yield pieces, see :func:`stream_recording`."""
-        held, count = [], 0
+        parts, count = [], 0
         for batch in self._source.batches(self.model):
-            held.append(self.intake.read(self._within(batch)))
-            count += len(held[-1])
+            parts.append(self.intake.read(self._within(batch)))
+            count += len(parts[-1])
             if count >= size:
-                yield self._recording(held)
-                held, count = [], 0
-        yield self._recording(held or [States.empty(self.model.nq, self.model.nv)])
+                yield self._recording(parts)
+                parts, count = [], 0
+        yield self._recording(parts or [States.empty(self.model.nq, self.model.nv)])
 
     def _within(self, batch):
         """Return the messages between start and end."""
@@ -306,9 +303,8 @@ def _check_span(start, end):
     """Return start and end, None or [s], in nanoseconds."""
     for name, seconds in (("start", start), ("end", end)):
         if seconds is not None and not 0.0 <= seconds < 1e9:
-            raise InputError(
-                f"{name} is {seconds!r}; expected seconds after the beginning of the recording, 0 or more."
-            )
+            expected = "expected seconds after the beginning of the recording, 0 or more"
+            raise InputError(f"{name} is {seconds!r}; {expected}.")
     if None not in (start, end) and end <= start:
         raise InputError(f"end is {end!r} s; expected more than start, {start!r} s.")
     return tuple(None if seconds is None else round(seconds * SECOND) for seconds in (start, end))

@@ -66,9 +66,8 @@ class Source(Protocol):
 def check_topics(topic):
     """Return a topic or several as a tuple of str without repetition; empty for None."""
     topics = [topic] if isinstance(topic, str) else () if topic is None else topic
-    if not isinstance(topics, list | tuple) or not all(
-        isinstance(one, str) and one for one in topics
-    ):
+    is_list = isinstance(topics, list | tuple)
+    if not is_list or not all(isinstance(name, str) and name for name in topics):
         raise InputError(f"topic is {topic!r}; expected the name of a topic or a list of names.")
     return tuple(dict.fromkeys(topics))
 
@@ -78,44 +77,30 @@ def path_text(path):
     if isinstance(path, list | tuple):
         return "+".join(map(os.fspath, path))
     if not isinstance(path, str | os.PathLike):
-        found = f"path is a {type(path).__name__}; expected the path of a recording"
-        raise InputError(f"{found}. The order of the arguments is path, model.")
+        raise InputError(
+            f"path is a {type(path).__name__}; expected the path of a recording. "
+            "The order of the arguments is path, model."
+        )
     return os.fspath(path)
 
 
 def open_source(path, columns=None, topic=None, joint_names=None) -> Source:
     """Return the Source of a path; for its arguments see :func:`read_recording`."""
     columns, path = read_column_map(columns), os.path.expanduser(path_text(path))
-    names, paths = _make_names(columns, joint_names), list(map(Path, split_paths(path)))
+    names = None if joint_names is None else JointNames(joint_names)
+    paths = list(map(Path, split_paths(path)))
     if is_dataset(path):
         return TableSource(path, columns, names)
-    for one in paths:
-        if not one.exists():
-            near = suggest(one.name, os.listdir(one.parent) if one.parent.is_dir() else [])
-            raise InputError(f"there is no file or folder '{one}'.{near}")
+    for file in paths:
+        if not file.exists():
+            near = suggest(file.name, os.listdir(file.parent) if file.parent.is_dir() else [])
+            raise InputError(f"there is no file or folder '{file}'.{near}")
     path = paths[0].parent if paths[0].name == METADATA else paths[0]
     if len(paths) > 1 or not _is_bag(path):
         return TableSource("+".join(map(str, paths)), columns, names)
-    for key, value in vars(columns).items():
-        if key not in ("joint_names", "source") and value != getattr(ColumnMap(), key):
-            expected = "expected a column map with joint_names only"
-            raise InputError(f"'{path}' is a bag; {expected}, but {columns.source} has {key}.")
+    if columns != ColumnMap():
+        raise InputError(f"'{path}' is a bag; expected no column map, which is for tables.")
     return BagSource(path, topic, names)
-
-
-def _make_names(columns, joint_names):
-    """Return the JointNames of a ColumnMap or of an argument; None without a map of names."""
-    if columns.joint_names is not None and joint_names is not None:
-        raise InputError(
-            f"joint_names is given twice, by an argument and by {columns.source}; expected one of them."
-        )
-    if joint_names is not None:
-        return JointNames(joint_names)
-    return (
-        None
-        if columns.joint_names is None
-        else JointNames(columns.joint_names, f"{columns.source}: joint_names")
-    )
 
 
 def _is_bag(path):
@@ -194,67 +179,66 @@ class BagSource:
 
     def _connections(self, kind):
         """Return the indices of the connections of a type that are read."""
-        every = [(k, one) for k, one in enumerate(self._bag.connections) if one.type == kind]
+        places = [k for k, name in enumerate(self._kinds) if name == kind]
+        connections = self._bag.connections
+        encodings = {connections[k].topic: connections[k].encoding for k in places}
         topics = self._topics if kind == JOINT_STATE else ()
         for topic in topics:
-            if all(topic != one.topic for _, one in every):
-                raise self._missing_topic(topic, kind)
-        topics = topics or self._choose_topics(kind, [one for _, one in every])
-        chosen = [(k, one) for k, one in every if one.topic in topics]
-        for _, one in chosen:
-            if one.encoding != ENCODING:
-                what = (
-                    f"messages of {one.topic} are encoded as '{one.encoding}'; expected {EXPECTED}"
-                )
-                raise InputError(f"'{self._path}': {what}.")
-        return [k for k, _ in chosen]
+            if topic not in encodings:
+                raise self._missing_topic(topic, kind, sorted(encodings))
+        topics = topics or self._choose_topics(kind, encodings)
+        for topic in topics:
+            if encodings[topic] != ENCODING:
+                text = f"messages of {topic} are encoded as '{encodings[topic]}'"
+                raise InputError(f"'{self._path}': {text}; expected {EXPECTED}.")
+        return [k for k in places if connections[k].topic in topics]
 
-    def _choose_topics(self, kind, every):
-        """Return the topics that are read where none is chosen: the only one, or the one with the usual name."""
-        topics = sorted({one.topic for one in every})
+    def _choose_topics(self, kind, encodings):
+        """Return the topics that are read where none is chosen, of those with their encodings.
+
+        This is the only one, or the one with the usual name.
+        """
+        topics = sorted(encodings)
         if len(topics) < 2:
             return topics
-        readable = sorted({one.topic for one in every if one.encoding == ENCODING}) or topics
-        usual = (
-            [name for name in readable if name.split("/")[-1] == USUAL[kind]]
-            if len(readable) > 1
-            else readable
-        )
+        usual = [name for name in topics if encodings[name] == ENCODING] or topics
+        if len(usual) > 1:
+            usual = [name for name in usual if name.split("/")[-1] == USUAL[kind]]
         if len(usual) > 1 and kind != JOINT_STATE:
             namespaces = {topic.rpartition("/")[0] for topic in self._topics}
             usual = [name for name in usual if name.rpartition("/")[0] in namespaces]
         if len(usual) != 1:
-            options = " ".join(f"--topic {topic}" for topic in topics[:2])
-            advice = SEVERAL[kind].format(options=options)
-            raise InputError(
-                f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. {advice}"
+            advice = SEVERAL[kind].format(
+                options=" ".join(f"--topic {name}" for name in topics[:2])
             )
-        others = ", ".join(name for name in topics if name not in usual)
-        note = f"'{self._path}': joint states of {usual[0]} are read, not those of {others} {OTHER_TOPICS}."
+            text = f"has several topics of {kind}: {', '.join(topics)}"
+            raise InputError(f"'{self._path}' {text}. {advice}")
+        unread = ", ".join(name for name in topics if name not in usual)
+        text = f"joint states of {usual[0]} are read, not those of {unread}"
+        note = f"'{self._path}': {text} {OTHER_TOPICS}."
         if kind == JOINT_STATE and note not in self._notes:
             self._notes.append(note)
         return usual
 
-    def _missing_topic(self, topic, kind):
+    def _missing_topic(self, topic, kind, topics):
         """Return the error about a topic that is not there, or is of another type."""
-        topics = sorted(one.topic for one in self._bag.connections if one.type == kind)
-        is_there = any(one.topic == topic for one in self._bag.connections)
+        is_there = any(connection.topic == topic for connection in self._bag.connections)
         only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
-        return InputError(
-            f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}"
-        )
+        text = f"has no topic '{topic}' of {kind}{only}"
+        return InputError(f"'{self._path}' {text}.{suggest(topic, topics)}")
 
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
         texts, odd = set(), ""
-        for one in self._bag.connections:
-            encoding = f", encoded as '{one.encoding}'" if one.encoding != ENCODING else ""
-            texts.add(f"{one.topic} ({one.type or 'no type'}{encoding})")
-            odd = f"; expected messages encoded as {EXPECTED}" if encoding else odd
-        topics = (
-            f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
-        )
-        return topics + "".join(f"; {one.where}: {one.what}" for one in self.unread[:3]) + odd
+        for topic, kind, encoding, _ in self._bag.connections:
+            text = f"{topic} ({kind or 'no type'}"
+            if encoding != ENCODING:
+                text += f", encoded as '{encoding}'"
+                odd = f"; expected messages encoded as {EXPECTED}"
+            texts.add(f"{text})")
+        topics = f"its topics are {', '.join(sorted(texts))}"
+        damage = "".join(f"; {part.where}: {part.what}" for part in self.unread[:3])
+        return (topics if texts else "it has no readable topics") + damage + odd
 
 
 def decode_messages(decoder, messages, kinds):

@@ -12,7 +12,6 @@ import sqlite3
 
 import numpy as np
 import pytest
-import yaml
 from mcap.writer import Writer
 
 import diag_dynamics as dd
@@ -329,18 +328,10 @@ def test_joint_names(tmp_path, kind, case):
         recordings.append(write(tmp_path / folder, moving(*written)))
     expected = dd.read_recording(recordings[0], robot, **options)
     assert len(expected) == 12 and np.isfinite(expected.tau).all()
-    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"joint_names": given}))
-    for how in (
-        {"joint_names": given},
-        {"columns": {"joint_names": given}},
-        {"columns": tmp_path / "map.yaml"},
-    ):
-        found = dd.read_recording(recordings[1], robot, **how, **options)
-        assert (
-            found.counts == expected.counts
-            and [one for one in found.findings if one.cause != "note"] == []
-        )
-        assert_same_states(found, expected)
+    recording = dd.read_recording(recordings[1], robot, joint_names=given, **options)
+    assert recording.counts == expected.counts
+    assert [finding for finding in recording.findings if finding.cause != "note"] == []
+    assert_same_states(recording, expected)
 
 
 def test_joint_names_of_later_messages(tmp_path):
@@ -414,27 +405,15 @@ def test_joint_names_that_are_wrong(tmp_path, kind, case):
     given, what = WRONG_MAPS[case]
     what = WRONG_MAPS_OF_TABLES.get(case, what) if kind == "csv" else what
     path = WRITERS.get(kind, write_table)(tmp_path, moving("fer_a", "fer_b"))
-    for how in ({"joint_names": given}, {"columns": {"joint_names": given}}):
-        refused(what, path, arm("panda_a", "panda_b"), **how)
+    refused(what, path, arm("panda_a", "panda_b"), joint_names=given)
 
 
-def test_maps_of_bags(tmp_path):
-    """Other keys of a column map, two maps, and a star that YAML takes for an alias."""
-    path, robot = (
-        write_mcap(tmp_path / "x.mcap", moving("fer_a", "fer_b")),
-        arm("panda_a", "panda_b"),
-    )
-    given = {"fer_*": "panda_*"}
-    what = "is a bag; expected a column map with joint_names only, but .* has effort"
-    refused(what, path, robot, columns={"joint_names": given, "effort": None})
-    refused(
-        "joint_names is given twice, by an argument and by columns",
-        path,
-        robot,
-        columns={"joint_names": given},
-        joint_names=given,
-    )
-    (tmp_path / "map.yaml").write_text("joint_names: {left_*: *}")
+def test_column_maps_are_of_tables(tmp_path):
+    """A bag has none; a star at the begin of a YAML text is taken for an alias."""
+    path, robot = write_mcap(tmp_path / "x.mcap", moving("a", "b")), arm("a", "b")
+    what = "is a bag; expected no column map"
+    refused(what, path, robot, columns={"effort": None})
+    (tmp_path / "map.yaml").write_text("scale: {time: *}")
     refused(r"Put a text that begins with \* in quotes", path, robot, columns=tmp_path / "map.yaml")
 
 

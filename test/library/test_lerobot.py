@@ -172,13 +172,13 @@ def test_units_and_names_are_never_guessed(tmp_path):
     with pytest.raises(
         dd.InputError, match=r"reaches 40.*expected .*rad or m.*`scale: \{position: …\}`"
     ):
-        dd.read_recording(root, model, {"joint_names": joints}, **options)
+        dd.read_recording(root, model, joint_names=joints, **options)
     with pytest.raises(
         dd.InputError, match="no columns are recognized as positions of a1, a2, jaw"
     ):
         dd.read_recording(root, model, {"scale": {"position": "deg"}}, **options)
     scale = {"position": ["deg", "deg", 1e-3]}
-    recording = dd.read_recording(root, model, {"joint_names": joints, "scale": scale}, **options)
+    recording = dd.read_recording(root, model, {"scale": scale}, joint_names=joints, **options)
     np.testing.assert_allclose(recording.q, (q * [np.pi / 180, np.pi / 180, 1e-3])[1:], rtol=1e-12)
     bare = write_dataset(
         tmp_path / "bare", "v2.1", [[q / 100]], {"observation.state": feature(None, 3)}

@@ -44,7 +44,6 @@ class ColumnMap:
     delimiter: str | None = None
     decimal: str = "."
     skip: int = 0  # lines before the header
-    joint_names: Mapping[str, str] | None = None  # the robot's name of a joint by that of the file
     source: str = "columns"  # for messages
 
 
@@ -158,7 +157,6 @@ _PARSERS = {
     **dict.fromkeys(QUANTITIES, _COLUMNS),
     "joints": (lambda value: _parse_entries(value, (str,)), "a list of names, each once"),
     "names": (_parse_entries, "a list of columns, each once"),
-    "joint_names": _checked(lambda value: True, ""),  # JointNames checks it
     "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
     "offset": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(QUANTITIES)}"),
     "mixing": (_parse_mixing, "rows of an invertible matrix"),
