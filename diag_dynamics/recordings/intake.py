@@ -44,11 +44,9 @@ class Batch(NamedTuple):
         place = np.cumsum(which) - 1
         parts = [part.select(which[part.rows]) for part in self.parts]
         parts = [part._replace(rows=place[part.rows]) for part in parts if len(part.rows)]
-        others = (
-            {int(place[k]): one for k, one in some.items() if which[k]}
-            for some in (self.odometry, self.errors)
-        )
-        return Batch(self.log_time[which], parts, *others)
+        odometry = {int(place[k]): raw for k, raw in self.odometry.items() if which[k]}
+        errors = {int(place[k]): text for k, text in self.errors.items() if which[k]}
+        return Batch(self.log_time[which], parts, odometry, errors)
 
 
 class Rejection(NamedTuple):
@@ -69,11 +67,9 @@ class Intake:
         values = settings.values
         self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
         map_name = names.map_name if names else None
-        self._base = (
-            OdometryBase(model, values["odom_twist_frame"] == "header")
-            if model.floating_base
-            else None
-        )
+        self._base = None
+        if model.floating_base:
+            self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
         self._counts, self.rejections = Counter(), []
         self._links = LinkPositions(model)
@@ -94,34 +90,33 @@ class Intake:
 
     def read(self, batch):
         """Return the States that a batch of messages makes."""
-        if not self._base:
-            return self._of_links(self._with_gravity(self._read_joints(batch)))
-        found, begin, place = [], 0, np.arange(len(batch.log_time))
+        parts, begin, place = [self._nothing], 0, np.arange(len(batch.log_time))
         for k in [*sorted(batch.odometry), len(place)]:
             if k > begin:
-                found.append(self._read_joints(batch.select((place >= begin) & (place < k))))
+                parts.append(self._read_joints(batch.select((place >= begin) & (place < k))))
             if k < len(place):
-                found.append(self._read_odometry(batch.odometry[k], int(batch.log_time[k])))
+                parts.append(self._read_odometry(batch.odometry[k], int(batch.log_time[k])))
             begin = k + 1
-        return self._of_links(self._with_gravity(States.concatenate([self._nothing, *found])))
+        return self._of_links(self._with_gravity(States.concatenate(parts)))
 
     def _read_joints(self, batch):
         """Return the States of a batch without odometry."""
         now, parts = batch.log_time, batch.parts
         self._counts["received"] += len(now)
-        found = self.assembler.assemble(parts, now)
-        malformed = np.flatnonzero(found.outcome["code"] == codes.MALFORMED).tolist()
-        rejected = found.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
+        assembled = self.assembler.assemble(parts, now)
+        code = assembled.outcome["code"]
+        malformed = np.flatnonzero(code == codes.MALFORMED).tolist()
+        rejected = assembled.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
         for k, (cause, text) in sorted(rejected.items()):
             self._reject(int(now[k]), f"rejected: {cause}", text)
-        self.units.read(parts, np.isin(found.outcome["code"], codes.IMPLAUSIBLE))
-        made = found.outcome["code"] == codes.STATE
+        self.units.read(parts, np.isin(code, codes.IMPLAUSIBLE))
+        made = code == codes.STATE
         self._counts["published"] += int(made.sum())
-        moved = self._moved_at(found.outcome["events"] & codes.MOVED > 0, made)
+        moved = self._moved_at(assembled.outcome["events"] & codes.MOVED > 0, made)
         made = slice(None) if made.all() else made
-        outcome = found.outcome[made]
+        outcome = assembled.outcome[made]
         stamps = (np.ascontiguousarray(outcome[field]) for field in ("newest", "oldest"))
-        values = (column[made] for column in found[1:4])
+        values = (column[made] for column in assembled[1:4])
         flags = (outcome[field] > 0 for field in ("with_effort", "received", "estimated"))
         return States(*stamps, now[made], *values, *flags, moved)
 
@@ -138,24 +133,22 @@ class Intake:
         try:
             message = read_message(raw, ODOMETRY)
         except Exception as error:  # nothing that was recorded may end the reading of the rest
-            found = Rejected(
-                "malformed", f"odom: {len(raw)} bytes that are no nav_msgs/msg/Odometry ({error})"
-            )
+            text = f"odom: {len(raw)} bytes that are no nav_msgs/msg/Odometry ({error})"
+            result = Rejected("malformed", text)
         else:
-            found = self.assembler.accept_odometry(message, now)
-        if isinstance(found, Rejected):
-            self._reject(now, f"odometry rejected: {found.cause}", found.text)
+            result = self.assembler.accept_odometry(message, now)
+        if isinstance(result, Rejected):
+            self._reject(now, f"odometry rejected: {result.cause}", result.text)
             return self._nothing
-        if found.state is None:
+        if result.state is None:
             return self._nothing
         self._counts["published from odometry"] += 1
-        state, flag = found.state, np.array([False])
-        stamp, received = np.array([state.newest]), np.array([state.stamp_is_receive_time])
-        effort = np.full((1, self._model.nv), np.nan)
-        position, velocity = state.position[None, :], state.velocity[None, :]
-        return States(
-            stamp, stamp, np.array([now]), position, velocity, effort, flag, received, flag, flag
-        )
+        state = result.state
+        times = np.array([[state.newest], [state.newest], [now]])
+        effort = np.full(self._model.nv, np.nan)
+        values = (row[None, :] for row in (state.position, state.velocity, effort))
+        flags = np.array([[False], [state.stamp_is_receive_time], [False], [False]])
+        return States(*times, *values, *flags)
 
     def _with_gravity(self, states):
         """Return states whose efforts are of joints and contain gravity, where the parameters say that they do not."""

@@ -79,10 +79,11 @@ class McapFile:
         self._parts.sort(key=lambda part: part.start)
         self.start = next((part.start for part in self._parts if part.end), None)
         self.connections = []
-        for one in self._channels.values():
-            kind = self._schemas[one.schema_id].name if one.schema_id in self._schemas else ""
-            md5 = one.metadata.get("md5sum", "")
-            self.connections.append(Connection(one.topic, kind, one.message_encoding, md5))
+        for channel in self._channels.values():
+            schema = self._schemas.get(channel.schema_id)
+            md5 = channel.metadata.get("md5sum", "")
+            fields = channel.topic, schema.name if schema else "", channel.message_encoding, md5
+            self.connections.append(Connection(*fields))
 
     def parts(self, wanted):
         """Yield (first log time, last one, function that returns Messages) in their order."""
@@ -107,19 +108,18 @@ class McapFile:
         indexes, channels = summary.chunk_indexes, summary.channels
         chunks = summary.statistics.chunk_count if summary.statistics else len(indexes)
         schemas = {channel.schema_id for channel in channels.values()}
-        used = set().union(*(one.message_index_offsets for one in indexes))
+        used = set().union(*(index.message_index_offsets for index in indexes))
         is_declared = channels and used <= channels.keys() and schemas <= {0, *summary.schemas}
         if chunks != len(indexes) or not is_declared:
             return
         self._channels, self._schemas = channels, summary.schemas
-        for one in indexes:
-            offsets = frozenset(one.message_index_offsets)
+        for index in indexes:
+            offsets = frozenset(index.message_index_offsets)
             # Indexes are 15 bytes a channel, and 16 a message.
-            count = (one.message_index_length - 15 * len(offsets)) // 16 if offsets else 0
-            times = one.message_start_time, one.message_end_time
-            self._parts.append(
-                Part(one.chunk_start_offset, one.chunk_length, True, *times, offsets, count)
-            )
+            count = (index.message_index_length - 15 * len(offsets)) // 16 if offsets else 0
+            place = index.chunk_start_offset, index.chunk_length, True
+            times = index.message_start_time, index.message_end_time
+            self._parts.append(Part(*place, *times, offsets, count))
 
     def _scan(self, file):
         """Read channels and parts from all records."""
@@ -138,13 +138,11 @@ class McapFile:
                 return
             is_record = 0 < opcode <= LAST or opcode >= PRIVATE
             if not is_record or end > stop:
-                what = (
-                    "the file ends within a chunk" if opcode == CHUNK else "no record starts here"
-                )
-                self._lose(
-                    f"byte {at}", f"{what}: {stop - at} bytes (`mcap recover` may find more)"
-                )
-                if opcode == CHUNK and size <= MAX_SIZE:
+                is_chunk = opcode == CHUNK
+                cause = "the file ends within a chunk" if is_chunk else "no record starts here"
+                text = f"{cause}: {stop - at} bytes (`mcap recover` may find more)"
+                self._lose(f"byte {at}", text)
+                if is_chunk and size <= MAX_SIZE:
                     self._add_part(Part(at, end - at))
                 return
             if opcode == CHUNK:
@@ -160,20 +158,18 @@ class McapFile:
         starts, declarations, end = _find_records(content)
         for kind, raw in declarations:
             try:
-                one = kind.read(ReadDataStream(BytesIO(raw)))
-                (self._schemas if kind is Schema else self._channels).setdefault(one.id, one)
+                record = kind.read(ReadDataStream(BytesIO(raw)))
+                records = self._schemas if kind is Schema else self._channels
+                records.setdefault(record.id, record)
             except Exception as error:
-                self._lose(
-                    str(part), f"a {kind.__name__.lower()} is not readable: {describe_error(error)}"
-                )
+                text = f"a {kind.__name__.lower()} is not readable: {describe_error(error)}"
+                self._lose(str(part), text)
         if len(starts):
             heads = _read_heads(content, starts)
             times, channels = heads["time"], frozenset(heads["channel"].tolist())
-            size, span = (
-                part.size if part.is_chunk else end,
-                {"start": int(times.min()), "end": int(times.max())},
-            )
-            self._parts.append(part._replace(size=size, channels=channels, **span))
+            size = part.size if part.is_chunk else end
+            span = int(times.min()), int(times.max())
+            self._parts.append(Part(part.at, size, part.is_chunk, *span, channels))
         return end or part.size
 
     def _read_content(self, part):

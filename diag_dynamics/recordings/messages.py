@@ -68,17 +68,17 @@ class Messages(NamedTuple):
 
 def merge_parts(files):
     """Yield the messages of several files in log-time order; a file yields pairs (start, read) in order."""
-    held = []
+    waiting = []
     for start, read in heapq.merge(*files, key=itemgetter(0)):
-        if held and min(int(messages.log_time[0]) for messages in held) < start:
-            messages = Messages.concatenate(held)
+        if waiting and min(int(messages.log_time[0]) for messages in waiting) < start:
+            messages = Messages.concatenate(waiting)
             count = int(np.searchsorted(messages.log_time, start))
             yield messages.select(slice(count))
-            held = [messages.select(slice(count, None))] if count < len(messages.at) else []
+            waiting = [messages.select(slice(count, None))] if count < len(messages.at) else []
         if messages := read():
-            held.append(messages)
-    if held:
-        yield Messages.concatenate(held)
+            waiting.append(messages)
+    if waiting:
+        yield Messages.concatenate(waiting)
 
 
 def group_rows(rows):

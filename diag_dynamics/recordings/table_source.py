@@ -61,9 +61,8 @@ class TableSource:
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
-        raise InputError(
-            f"'{self._path}' is a table, without a robot description. Give the robot: --urdf ROBOT (model)."
-        )
+        text = f"'{self._path}' is a table, without a robot description"
+        raise InputError(f"{text}. Give the robot: --urdf ROBOT (model).")
 
     def joints(self, model):
         """Return the robot's names of all joints in rows, as a set.
@@ -101,7 +100,7 @@ class TableSource:
         map_name, table = self.names.map_name if self.names else str, self._open(model)
         pieces, names = list(table.pieces()), [map_name(name) for name in table.joints]
         stamps = np.concatenate([np.zeros(0, np.int64), *(piece.stamp for piece in pieces)])
-        position = np.concatenate([np.zeros((0, len(names))), *(one.position for one in pieces)])
+        position = np.concatenate([np.zeros((0, len(names))), *(x.position for x in pieces)])
         if excess := excess_as_radians(model, names, stamps, position):
             raise InputError(
                 f"'{self._path}': the unit of positions is not stated, and as radians {excess}. "
@@ -122,25 +121,18 @@ class TableSource:
     def _make_batch(self, columns):
         """Return the Batch of a piece of the table."""
         stamp, sec, nanosec = self._find_stamps(columns)
-        groups = {tuple(self._table.joints): np.arange(len(stamp))}
+        groups = {tuple(self._table.joints): range(len(stamp))}
         if columns.names is not None:
             groups = {}
             for k, names in enumerate(map(tuple, columns.names.tolist())):
                 groups.setdefault(names, []).append(k)
-        parts = []
-        for names, rows in groups.items():
-            rows, there = (
-                np.asarray(rows, dtype=np.int64),
-                [place for place, name in enumerate(names) if name],
-            )
-            fields = (getattr(columns, field) for field in FIELDS)
-            values = (
-                np.zeros((len(rows), 0)) if one is None else one[np.ix_(rows, there)]
-                for one in fields
-            )
-            parts.append(
-                JointStates(rows, tuple(filter(None, names)), sec[rows], nanosec[rows], *values)
-            )
+        parts, fields = [], [getattr(columns, field) for field in FIELDS]
+        for names, places in groups.items():
+            rows = np.array(places, np.int64)
+            named, nothing = np.flatnonzero(names), np.zeros((len(rows), 0))
+            values = (nothing if x is None else x[np.ix_(rows, named)] for x in fields)
+            joints = tuple(filter(None, names))
+            parts.append(JointStates(rows, joints, sec[rows], nanosec[rows], *values))
         return Batch(stamp, parts, {}, {})
 
     def _find_stamps(self, columns):

@@ -27,25 +27,20 @@ class ChunkedFile:
     """An MCAP file of ROS 2 with LZ4, all messages of a chunk on one topic."""
 
     def __init__(self, path, library):
-        self._file, self._at = (
-            BufferedWriter(FileIO(path, "wb")),
-            0,
-        )  # a pipe cannot tell its position
+        self._file = BufferedWriter(FileIO(path, "wb"))
+        self._at = 0  # a pipe cannot tell its position
         self._described, self._chunks, self._counts = [], [], Counter()
         self._write(MCAP0_MAGIC)
         self._write_records(Header(profile="ros2", library=library))
 
     def register(self, topic, kind, definition):
         """Add a topic of a type with its definition; return the number of its channel."""
-        number, metadata = len(self._described) + 1, {"offered_qos_profiles": ""}
-        records = [Schema(id=number, name=kind, encoding="ros2msg", data=definition)]
-        records += [
-            Channel(
-                id=number, topic=topic, message_encoding="cdr", schema_id=number, metadata=metadata
-            )
-        ]
-        self._described.append(records)
-        self._write_records(*records)
+        number = len(self._described) // 2 + 1
+        metadata = {"offered_qos_profiles": ""}
+        schema = Schema(id=number, name=kind, encoding="ros2msg", data=definition)
+        channel = Channel(number, topic, "cdr", metadata, number)
+        self._described += [schema, channel]
+        self._write_records(schema, channel)
         return number
 
     def write_messages(self, channel, times, numbers, rows):
@@ -58,8 +53,9 @@ class ChunkedFile:
         messages["opcode"], messages["length"] = Opcode.MESSAGE, messages.itemsize - 9
         messages["channel"], messages["sequence"] = channel, numbers
         messages["log_time"] = messages["publish_time"] = times
-        for begin in range(0, len(rows), max(1, CHUNK // messages.itemsize)):
-            self._write_chunk(channel, messages[begin : begin + max(1, CHUNK // messages.itemsize)])
+        count = max(1, CHUNK // messages.itemsize)
+        for begin in range(0, len(rows), count):
+            self._write_chunk(channel, messages[begin : begin + count])
 
     def _write_chunk(self, channel, messages):
         """Write a chunk and the index of its messages."""
@@ -70,46 +66,36 @@ class ChunkedFile:
         self._write_records(Chunk(data=packed, uncompressed_crc=zlib.crc32(data), **span))
         index, end = np.empty(len(messages), _INDEX), self._at
         index["log_time"], index["offset"] = times, np.arange(len(messages)) * messages.itemsize
-        self._write(
-            struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + index.nbytes, channel, index.nbytes)
-        )
+        sizes = 6 + index.nbytes, channel, index.nbytes
+        self._write(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, *sizes))
         self._write(index.tobytes())
-        place = {
-            "chunk_start_offset": start,
-            "chunk_length": end - start,
-            "message_index_length": self._at - end,
-        }
-        offsets = {channel: end}
-        self._chunks.append(
-            ChunkIndex(compressed_size=len(packed), message_index_offsets=offsets, **place, **span)
+        chunk = ChunkIndex(
+            chunk_start_offset=start,
+            chunk_length=end - start,
+            compressed_size=len(packed),
+            message_index_length=self._at - end,
+            message_index_offsets={channel: end},
+            **span,
         )
+        self._chunks.append(chunk)
         self._counts[channel] += len(messages)
 
     def finish(self):
         """Write the summary and close the file."""
         self._write_records(DataEnd(data_section_crc=0))
-        start, topics = self._at, len(self._described)
-        first = min((one.message_start_time for one in self._chunks), default=0)
-        last = max((one.message_end_time for one in self._chunks), default=0)
-        counts = {
-            "message_count": self._counts.total(),
-            "channel_message_counts": dict(self._counts),
-        }
-        counts |= {
-            "schema_count": topics,
-            "channel_count": topics,
-            "chunk_count": len(self._chunks),
-        }
+        start, topics = self._at, len(self._described) // 2
         statistics = Statistics(
             attachment_count=0,
             metadata_count=0,
-            message_start_time=first,
-            message_end_time=last,
-            **counts,
+            message_start_time=min((x.message_start_time for x in self._chunks), default=0),
+            message_end_time=max((x.message_end_time for x in self._chunks), default=0),
+            message_count=self._counts.total(),
+            channel_message_counts=dict(self._counts),
+            schema_count=topics,
+            channel_count=topics,
+            chunk_count=len(self._chunks),
         )
-        self._write_records(
-            *(one for records in self._described for one in records), statistics, *self._chunks
-        )
+        self._write_records(*self._described, statistics, *self._chunks)
         self._write_records(Footer(summary_start=start, summary_offset_start=0, summary_crc=0))
         self._write(MCAP0_MAGIC)
         self.close()

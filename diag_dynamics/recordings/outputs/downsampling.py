@@ -62,19 +62,19 @@ class Overview:
     """Keep at most `size` states: the first one and the extremes of runs, which double in length."""
 
     def __init__(self, size):
-        self._size, self._stride, self._kept = size, 1, []
+        self._size, self._stride, self._parts = size, 1, []
 
     def add(self, states):
         """Add the next states."""
-        self._kept.append(states[_extremes(states, self._stride)])
-        while sum(map(len, self._kept)) > self._size:
+        self._parts.append(states[_extremes(states, self._stride)])
+        while sum(map(len, self._parts)) > self._size:
             self._stride *= 2
-            kept = self.states()
-            self._kept = [kept[_extremes(kept, self._stride)]]
+            states = self.states()
+            self._parts = [states[_extremes(states, self._stride)]]
 
     def states(self):
         """Return all states that are kept."""
-        return np.concatenate(self._kept)
+        return np.concatenate(self._parts)
 
 
 def _extremes(states, stride):
@@ -91,36 +91,29 @@ class ContactRuns:
     """Find all states around contacts. The newest are held back, because the next contact may be near them."""
 
     def __init__(self):
-        self._held, self._run, self._edges, self._collides = (
-            None,
-            [],
-            np.array([-np.inf, np.inf]),
-            False,
-        )
+        self._recent, self._run, self._collides = None, [], False
+        self._edges = np.array([-np.inf, np.inf])
 
     def add(self, states):
         """Add the next states; yield the runs that are complete."""
         edges = states["t"][np.diff(states["collision"], prepend=self._collides)]
-        self._collides, self._edges = (
-            bool(states["collision"][-1]),
-            np.sort(np.append(self._edges, edges)),
-        )
-        held = states if self._held is None else np.concatenate([self._held, states])
-        is_known = held["t"] < held["t"][-1] - AROUND
-        self._held = held[~is_known]
-        yield from self._split(held[is_known])
+        self._collides = bool(states["collision"][-1])
+        self._edges = np.sort(np.append(self._edges, edges))
+        if self._recent is not None:
+            states = np.concatenate([self._recent, states])
+        is_recent = states["t"] >= states["t"][-1] - AROUND
+        self._recent = states[is_recent]
+        yield from self._split(states[~is_recent])
 
     def finish(self):
         """Yield the remaining runs."""
-        yield from self._split(self._held)
+        yield from self._split(self._recent)
         if self._run:
             yield np.concatenate(self._run)
 
     def _split(self, states):
-        following = np.searchsorted(self._edges, states["t"])
-        distance = np.minimum(
-            states["t"] - self._edges[following - 1], self._edges[following] - states["t"]
-        )
+        t, following = states["t"], np.searchsorted(self._edges, states["t"])
+        distance = np.minimum(t - self._edges[following - 1], self._edges[following] - t)
         is_near = distance <= AROUND
         cuts = np.flatnonzero(np.diff(is_near, prepend=~is_near[:1]))
         for first, part in zip(cuts, np.split(states, cuts)[1:], strict=True):

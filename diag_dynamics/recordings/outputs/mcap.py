@@ -56,10 +56,9 @@ class McapOutput:
             require(library, "writing MCAP")
         chunks = import_module("diag_dynamics.recordings.outputs.chunks")
         self._target, self._count = AtomicFile(path), 0
+        library = f"diag_dynamics {diag_dynamics.__version__}"
         with self._target.errors():
-            self._file = chunks.ChunkedFile(
-                self._target.name, f"diag_dynamics {diag_dynamics.__version__}"
-            )
+            self._file = chunks.ChunkedFile(self._target.name, library)
         self._topics = {}  # by channel
         for topic in topics:
             rows = TopicRows(topic, reading, chunks.PREFIX)
@@ -112,9 +111,7 @@ class TopicRows:
         is_torque = self._topic == "external_torque"
         known = piece.observed.valid if is_torque else piece.states.effort_known
         touched = self._touched_links(piece)
-        is_touched = np.zeros(len(piece.states), dtype=bool)
-        if touched:
-            is_touched = touched.link != ""
+        is_touched = touched.link != "" if touched else np.zeros(len(piece.states), dtype=bool)
         for is_known, has_links in ((True, True), (True, False), (False, False)):
             which = np.flatnonzero((known == is_known) & (is_touched == has_links))
             if not len(which):
@@ -154,11 +151,8 @@ class TopicRows:
         """Return the term of friction; None unless the parameter publish_friction is true."""
         if not self._with_friction:
             return None
-        return (
-            np.zeros_like(piece.s.nu[which])
-            if piece.s.friction is None
-            else piece.s.friction[which]
-        )
+        friction = piece.s.friction
+        return np.zeros_like(piece.s.nu[which]) if friction is None else friction[which]
 
     def _encode(self, values, state, key):
         """Return messages of these values, with room for a prefix; a key has one layout."""

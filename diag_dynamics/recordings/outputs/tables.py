@@ -28,20 +28,17 @@ UNITS = {
     "external_torque": ("N m", "N"),
 }
 """Units of quantities per degree of freedom, of one that turns and of one that slides."""
-OF_STATES, OF_EFFORTS, OBSERVED = (
-    ("velocity", "effort"),
-    ("epsilon", "kappa"),
-    ("residual", "external_torque"),
-)
+OF_STATES = ("velocity", "effort")
+OF_EFFORTS = ("epsilon", "kappa")
+OBSERVED = ("residual", "external_torque")
 
 
 class TableOutput:
     """Write the analysis of a Reading as ``parquet`` (units in metadata, NaN) or ``csv`` (units in the header)."""
 
     def __init__(self, path, reading, friction, kind="parquet"):
-        self._arrow, self._library = (
-            require(name, f"'{path}'") for name in ("pyarrow", f"pyarrow.{kind}")
-        )
+        self._arrow = require("pyarrow", f"'{path}'")
+        self._library = require(f"pyarrow.{kind}", f"'{path}'")
         self._reading, self._friction, self._csv = reading, friction, kind == "csv"
         self._target, self._writer, self._file = AtomicFile(path), None, None
 
@@ -65,9 +62,9 @@ class TableOutput:
 
     def drop(self):
         """Delete what has been written."""
-        for one in filter(None, (self._writer, self._file)):
+        for file in filter(None, (self._writer, self._file)):
             with suppress(OSError):  # the disk may be full
-                one.close()
+                file.close()
         self._target.discard()
 
     def _parquet_table(self, columns):
@@ -84,18 +81,19 @@ class TableOutput:
 
     def _parquet_writer(self, file, schema):
         """Return a writer; statistics are those of scalars, because all would cost a tenth more."""
-        is_floating, options = self._arrow.types.is_floating, {"compression": "snappy"}
-        options["use_dictionary"] = False
-        options["use_byte_stream_split"] = [one.name for one in schema if is_floating(one.type)]
-        options["write_statistics"] = [name for name in schema.names if "." not in name]
-        return self._library.ParquetWriter(file, schema, **options)
+        is_floating = self._arrow.types.is_floating
+        return self._library.ParquetWriter(
+            file,
+            schema,
+            compression="snappy",
+            use_dictionary=False,
+            use_byte_stream_split=[field.name for field in schema if is_floating(field.type)],
+            write_statistics=[name for name in schema.names if "." not in name],
+        )
 
     def _csv_table(self, columns):
         names = [f"{name} [{unit}]" if unit else name for name, unit, _ in columns]
-        masks = [np.isnan(values) if values.dtype.kind == "f" else None for _, _, values in columns]
-        arrays = [
-            self._arrow.array(x, mask=mask) for (_, _, x), mask in zip(columns, masks, strict=True)
-        ]
+        arrays = [self._arrow.array(values, from_pandas=True) for _, _, values in columns]
         return self._arrow.Table.from_arrays(arrays, names=names)
 
 
@@ -116,20 +114,13 @@ def make_columns(model, piece, offset, friction):
             columns.append((f"{quantity}.{name}", unit, values))
 
     def add_quantity(quantity, block):
-        add_block(
-            quantity, block, {name: UNITS[quantity][is_slide] for name, is_slide in slides.items()}
-        )
+        units = {name: UNITS[quantity][is_slide] for name, is_slide in slides.items()}
+        add_block(quantity, block, units)
 
-    lengths = [
-        slides.get(name) or (model.floating_base and k < 3)
-        for k, name in enumerate(model.coordinate_names)
-    ]
-    names = zip(
-        model.coordinate_names, lengths, strict=True
-    )  # those of an orientation have no unit
-    units = {
-        name: "m" if is_length else "rad" if name in slides else "" for name, is_length in names
-    }
+    units = {}  # those of an orientation are empty
+    for k, name in enumerate(model.coordinate_names):
+        is_length = slides.get(name) or (model.floating_base and k < 3)
+        units[name] = "m" if is_length else "rad" if name in slides else ""
     add_block("position", states.position, units)
     for quantity in UNITS:
         if quantity not in OBSERVED and (friction or quantity != "friction"):

@@ -115,11 +115,9 @@ def _is_numeric(kind):
 
 def are_blank(array):
     """Return whether cells hold nothing, bool (n,): null or an empty list."""
-    return (
-        _lengths(array) == 0
-        if is_list(array.type)
-        else array.is_null().to_numpy(zero_copy_only=False)
-    )
+    if is_list(array.type):
+        return _lengths(array) == 0
+    return array.is_null().to_numpy(zero_copy_only=False)
 
 
 # --- Numbers ---
@@ -180,16 +178,15 @@ def read_times(array, scale):
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
         if scale == 1.0 and not array.null_count:
-            exact = pc.multiply(
-                array.cast(pa.decimal128(19, 9)), pa.scalar(SECOND, pa.decimal128(10))
-            )
+            nanoseconds = pa.scalar(SECOND, pa.decimal128(10))
+            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), nanoseconds)
             return values, np.clip(exact.cast(pa.int64()).to_numpy(), -_LIMIT, _LIMIT)
-    seconds = [_parse_time(text, Decimal(repr(scale))) for text in read_texts(array)]
-    exact = [
-        0 if one.is_nan() else max(min(_EXACT.multiply(one, SECOND), _LIMIT), -_LIMIT)
-        for one in seconds
-    ]
-    return np.array(seconds, float), np.array([round(one) for one in exact], np.int64)
+    unit, stamps = Decimal(repr(scale)), []
+    seconds = [_parse_time(text, unit) for text in read_texts(array)]
+    for second in seconds:
+        exact = Decimal(0) if second.is_nan() else _EXACT.multiply(second, SECOND)
+        stamps.append(round(max(min(exact, _LIMIT), -_LIMIT)))
+    return np.array(seconds, float), np.array(stamps, np.int64)
 
 
 def _scale_floats(values, scale):
@@ -219,13 +216,11 @@ def _parse_time(text, unit):
         plain = text.isascii() and "_" not in text
         return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
     fields = date.groupdict("00")
+    text = "{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields)
     try:
-        moment = np.datetime64(
-            "{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields), "s"
-        ).astype(int)
+        moment = int(np.datetime64(text, "s").astype(int))
     except ValueError:  # the 30th of February
         return Decimal("nan")
     offset = 3600 * int(fields["hours"]) + 60 * int(fields["minutes"])
-    return Decimal(int(moment) + (offset if fields["sign"] == "-" else -offset)) + Decimal(
-        f"0.{fields['fraction']}"
-    )
+    moment += offset if fields["sign"] == "-" else -offset
+    return moment + Decimal(f"0.{fields['fraction']}")

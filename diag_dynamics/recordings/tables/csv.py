@@ -31,10 +31,8 @@ MAX_LINE = 1 << 26  # bytes
 _BEGINNING = 1 << 20  # bytes in which the header and the first rows are
 _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
-_POINT, _COMMA = (
-    re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE),
-    re.compile(rb",(?=\d)"),
-)
+_POINT = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE)
+_COMMA = re.compile(rb",(?=\d)")
 _PACKINGS = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
@@ -87,15 +85,15 @@ class CsvTable:
 
     def _read_lines(self, size):
         """Yield whole lines, about `size` bytes at a time, and the number of the first."""
-        held, line = bytearray(), 1
+        text, line = bytearray(), 1
         for chunk in self._read_chunks():
-            held += chunk
-            end = held.rfind(b"\n") + 1 if chunk or self._broken else len(held)
-            if end and (len(held) >= size or not chunk):
-                yield line, bytes(held[:end]).removeprefix(b"\xef\xbb\xbf" if line == 1 else b"")
-                line += held.count(b"\n", 0, end)
-                del held[:end]
-            elif len(held) > size + MAX_LINE:
+            text += chunk
+            end = text.rfind(b"\n") + 1 if chunk or self._broken else len(text)
+            if end and (len(text) >= size or not chunk):
+                yield line, bytes(text[:end]).removeprefix(b"\xef\xbb\xbf" if line == 1 else b"")
+                line += text.count(b"\n", 0, end)
+                del text[:end]
+            elif len(text) > size + MAX_LINE:
                 raise InputError(f"'{self.path}': line {line} has more than {MAX_LINE} bytes.")
 
     def _read_chunks(self):
@@ -104,10 +102,8 @@ class CsvTable:
         with open(self.path, "rb") as file:
             begin = file.read(8)
             file.seek(0)
-            opener = next(
-                (one for magic, one in _PACKINGS.items() if begin.startswith(magic)), None
-            )
-            stream = opener(file) if opener else file
+            openers = (opener for magic, opener in _PACKINGS.items() if begin.startswith(magic))
+            stream = next(openers, lambda stream: stream)(file)
             try:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
@@ -135,23 +131,21 @@ class CsvTable:
 
     def _parse_lines(self, text, line, used, lose):
         """Return the columns of a block line by line; count lines that are no rows."""
-        width, kept, lines = len(self.columns), [], []
-        for at, one in enumerate(_decode(text).split("\n"), line):
-            if one.startswith("#") or not one.strip():
+        width, rows, lines = len(self.columns), [], []
+        for at, content in enumerate(_decode(text).split("\n"), line):
+            if content.startswith("#") or not content.strip():
                 continue
-            fields = fields_of(one, self._delimiter)
+            fields = fields_of(content, self._delimiter)
             if not any(field.strip() for field in fields[width:]):
                 del fields[width:]
             if len(fields) == width:
-                kept.append(fields)
+                rows.append(fields)
                 lines.append(at)
             else:
-                cause, example = (
-                    "another number of columns than the header has",
-                    f"{len(fields)} instead of {width}",
-                )
+                cause = "another number of columns than the header has"
+                example = f"{len(fields)} instead of {width}"
                 lose(cause, f"line {at}", LEFT_OUT, example=example)
-        arrays = {k: pa.array([fields[k] for fields in kept], pa.string()) for k in used}
+        arrays = {k: pa.array([fields[k] for fields in rows], pa.string()) for k in used}
         return arrays, np.array(lines, np.int64)
 
 
@@ -192,7 +186,9 @@ def _read_head(lines, column_map, path):
     if not rows and comment is None:
         expected = f"expected text after the {column_map.skip} skipped lines"
         raise InputError(f"'{path}' has {len(lines)} lines; {expected}.")
-    rows, comment = (rows[: SAMPLE + 2], comment) if rows else ([(at, comment)], None)
+    if not rows:
+        rows, comment = [(at, comment)], None
+    rows = rows[: SAMPLE + 2]
     delimiter = column_map.delimiter or _guess_delimiter(
         [line for _, line in rows], column_map.decimal
     )
@@ -213,11 +209,11 @@ def _read_head(lines, column_map, path):
 def _guess_delimiter(rows, decimal):
     """Return the delimiter of the first lines."""
     first = re.sub(r'\[[^\]]*\]|\([^)]*\)|"[^"]*"', "", rows[0])
-    candidates = [one for one in "\t;|," if one in first and one != decimal]
-    for one in candidates:
-        count = len(fields_of(rows[0], one))
-        if any(len(fields_of(row, one)) == count for row in rows[1:]):
-            return one
+    candidates = [sign for sign in "\t;|," if sign in first and sign != decimal]
+    for sign in candidates:
+        count = len(fields_of(rows[0], sign))
+        if any(len(fields_of(row, sign)) == count for row in rows[1:]):
+            return sign
     return candidates[0] if candidates else SPACES if len(first.split()) > 1 else ","
 
 

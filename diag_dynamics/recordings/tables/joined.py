@@ -52,9 +52,8 @@ class JoinedTable:
         for part, key in zip(self._parts, keys, strict=True):
             if not self._times and key[-1:].tolist() != keys[0][-1:].tolist():
                 counts = f"{len(key)} rows, and '{self._parts[0].path}' {len(keys[0])}"
-                raise InputError(
-                    f"'{part.path}' has {counts}; expected the same number, or times in each file."
-                )
+                expected = "expected the same number, or times in each file"
+                raise InputError(f"'{part.path}' has {counts}; {expected}.")
             if 2 * len(shared) < len(key):
                 counts = f"{len(shared)} of {len(key)} times in '{part.path}' are in all of"
                 advice = "Interpolate the files at common times"
@@ -66,9 +65,9 @@ class JoinedTable:
             unique, first = np.unique(key, return_index=True)
             rows.append(first[np.isin(unique, shared)])
         for begin in range(0, len(rows[0]), ROWS):
-            some = [pa.array(part[begin : begin + ROWS]) for part in rows]
+            chosen = [pa.array(part[begin : begin + ROWS]) for part in rows]
             places = {k: self._places[k] for k in (*numbers, *others)}
-            arrays = {k: tables[n][column].take(some[n]) for k, (n, column) in places.items()}
+            arrays = {k: tables[n][column].take(chosen[n]) for k, (n, column) in places.items()}
             yield arrays, rows[0][begin : begin + ROWS]
 
     def _read_part(self, n, numbers, others, lose):

@@ -13,17 +13,17 @@ from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
+from diag_dynamics.recordings.tables import is_dataset
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column
 from diag_dynamics.recordings.tables.conventions import find_quantity
 from diag_dynamics.recordings.tables.table import ROWS
 
 MAX_ANGLE = 7.0  # positions beyond are in another unit than rad
 _NUMERIC = re.compile("float(16|32|64)|u?int(8|16|32|64)")
+_DAMAGED = (OSError, pa.ArrowException)
 _OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_EPISODES, _ROWS = (
-    ("episode_index", "data/chunk_index", "data/file_index"),
-    ("episode_index", "frame_index"),
-)
+_EPISODES = ("episode_index", "data/chunk_index", "data/file_index")
+_ROWS = ("episode_index", "frame_index")
 
 
 class Dataset:
@@ -38,16 +38,9 @@ class Dataset:
                 k: self.root / self.info["data_path"].format(**at)
                 for k, at in self._find_episodes()
             }
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            TypeError,
-            AttributeError,
-            pa.ArrowException,
-        ) as error:
-            what = f"'{root}' is no LeRobot dataset of version 2 or 3"
-            raise InputError(f"{what}: {type(error).__name__} {describe_error(error)}.") from error
+        except (*_DAMAGED, ValueError, LookupError, TypeError, AttributeError) as error:
+            text = f"'{root}' is no LeRobot dataset of version 2 or 3"
+            raise InputError(f"{text}: {type(error).__name__} {describe_error(error)}.") from error
 
     def _find_episodes(self):
         """Yield the number of each episode, and the fields of the path of its file."""
@@ -59,39 +52,32 @@ class Dataset:
             return
         for line in (self.root / "meta/episodes.jsonl").read_text(encoding="utf-8").splitlines():
             number = json.loads(line)["episode_index"]
-            yield (
-                number,
-                {"episode_chunk": number // self.info["chunks_size"], "episode_index": number},
-            )
+            chunk = number // self.info["chunks_size"]
+            yield number, {"episode_chunk": chunk, "episode_index": number}
 
     def read(self, number, names):
         """Return columns of an episode as a table of pyarrow, in the order of its frames."""
-        path = self.files[number]
+        path, rows = self.files[number], [("episode_index", "=", number)]
         try:
-            table = parquet.read_table(
-                path, columns=list(names), filters=[("episode_index", "=", number)]
-            )
-        except (OSError, pa.ArrowException) as error:
+            table = parquet.read_table(path, columns=list(names), filters=rows)
+        except _DAMAGED as error:
             raise InputError(f"'{path}' cannot be read: {describe_error(error)}.") from error
         return table.sort_by("frame_index")
 
 
 def split_episode(path):
-    """Return the folder of a dataset and the number of an episode, None without one; None if it is no dataset."""
-    root, _, number = path.rpartition("#") if re.search(r"#\d+$", path) else (path, "", "")
-    return (
-        (root, int(number) if number else None) if Path(root, "meta/info.json").is_file() else None
-    )
+    """Return the folder of a dataset, and the number of an episode or None."""
+    root, number = re.fullmatch(r"(.*?)(?:#(\d+))?", path, re.DOTALL).groups()
+    return root, None if number is None else int(number)
 
 
 def expand_episodes(paths):
     """Return paths of recordings with those of all its episodes in place of a dataset."""
-    return [f"{path}#{k}" if k is not None else path for path in paths for k in _episodes(path)]
-
-
-def _episodes(path):
-    dataset = split_episode(path)
-    return Dataset(path).files if dataset and dataset[1] is None else [None]
+    expanded = []
+    for path in paths:
+        is_whole = is_dataset(path) and split_episode(path)[1] is None
+        expanded += [f"{path}#{k}" for k in Dataset(path).files] if is_whole else [path]
+    return expanded
 
 
 class LeRobotTable:
@@ -105,11 +91,9 @@ class LeRobotTable:
         if number is None and len(dataset.files) == 1:
             number = next(iter(dataset.files))
         if number not in dataset.files:
-            some = f"'{root}#{next(iter(dataset.files), 0)}'"
-            raise InputError(
-                f"'{path}' is one of {len(dataset.files)} episodes; expected a number such as {some}."
-            )
-        features = {name: one for name, one in dataset.features.items() if _is_read(name, one)}
+            expected = f"expected a number such as '{root}#{next(iter(dataset.files), 0)}'"
+            raise InputError(f"'{path}' is one of {len(dataset.files)} episodes; {expected}.")
+        features = {key: entry for key, entry in dataset.features.items() if _is_read(key, entry)}
         table = dataset.read(number, [*_ROWS, *features])
         self._rows = table["frame_index"].to_numpy()
         arrays = {"time": pa.array(self._rows / dataset.fps)}
@@ -137,16 +121,13 @@ def _split_feature(name, feature, array, path):
     """Return a column for each element that has a name, or the whole array under the name of the feature."""
     names, size = feature.get("names"), feature["shape"][0]
     if isinstance(names, dict):  # such as {"motors": [...]}
-        names = [
-            one for some in names.values() for one in (some if isinstance(some, list) else [some])
-        ]
+        names = [name for group in names.values() for name in np.atleast_1d(group).tolist()]
     if size == 1 or not names or len(set(names)) != size:
         return {name: array}
     values = _flat(array)
     if len(values) != size * len(array):
-        raise InputError(
-            f"'{path}': rows of '{name}' have not {size} elements each, as meta/info.json says."
-        )
+        text = f"rows of '{name}' have not {size} elements each, as meta/info.json says"
+        raise InputError(f"'{path}': {text}.")
     values = values.to_numpy(zero_copy_only=False).reshape(-1, size)
     last = name.split(".")[-1]
     kind = find_quantity(name) or ("position" if last == "state" else name)
