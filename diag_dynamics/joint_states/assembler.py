@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.joint_states import codes, memory
-from diag_dynamics.joint_states.decoding import FIELDS, MAX_BYTES, Decoder
+from diag_dynamics.joint_states.decoding import FIELDS, Decoder, Layouts
 from diag_dynamics.joint_states.joints import EffortMeaning, RobotState, age_limits, joint_limits
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
@@ -48,8 +48,6 @@ class Assembled(NamedTuple):
     rejected: dict
     """Cause and text of rejected messages, by place."""
 
-
-MAX_LAYOUTS = 256  # lists of names that are kept, of MAX_BYTES together
 
 MAX_LISTS = 16  # lists of joints that are compared at a time
 
@@ -87,7 +85,7 @@ class StateAssembler:
         )
         self._labels = (*(labels or (f"joint '{name}'" for name in self.names)), *loops)
         self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
-        self._layouts, self.arrived = _Kept(), {}
+        self._layouts, self.arrived = Layouts(), {}
         self._lists, self._alternating = set(), set()
         count, beside = len(joints.names), len(self.followers.names)
         self._memory = memory.Memory.create(count, beside)
@@ -478,22 +476,6 @@ class _Layout(NamedTuple):
     buffer: memoryview = memoryview(
         b""
     )  # the bytes of a serialized one, with its numbers at their places in the batch
-
-
-class _Kept(dict):
-    """Entries for messages, at most MAX_LAYOUTS of at most MAX_BYTES together."""
-
-    _bytes = 0
-
-    def keep(self, key, entry, size):
-        """Store an entry of `size` bytes unless it is too large; drop all others if there is no space."""
-        if size > MAX_BYTES:
-            return
-        if len(self) >= MAX_LAYOUTS or self._bytes + size > MAX_BYTES:
-            self.clear()
-            self._bytes = 0
-        self._bytes += size
-        self[key] = entry
 
 
 def _write(array, **fields):

@@ -12,8 +12,8 @@ import numpy as np
 from diag_dynamics.wire.definitions import Reader
 
 MAX_LAYOUTS, MAX_BYTES = 64, 1 << 20
-"""Lists of names and lengths whose places are kept, and the length of their messages together
-[bytes]. An entry takes about ten times the length of its message."""
+"""Lists of names and lengths about which entries are kept, and the length of their messages
+together [bytes]. An entry takes about ten times the length of its message."""
 
 FIELDS = "position", "velocity", "effort"
 
@@ -87,11 +87,27 @@ class Places:
         return JointStates(rows, self.names, sec, nanosec, *fields)
 
 
+class Layouts(dict):
+    """Entries about messages, at most MAX_LAYOUTS of at most MAX_BYTES together."""
+
+    _bytes = 0
+
+    def keep(self, key, entry, size):
+        """Store an entry of `size` bytes unless it is too large; drop all others if there is no space."""
+        if size > MAX_BYTES:
+            return
+        if len(self) >= MAX_LAYOUTS or self._bytes + size > MAX_BYTES:
+            self.clear()
+            self._bytes = 0
+        self._bytes += size
+        self[key] = entry
+
+
 class Decoder:
     """Reads serialized sensor_msgs/msg/JointState."""
 
     def __init__(self):
-        self._places, self._count, self._bytes = {}, 0, 0
+        self._places = Layouts()
 
     def decode(self, data, at, size, chosen):
         """Return JointStates, and errors by place, of the `chosen` messages.
@@ -111,26 +127,16 @@ class Decoder:
 
     def find_places(self, raw):
         """Return the Places of one message; ValueError if it is no joint state."""
-        for places in self._places.get(len(raw), ()):
-            if places.holds(raw):
+        for places in self._places.values():
+            if places.length == len(raw) and places.holds(raw):
                 return places
-        return self._learn(raw)
-
-    def _learn(self, raw):
-        """Return the places of a message, and keep them unless it is too long."""
         try:
             places = find_places(raw)
         except ValueError as error:
             raise ValueError(
                 f"{len(raw)} bytes that are no sensor_msgs/msg/JointState ({error})"
             ) from error
-        if len(raw) > MAX_BYTES:
-            return places
-        if self._count >= MAX_LAYOUTS or self._bytes + len(raw) > MAX_BYTES:
-            self._places.clear()
-            self._count = self._bytes = 0
-        self._count, self._bytes = self._count + 1, self._bytes + len(raw)
-        self._places.setdefault(len(raw), []).append(places)
+        self._places.keep(len(self._places), places, len(raw))
         return places
 
     def _decode_rows(self, raw, rows, parts, errors):

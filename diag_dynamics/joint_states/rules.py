@@ -295,14 +295,11 @@ def _forget(memory):
 @kernel
 def _estimate(memory, here, position, velocity, stamp, unstamped, one):
     """Replace missing velocities by filtered difference quotients; return the code of a step that is too fast."""
-    shared, moved = memory.shared[0], one.moved >= 0
+    shared = memory.shared[0]
     for j in here:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
-        if (
-            not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0)
-            or elapsed == 0
-        ):
+        if elapsed == 0 or not _continues(memory, j, elapsed, unstamped, one):
             continue
         quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
         if np.isnan(velocity[j]) and quotient > MAX_VELOCITY:
@@ -311,7 +308,7 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, one):
     for j in here:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
-        if not _continues(joint, elapsed, unstamped, moved and memory.scratch[FAR, j] > 0.0):
+        if not _continues(memory, j, elapsed, unstamped, one):
             joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
             joint.estimate_period = LONGEST / PERIODS
             joint.estimate_position, joint.estimate_stamp, joint.estimate_known = (
@@ -338,8 +335,9 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, one):
 
 
 @kernel
-def _continues(joint, elapsed, unstamped, moved):
+def _continues(memory, j, elapsed, unstamped, one):
     """Whether an estimate goes on: no restart, no other clock, no jump, no pause."""
+    joint, moved = memory.joints[j], one.moved >= 0 and memory.scratch[FAR, j] > 0.0
     if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
         return False
     longest = joint.span if np.isfinite(joint.span) else 0.0

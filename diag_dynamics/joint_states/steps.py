@@ -178,7 +178,7 @@ def _compare_states(memory, position, velocity, stamp):
     last, timeout, period = shared.stuck_last, shared.stuck_timeout, SAMPLES * shared.stuck_step
     restarts = last < 0 or not 0 <= stamp - last <= timeout
     ends = not restarts and stamp // period != last // period
-    still, slides = 0, 0
+    still, slides, first_still, first_sliding = 0, 0, 0, 0
     for j in range(len(memory.joints)):
         joint, x = memory.joints[j], position[j]
         fast, zero = abs(velocity[j]) >= MOVING, velocity[j] == 0.0
@@ -196,17 +196,16 @@ def _compare_states(memory, position, velocity, stamp):
             if over or not zero:
                 joint.zero_since, joint.zero_position = stamp, x
         joint.still_position, joint.still_fast = x, int(fast)
-        still += int(stamp - joint.still_since >= timeout)
-        slides += joint.slides
+        if stamp - joint.still_since >= timeout:
+            first_still = first_still if still else j
+            still += 1
+        if joint.slides:
+            first_sliding = first_sliding if slides else j
+            slides += 1
     shared.stuck_last, shared.stuck_kind = stamp, codes.STATE
-    if still or slides:
-        shared.stuck_kind = codes.STUCK_STILL if still else codes.STUCK_SLIDES
-        shared.stuck_more = (still if still else slides) - 1
-        for j in range(len(memory.joints) - 1, -1, -1):
-            stuck = (
-                stamp - memory.joints[j].still_since >= timeout
-                if still
-                else memory.joints[j].slides == 1
-            )
-            if stuck:
-                shared.stuck_joint = j
+    if still:
+        shared.stuck_kind, shared.stuck_joint = codes.STUCK_STILL, first_still
+        shared.stuck_more = still - 1
+    elif slides:
+        shared.stuck_kind, shared.stuck_joint = codes.STUCK_SLIDES, first_sliding
+        shared.stuck_more = slides - 1
