@@ -74,18 +74,14 @@ def joint_state_message(names, measured, stamp):
 
 def odometry_message(root_link, measured, stamp):
     """Return the Odometry of a floating base."""
-    (x, y, z, *orientation), twist = measured.base
+    q, qd = measured.base
     message = Odometry(child_frame_id=root_link)
     message.header.stamp, message.header.frame_id = stamp, WORLD
-    position, o, moving = (
-        message.pose.pose.position,
-        message.pose.pose.orientation,
-        message.twist.twist,
-    )
-    position.x, position.y, position.z = float(x), float(y), float(z)
-    o.x, o.y, o.z, o.w = map(float, orientation)
-    moving.linear.x, moving.linear.y, moving.linear.z = map(float, twist[:3])
-    moving.angular.x, moving.angular.y, moving.angular.z = map(float, twist[3:])
+    pose, velocity = message.pose.pose, message.twist.twist
+    position, o = pose.position, pose.orientation
+    position.x, position.y, position.z, o.x, o.y, o.z, o.w = map(float, q)
+    linear, angular = velocity.linear, velocity.angular
+    linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = map(float, qd)
     return message
 
 
@@ -109,11 +105,9 @@ def simulation_status(plant, paused, failure):
     if failure:
         values["failure"], text = failure, f"stopped: {failure}"
         return Status("simulation", ERROR, without_numbers(text), values, text)
-    return (
-        Status("simulation", WARN, "paused", values)
-        if paused
-        else Status("simulation", OK, "running", values)
-    )
+    if paused:
+        return Status("simulation", WARN, "paused", values)
+    return Status("simulation", OK, "running", values)
 
 
 def pace_status(pace, lockstep, waits, time_values, problems):
@@ -123,8 +117,8 @@ def pace_status(pace, lockstep, waits, time_values, problems):
         "ticks": report.ticks,
         "lateness, mean [s]": f"{report.mean:.6f}",
         "lateness, maximum [s]": f"{report.largest:.6f}",
-        "overruns": pace.overruns,
-        "dropped lag [s]": f"{pace.dropped:.3f}",
+        "overruns": report.overruns,
+        "dropped lag [s]": f"{report.dropped:.3f}",
         "real-time factor": "lockstep" if lockstep else f"{pace.factor:g}",
         **time_values,
     }
@@ -135,31 +129,22 @@ def pace_status(pace, lockstep, waits, time_values, problems):
     return problem_status("pace", problems, "on schedule", values)
 
 
-class CommandsReport:
-    """Statuses of commands and wrenches, which warn of new rejections."""
-
-    def __init__(self):
-        self._reported = Counter()
-
-    def status(self, drives, pushes):
-        """Return the status since the last one."""
-        counts = drives.counts + pushes.counts
-        recent = counts - self._reported
-        self._reported = counts
-        values = {
-            "drives": drives.phase,
-            "brakes": "closed" if drives.braked else "open",
-            **dict(sorted(counts.items())),
-        }
-        problems = []
-        for what, part in (("command", drives), ("wrench", pushes)):
-            if part.last_rejection:
-                values[f"last rejected {what}"] = part.last_rejection
-            if any(key in part.counts and "rejected" in key for key in recent):
-                problems.append(f"rejected: {part.last_rejection}")
-        if drives.phase == TIMED_OUT:
-            problems.append(f"no command for command_timeout = {drives.timeout:g} s")
-        return problem_status("commands", problems, drives.phase, values)
+def commands_status(drives, pushes, recent):
+    """Return the status of commands and wrenches; `recent` are their counts since the last one."""
+    values = {
+        "drives": drives.phase,
+        "brakes": "closed" if drives.braked else "open",
+        **dict(sorted((drives.counts + pushes.counts).items())),
+    }
+    problems = []
+    for kind, inputs in (("command", drives), ("wrench", pushes)):
+        if inputs.last_rejection:
+            values[f"last rejected {kind}"] = inputs.last_rejection
+        if any(key in inputs.counts and "rejected" in key for key in recent):
+            problems.append(f"rejected: {inputs.last_rejection}")
+    if drives.phase == TIMED_OUT:
+        problems.append(f"no command for command_timeout = {drives.timeout:g} s")
+    return problem_status("commands", problems, drives.phase, values)
 
 
 class SimulatorNode(TableNode, Node):
@@ -178,11 +163,10 @@ class SimulatorNode(TableNode, Node):
         self._plant, self._lockstep = None, Lockstep()
         self._paused, self._timeless, self._failure = False, False, ""
         self._revision, self._latest = 1, 0  # of the model; stamp [ns]
-        self._commands_report = CommandsReport()
+        self._reported = Counter()  # counts of inputs at the last report
         if self._keeps_time and self.get_clock().ros_time_is_active:
-            self.set_parameters(
-                [Parameter("use_sim_time", value=False)]
-            )  # a launch sets it for all of its nodes
+            # A launch sets it for all of its nodes.
+            self.set_parameters([Parameter("use_sim_time", value=False)])
             self.get_logger().info(
                 "This node publishes simulated time, so it sets its use_sim_time to false."
             )
@@ -211,9 +195,7 @@ class SimulatorNode(TableNode, Node):
             self.finished.set_exception(made)
             return
         text, self._plant = made
-        if any(
-            self.values[name] != loaded[name] for name in DYNAMIC
-        ):  # they have changed meanwhile
+        if any(self.values[name] != loaded[name] for name in DYNAMIC):  # changed meanwhile
             self._apply(self.values)
         values, model = self.values, self._plant.simulation.model
         self._lockstep.begin(self.time.steady())
@@ -311,14 +293,12 @@ class SimulatorNode(TableNode, Node):
             self._advance(steps)
 
     def _advance(self, steps):
-        """Take some steps and publish; return whether that was possible."""
+        """Take some steps and publish, or stop the simulation."""
         try:
             self._plant.advance(steps)
             self._measure_and_publish()
         except DiagDynamicsError as error:
             self._failure = shortened(str(error))
-            return False
-        return True
 
     def _repeat(self):
         """In lockstep, publish time and the last joint state again if their answer may be lost."""
@@ -415,11 +395,11 @@ class SimulatorNode(TableNode, Node):
         if not 1 <= request.steps <= MAX_STEPS:
             raise InputError(f"steps is {request.steps}, expected 1 to {MAX_STEPS}.")
         self._restart_stamps()
-        whole, rest = divmod(request.steps, self._steps_of_a_period)
-        all(
+        remaining = request.steps
+        while remaining and not self._failure:
+            steps = min(remaining, self._steps_of_a_period)
             self._advance(steps)
-            for steps in [self._steps_of_a_period] * whole + [rest] * bool(rest)
-        )
+            remaining -= steps
         response.stamp = to_time(self._stamp)
         self._require_running()
 
@@ -450,9 +430,8 @@ class SimulatorNode(TableNode, Node):
     # --- Parameters
 
     def _refuse_sim_time(self, parameters):
-        refused = self._keeps_time and any(
-            one.name == "use_sim_time" and one.value for one in parameters
-        )
+        values = {parameter.name: parameter.value for parameter in parameters}
+        refused = self._keeps_time and bool(values.get("use_sim_time"))
         reason = "parameter 'use_sim_time' is true, but this node publishes simulated time itself."
         return SetParametersResult(successful=not refused, reason=reason if refused else "")
 
@@ -467,9 +446,9 @@ class SimulatorNode(TableNode, Node):
 
     def _apply(self, values):
         """Change the payloads and the gravity of the plant."""
-        model, wanted = self._plant.simulation.model, payloads_of(values["payloads"])
-        for link in {**model.payloads, **wanted}:
-            model = model.with_payload(link, *wanted.get(link, Payload(0.0)))
+        model, payloads = self._plant.simulation.model, payloads_of(values["payloads"])
+        for link in {**model.payloads, **payloads}:
+            model = model.with_payload(link, *payloads.get(link, Payload(0.0)))
         self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
 
     # --- Diagnostics
@@ -479,8 +458,11 @@ class SimulatorNode(TableNode, Node):
             return [Status("simulation", STALE, "loading the robot")]
         lockstep = self.values["lockstep"]
         waits = lockstep and self._moving and self._lockstep.waits(self.time.steady())
+        drives, pushes = self._plant.drives, self._plant.pushes
+        counts = drives.counts + pushes.counts
+        recent, self._reported = counts - self._reported, counts
         return [
             simulation_status(self._plant, self._paused, self._failure),
             pace_status(self._pace, lockstep, waits, *clock_notes(self, self._keeps_time)),
-            self._commands_report.status(self._plant.drives, self._plant.pushes),
+            commands_status(drives, pushes, recent),
         ]

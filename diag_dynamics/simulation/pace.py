@@ -29,24 +29,19 @@ class Pace:
     With a factor of 0 it is a period for each tick. After an overrun the next tick takes all steps
     that are due, without publishing the states between them. Lag beyond :data:`MAX_LAG` is dropped.
     `skipped` is the lag of simulated time since the last `resume`, a multiple of `step` [s]: the
-    dropped time less that by which the clock went back. `dropped` and `overruns` are totals of
-    those in PaceReport.
+    dropped time less that by which the clock went back. `dropped` and `overruns` are those of
+    PaceReport until now.
     """
 
     def __init__(self, factor, period, step):
         self.factor, self._period, self._step = factor, period, step
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
-        self.skipped = self.dropped = 0.0
-        self.overruns = 0
+        self.skipped = 0.0
         self._start_report()
 
     def _start_report(self):
-        self._ticks, self._late, self._latest, self._reported = (
-            0,
-            0.0,
-            0.0,
-            (self.overruns, self.dropped),
-        )
+        self._ticks = self.overruns = 0
+        self._late = self._latest = self.dropped = 0.0
 
     def resume(self, now, simulated):
         """Continue from a simulated time [s] at a time [s] of the clock."""
@@ -62,12 +57,9 @@ class Pace:
         max_lag = max(MAX_LAG, 2.0 * self._period) + self._step
         if behind < -self._period:
             self._due = now
-        if (
-            behind > max_lag or behind < -self._period
-        ):  # too late to catch up, or the clock went back
-            steps = math.floor(
-                (behind - self._period) / self._step
-            )  # stamps stay whole steps apart
+        if behind > max_lag or behind < -self._period:
+            # Too late to catch up, or the clock went back; stamps stay whole steps apart.
+            steps = math.floor((behind - self._period) / self._step)
             self._from -= steps * self._step
             self.skipped += steps * self._step
             self.dropped += max(steps, 0) * self._step
@@ -81,21 +73,16 @@ class Pace:
             return  # the extra tick of a late timer
         late = max(late, 0.0)
         missed = int(late / self._span)
-        self._ticks, self._late, self._latest = (
-            self._ticks + 1,
-            self._late + late,
-            max(self._latest, late),
-        )
+        self._ticks += 1
+        self._late += late
+        self._latest = max(self._latest, late)
         self.overruns += missed
         self._due += (missed + 1) * self._span
 
     def report(self):
         """Return the :class:`PaceReport` since the last call."""
-        overruns, dropped = self._reported
         mean = self._late / max(self._ticks, 1)
-        report = PaceReport(
-            self._ticks, mean, self._latest, self.overruns - overruns, self.dropped - dropped
-        )
+        report = PaceReport(self._ticks, mean, self._latest, self.overruns, self.dropped)
         self._start_report()
         return report
 
