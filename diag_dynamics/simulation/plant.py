@@ -117,11 +117,9 @@ class Plant:
             )
         require_consistent(values)
         period = 1.0 / values["rate"]
-        step = period / math.ceil(
-            period / values["step"] - 1e-9
-        )  # a whole number of steps a period
+        steps = math.ceil(period / values["step"] - 1e-9)  # of a period
         limits = {"hard": True, "compliant": COMPLIANT, "none": False}[values["limits"]]
-        self.simulation = Simulation(model, step=step, limits=limits)
+        self.simulation = Simulation(model, step=period / steps, limits=limits)
         joints = single_joints(model)
         self._followers = Followers.of(model)
         self.names = (*joints, *self._followers.names)
@@ -181,14 +179,11 @@ class Plant:
         """Measure the present state by the sensors; `stamp` is stored with the measurement."""
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
-        actuated, rate, effort = (
-            q[len(q) - len(self._driven) :],
-            qd[self._driven],
-            simulation.effort[self._driven],
-        )
+        actuated, rate = q[len(q) - len(self._driven) :], qd[self._driven]
         followed, G = followers.at(actuated)
         position, velocity = np.append(actuated, followed), np.append(rate, G @ rate)
-        effort = np.append(effort, np.zeros(len(followers.names)))  # mimic joints have no drives
+        effort = np.zeros(len(self.names))  # mimic joints have no drives
+        effort[: len(rate)] = simulation.effort[self._driven]
         theta, thetad, torque = simulation.theta, simulation.thetad, simulation.spring_torque
         for i, (name, joint) in enumerate(simulation.model.flexible_joints.items()):
             k = self.names.index(name)
@@ -201,11 +196,10 @@ class Plant:
 
     def known(self):
         """Return all :class:`Measured` that have become known since the last call."""
-        measured = [Measured(*values, *label) for _, values, label in self.sensors.known(self.time)]
-        return [
-            measurement._replace(effort=measurement.effort / self._scale)
-            for measurement in measured
-        ]
+        measured = []
+        for _, (position, velocity, effort), label in self.sensors.known(self.time):
+            measured.append(Measured(position, velocity, effort / self._scale, *label))
+        return measured
 
     def put(self, q, qd):
         """Put the robot into a state; time and command stay, delayed measurements are lost.
@@ -215,13 +209,9 @@ class Plant:
         """
         simulation, before = self.simulation, self.time
         model = simulation.model
-        outside = (
-            np.flatnonzero((np.asarray(q) < model.lower) | (np.asarray(q) > model.upper))
-            if self._hard
-            else ()
-        )
-        if len(outside):
-            k = int(outside[0])
+        outside = (np.asarray(q) < model.lower) | (np.asarray(q) > model.upper)
+        if self._hard and outside.any():
+            k = int(np.argmax(outside))
             position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
             raise InputError(
                 f"position of '{model.coordinate_names[k]}' is {position}, expected within its "

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import in_order, number, per_name, vector
+from diag_dynamics.checks import in_order, instance, number, per_name, vector
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
 from diag_dynamics.dynamics.flexible import FlexibleDynamics
@@ -72,10 +72,6 @@ class EnergyAudit(NamedTuple):
         """Change of energy less work, loss and exchanged energy: the error of the method [J]."""
         return self.energy - self.work - self.loss - self.exchanged
 
-    def since(self, earlier: EnergyAudit) -> EnergyAudit:
-        """Return the audit of the time from an earlier audit to this one."""
-        return EnergyAudit(*(now - then for now, then in zip(self, earlier, strict=True)))
-
 
 SLOWEST = 1e-4
 """Rate below which root friction of a model with friction_velocity 0 is viscous [rad/s, m/s]."""
@@ -123,6 +119,8 @@ class Simulation:
         and limits act; efforts act on the motor.
     dynamics : DiagonalDynamics
         Of the links.
+    effort_limits, effort_offset : ndarray, shape (nv,)
+        Those of the arguments, read-only.
 
     Raises
     ------
@@ -156,7 +154,17 @@ class Simulation:
         self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
-        self.effort_offset = model.effort_offset if effort_offset is None else effort_offset
+        offset = model.effort_offset if effort_offset is None else effort_offset
+        expected = "a finite number [N m, N]"
+        self.effort_offset = per_name(
+            "effort_offset", offset, model.dof_names, expected, math.isfinite
+        )
+        if isinstance(effort_limits, (bool, np.bool_)):
+            effort_limits = model.effort_bound if effort_limits else np.inf
+        expected = "True, False or a number >= 0 [N m, N]"
+        self.effort_limits = per_name(
+            "effort_limits", effort_limits, model.dof_names, expected, lambda x: x >= 0.0
+        )
         for name in ("load_friction", "root_friction"):
             self._memory[name][:] = getattr(model, name)
         self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
@@ -165,7 +173,6 @@ class Simulation:
         self._memory["spring_stiffness"][flexible.dofs] = flexible.stiffness
         self._memory["spring_damping"][flexible.dofs] = flexible.damping
         self._memory["rotor_inertia"][flexible.dofs] = flexible.rotor_inertia
-        self.effort_limits = effort_limits
         self._no_effort = np.zeros(model.nv)
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
@@ -205,19 +212,16 @@ class Simulation:
                 "CompliantLimits(stiffness, damping)."
             )
         expected, names = "a number > 0 [N m/rad, N/m]", model.dof_names
-        stiffness = per_name(
+        memory["stiffness"][:] = per_name(
             "stiffness of limits", limits.stiffness, names, expected, lambda x: x > 0.0
         )
-        memory["stiffness"][:] = stiffness
         memory["limit_damping"][:] = _not_negative(
             "damping of limits", limits.damping, names, "[N m s/rad, N s/m]"
         )
         memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
         if is_on:
-            memory["lower"][dofs], memory["upper"][dofs] = (
-                model.lower[coordinates],
-                model.upper[coordinates],
-            )
+            memory["lower"][dofs] = model.lower[coordinates]
+            memory["upper"][dofs] = model.upper[coordinates]
         for link in model.flexible_links.values():
             for name, frequency, ratio in zip(
                 link.modes, link.frequencies, link.damping_ratio, strict=True
@@ -225,10 +229,8 @@ class Simulation:
                 if name in names:
                     k = names.index(name)
                     memory["lower"][k] = memory["upper"][k] = 0.0
-                    memory["stiffness"][k], memory["limit_damping"][k] = (
-                        frequency**2,
-                        2.0 * ratio * frequency,
-                    )
+                    memory["stiffness"][k] = frequency**2
+                    memory["limit_damping"][k] = 2.0 * ratio * frequency
 
     def reset(
         self,
@@ -250,27 +252,19 @@ class Simulation:
             motors turn with links.
         """
         memory, flexible = self._memory, self.flexible
-        q, qd = (
-            in_order("q", q, self.model.coordinate_names),
-            in_order("qd", qd, self.model.dof_names),
-        )
+        q = in_order("q", q, self.model.coordinate_names)
+        qd = in_order("qd", qd, self.model.dof_names)
         memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
         memory["q"][:] = _with_unit_quaternions(self.model, q)
         memory["qd"][:] = qd
         if flexible.names:
-            deflection = self.dynamics.gravity_torque(self.q)[flexible.dofs] / flexible.stiffness
-            theta = (
-                self.q[flexible.coordinates] + deflection
-                if theta is None
-                else vector("theta", theta, flexible.names)
-            )
-            memory["theta"][flexible.dofs] = theta
-            thetad = (
-                self.qd[flexible.dofs]
-                if thetad is None
-                else vector("thetad", thetad, flexible.names)
-            )
-            memory["thetad"][flexible.dofs] = thetad
+            if theta is None:
+                carried = self.dynamics.gravity_torque(self.q)[flexible.dofs]
+                theta = self.q[flexible.coordinates] + carried / flexible.stiffness
+            if thetad is None:
+                thetad = self.qd[flexible.dofs]
+            memory["theta"][flexible.dofs] = vector("theta", theta, flexible.names)
+            memory["thetad"][flexible.dofs] = vector("thetad", thetad, flexible.names)
         self._effort = self._wanted = self._no_effort
         memory["accounts"][:], memory["steps"][:] = 0.0, 0
         self._exchanged = 0.0
@@ -291,22 +285,11 @@ class Simulation:
         SingularMassMatrixError
             Its mass matrix is singular here; the model is then as it was.
         """
-        if not isinstance(model, RobotModel):
-            raise InputError(f"model is a {type(model).__name__}; expected a RobotModel.")
-        if (model.dof_names, model.coordinate_names) != (
-            self.model.dof_names,
-            self.model.coordinate_names,
-        ):
+        instance("model", model, RobotModel)
+        if _structure(model) != _structure(self.model):
             raise InputError(
-                f"change_model: robot '{model.name}' has the degrees of freedom "
-                f"{', '.join(model.dof_names)}, "
-                f"expected those of '{self.model.name}', {', '.join(self.model.dof_names)}."
-            )
-        joints = model.flexible_joints, len(model.bodies)
-        if joints != (self.model.flexible_joints, len(self.model.bodies)):
-            raise InputError(
-                f"change_model: robot '{model.name}' has other flexible or mimic joints, "
-                "expected the same ones."
+                f"change_model: robot '{model.name}' has other degrees of freedom, or other "
+                f"flexible or mimic joints; expected those of '{self.model.name}'."
             )
         flexible = FlexibleDynamics(model)
         nu = flexible.link.nu_from_qd(self.q, self.qd)
@@ -343,28 +326,6 @@ class Simulation:
         self._memory["coulomb"][:] = self._memory["friction"][:] = _not_negative(
             "friction", value, self.model.dof_names, "[N m, N]"
         )
-
-    @property
-    def effort_offset(self) -> Array:
-        """Part of each command and measured effort that has no effect [N m, N], shape (nv,)."""
-        return self._effort_offset.copy()
-
-    @effort_offset.setter
-    def effort_offset(self, value: VectorLike | float) -> None:
-        names, expected = self.model.dof_names, "a finite number [N m, N]"
-        self._effort_offset = per_name("effort_offset", value, names, expected, math.isfinite)
-
-    @property
-    def effort_limits(self) -> Array:
-        """Largest efforts [N m, N], shape (nv,). True sets those of the URDF, False none."""
-        return self._effort_limits.copy()
-
-    @effort_limits.setter
-    def effort_limits(self, value: bool | VectorLike | float) -> None:
-        if isinstance(value, (bool, np.bool_)):
-            value = self.model.effort_bound if value else np.inf
-        names, expected = self.model.dof_names, "True, False or a number >= 0 [N m, N]"
-        self._effort_limits = per_name("effort_limits", value, names, expected, lambda x: x >= 0.0)
 
     @property
     def q(self) -> Array:
@@ -457,8 +418,8 @@ class Simulation:
         wrenches = _NO_WRENCHES
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
-        effort = np.minimum(np.maximum(command, -self._effort_limits), self._effort_limits)
-        memory, tau = self._memory, effort - self._effort_offset
+        effort = np.clip(command, -self.effort_limits, self.effort_limits)
+        memory, tau = self._memory, effort - self.effort_offset
         status = compiled.advance(
             memory.address, self.step_size, steps, tau, wrenches, frame == "world"
         )
@@ -546,6 +507,11 @@ class Simulation:
 def _not_negative(name, value, names, unit):
     """Return one finite number >= 0 for all names, or one for each, as a vector."""
     return per_name(name, value, names, f"a finite number >= 0 {unit}", lambda x: 0.0 <= x < np.inf)
+
+
+def _structure(model):
+    """Return the properties that models of one simulation have in common."""
+    return model.dof_names, model.coordinate_names, model.flexible_joints, len(model.bodies)
 
 
 def _with_unit_quaternions(model, q):
