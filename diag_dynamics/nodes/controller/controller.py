@@ -57,7 +57,6 @@ from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, conne
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
-    OK,
     WARN,
     RepeatLimit,
     Status,
@@ -225,9 +224,10 @@ class ControllerNode(ManagedNode):
         if self._watch:
             self.destroy_timer(self._watch)
             self._watch = None
-        if self._subscribed and (effort := self._loop.leave()) is not None:
-            self._send(effort)
-        if self._loop and self._subscribed:
+        if self._subscribed:
+            effort = self._loop.leave()
+            if effort is not None:
+                self._send(effort)
             self._loop.stop_trajectory("the controller was deactivated")
             self._trajectories.update()
         for subscription in self._subscribed:
@@ -371,10 +371,10 @@ class ControllerNode(ManagedNode):
 
     def _step(self, raw, now):
         self._loop.not_executed = self._not_executed()
-        found = self._states.accept(raw, now)
-        if isinstance(found, Rejected):
-            raise RejectedError(*found)
-        return None if found.state is None else self._loop.step(found.state, now)
+        accepted = self._states.accept(raw, now)
+        if isinstance(accepted, Rejected):
+            raise RejectedError(*accepted)
+        return accepted.state and self._loop.step(accepted.state, now)
 
     def _not_executed(self):
         """Return why the effort controller does not execute the commands; empty if unknown."""
@@ -478,30 +478,27 @@ class ControllerNode(ManagedNode):
             self._loop.require(target)  # before a long message is read
         take(message)
 
-    def _take_trajectory(self, message, tolerances=None):
+    def _take_trajectory(self, message, goal=None):
         loop = self._loop
+        names, tolerances = loop.dynamics.model.dof_names, loop.tolerances
+        if goal:
+            tolerances = received.tolerances(goal, names, tolerances)
         if any(len(point.effort) for point in message.points):
             self.get_logger().warning(
                 "trajectory.points have efforts. They are ignored because the law computes efforts.",
                 throttle_duration_sec=1.0,
             )
-        names, position = loop.dynamics.model.dof_names, loop.desired.position
-        points = received.trajectory(message, names, position)
+        points = received.trajectory(message, names, loop.desired.position)
         loop.take_trajectory(*points, self.time.now(), tolerances)
         self._trajectories.add(loop.following)
 
     def _take_goal(self, goal):
         """Follow the trajectory of an action goal; return whether it is accepted."""
-
-        def take(goal):
-            tolerances = received.tolerances(
-                goal, self._loop.dynamics.model.dof_names, self._loop.tolerances
-            )
-            self._take_trajectory(goal.trajectory, tolerances)
-
         if self.phase != ACTIVE:
             self._log_rejected(ACTION, f"the controller is {self.phase}.")
-        return self._take_target(ACTION, take, goal)
+        return self._take_target(
+            ACTION, lambda goal: self._take_trajectory(goal.trajectory, goal), goal
+        )
 
     def _cancel(self):
         self._loop.stop_trajectory("canceled by request", canceled=True)
@@ -543,13 +540,9 @@ class ControllerNode(ManagedNode):
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
-            status = status._replace(is_logged=self._phase_is_logged())
             if not reason:
-                return status
-            log = f"{status.log or status.message}; {reason}"
-            is_logged = status.is_logged or status.level == OK  # the reason has a line
-            message = f"{status.message}; {reason}"
-            return status._replace(level=ERROR, message=message, log=log, is_logged=is_logged)
+                return status._replace(is_logged=self._phase_is_logged())
+            reason = f"{status.message}; {reason}"
         if reason:
             return Status("control", ERROR, reason, values, is_logged=True)
         waiting = self.phase == INACTIVE and not self._loop
@@ -572,18 +565,15 @@ class ControllerNode(ManagedNode):
             return [], {}
         topic, problems = self._commands.topic_name, []
         state = self._activity.check()
-        receivers, others = (
-            self._commands.get_subscription_count(),
-            self.count_publishers(topic) - 1,
-        )
+        receivers = self._commands.get_subscription_count()
+        others = self.count_publishers(topic) - 1
         if not receivers:
             problems.append(f"{topic} has no subscriber")
         elif "not compared" in self._order_known and self._controller in self._receivers():
             problems.append(f"the order of joints is {self._order_known}")
         if others > 0:
             problems.append(f"other nodes publish {topic}")
-        problems += [*problems_of_limits(self._loop.limits), *self._record.problems_of_contact()]
-        return problems, {
+        return [*problems, *problems_of_limits(self._loop.limits)], {
             "subscribers": receivers,
             "other publishers": others,
             "state of the effort controller": state or "unknown",
@@ -611,8 +601,9 @@ def joints_of_controller(node, controller, timeout):
             executor.spin_until_future_complete(future, timeout_sec=min(left, RETRY_PERIOD))
             if future.done():
                 values = future.result().values
-                known = values and values[0].type == ParameterType.PARAMETER_STRING_ARRAY
-                return list(values[0].string_array_value) if known else None
+                if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY:
+                    return None
+                return list(values[0].string_array_value)
         return None
     finally:
         executor.shutdown()

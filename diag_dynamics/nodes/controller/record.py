@@ -6,6 +6,8 @@
 import math
 from collections import Counter
 
+from std_msgs.msg import Header
+
 from diag_dynamics.control.laws import PoseError
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
@@ -26,7 +28,8 @@ from diag_dynamics.text import shortened
 ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""
 
-_OF_COMMANDS = ("commands", "commands limited", "stalls", "holds", "contact energy above its limit")
+_ABOVE = "contact energy above its limit"
+_OF_COMMANDS = "commands", "commands limited", "stalls", "holds", _ABOVE
 
 
 class Record:
@@ -36,10 +39,7 @@ class Record:
         self.counts, self._told = Counter(), Counter()
         self._last_refusal = self._last_hold = ""
         self._largest_gap, self._smallest_scale = 0.0, 1.0
-        self._above = (
-            0.0,
-            "",
-        )  # energy of a contact above its bound [J] since the last report, and the link
+        self._link_above = ""  # whose contact energy was the last one above its limit
         self.begin()
 
     def begin(self):
@@ -66,15 +66,10 @@ class Record:
         self.counts["commands"] += not sent.silent
         self.counts["commands limited"] += bool(sent.saturated)
         self._smallest_scale = min(self._smallest_scale, loop.limits.scale)
-        bound = loop.limits.contact
-        if (
-            sent.command is not None
-            and bound
-            and bound.seen
-            and bound.seen.energy > bound.seen.limit * ROUNDING
-        ):
-            self.counts["contact energy above its limit"] += 1
-            self._above = max(self._above, (bound.seen.energy - bound.seen.limit, bound.seen.link))
+        seen = loop.limits.contact and loop.limits.contact.seen
+        if seen and sent.command and seen.energy > seen.limit * ROUNDING:
+            self.counts[_ABOVE] += 1
+            self._link_above = seen.link
 
     def take_recent(self):
         """Return the counts since the last call."""
@@ -105,13 +100,6 @@ class Record:
             return _fault("ramping down: ", supervisor.reason, values, ERROR)
         return _fault("holding gravity: ", supervisor.reason, values)
 
-    def problems_of_contact(self):
-        """Yield the problem of a contact energy above its bound since the last report."""
-        above, link = self._above
-        self._above = 0.0, ""
-        if above > 0.0:
-            yield f"contact energy above its limit at '{link}' (external push, or effort limits)"
-
     def command_status(self, recent, problems, values):
         """Return the status of commands; `problems` are those of receivers and limits."""
         values = {key: self.counts[key] for key in _OF_COMMANDS} | {
@@ -119,6 +107,9 @@ class Record:
             "smallest scale by effort limits": f"{self._smallest_scale:.3f}",
             **values,
         }
+        if recent[_ABOVE]:
+            above = f"{_ABOVE} at '{self._link_above}' (external push, or effort limits)"
+            problems = [*problems, above]
         if recent["stalls"]:
             problems = ["gaps between commands beyond max_state_age", *problems]
         self._largest_gap, self._smallest_scale = 0.0, 1.0
@@ -181,25 +172,28 @@ def values_of_loop(loop):
 
 def status_message(loop, sent, trajectories):
     """Return the ControllerStatus of a command of a loop, with the outcome of its Trajectories."""
-    command = sent.command
-    model, limiter = loop.dynamics.model, loop.limits.energy
+    command, model = sent.command, loop.dynamics.model
+    limit = loop.limits.energy.limit if loop.limits.energy else math.inf
     message = ControllerStatus(
+        header=Header(stamp=to_time(sent.stamp), frame_id=model.root_link),
         mode=loop.mode,
         phase=loop.supervisor.phase,
         message=shortened(loop.supervisor.reason or loop.shortfall),
+        dof_names=list(model.dof_names),
+        state_age=sent.age,
+        effort_command=doubles(sent.effort),
+        saturated_dofs=list(sent.saturated),
+        energy=loop.energy,
+        energy_limited=sent.energy_limited,
+        energy_limit_valid=math.isfinite(limit),
+        energy_limit=limit if math.isfinite(limit) else 0.0,
+        contact_limited=sent.contact_limited,
+        actual_position=doubles(loop.state.position),
+        actual_velocity=doubles(loop.state.velocity),
+        trajectory_active=trajectories.is_active,
+        trajectory_code=trajectories.outcome.code,
+        trajectory_reason=shortened(trajectories.outcome.reason),
     )
-    message.header.stamp, message.header.frame_id = to_time(sent.stamp), model.root_link
-    message.dof_names, message.state_age = list(model.dof_names), sent.age
-    message.effort_command, message.saturated_dofs = doubles(sent.effort), list(sent.saturated)
-    message.energy, message.energy_limited = loop.energy, sent.energy_limited
-    message.energy_limit_valid = limiter is not None and math.isfinite(limiter.limit)
-    message.energy_limit = limiter.limit if message.energy_limit_valid else 0.0
-    message.contact_limited = sent.contact_limited
-    message.actual_position = doubles(loop.state.position)
-    message.actual_velocity = doubles(loop.state.velocity)
-    message.trajectory_active = trajectories.is_active
-    message.trajectory_code = trajectories.outcome.code
-    message.trajectory_reason = shortened(trajectories.outcome.reason)
     if (bound := loop.limits.contact) and bound.seen and command is not None:
         message.contact_valid, message.contact_link = True, bound.seen.link
         message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit

@@ -156,17 +156,13 @@ class Trajectories:
         message = JointTrajectoryControllerState(
             header=status.header,
             joint_names=status.dof_names,
-            feedback=JointTrajectoryPoint(
-                positions=status.actual_position, velocities=status.actual_velocity
-            ),
+            feedback=_point(status.actual_position, status.actual_velocity),
             output=JointTrajectoryPoint(effort=status.effort_command),
         )
         if status.tracking_error_valid:
-            reference, error = message.reference, message.error
-            reference.positions = status.desired_position
-            reference.velocities = status.desired_velocity
-            error.positions = status.tracking_error
-            error.velocities = doubles(np.subtract(status.desired_velocity, status.actual_velocity))
+            velocity_error = np.subtract(status.desired_velocity, status.actual_velocity)
+            message.reference = _point(status.desired_position, status.desired_velocity)
+            message.error = _point(status.tracking_error, velocity_error)
         self._states.publish(message)
 
     def _publish_feedback(self, goal):
@@ -183,7 +179,7 @@ class Trajectories:
         goal.handle.publish_feedback(message)
 
 
-def _point(position, velocity, elapsed):
+def _point(position, velocity, elapsed=0):
     """Return a point of a trajectory; `elapsed` is the time from its start [ns]."""
     point = JointTrajectoryPoint(positions=doubles(position), velocities=doubles(velocity))
     point.time_from_start.sec, point.time_from_start.nanosec = divmod(elapsed, 1_000_000_000)
