@@ -154,9 +154,6 @@ _COLLISION = {
         "External torque of a collision: joint=|m r| [N m, N], *=for all other joints, total=‖m r‖ "
         "[N m], norm=|r| [J^0.5/s]. 0 disables.",
     ),
-    "contact.threshold": Spec(
-        [""], "External torque of a contact, as collision.threshold and no higher. 0 disables."
-    ),
     "collision.release": Spec(
         RELEASE, "Hysteresis: an alarm ends below this fraction of its threshold.", 0.01, 1.0
     ),
@@ -177,6 +174,9 @@ _COLLISION = {
         "Fraction of its Coulomb friction by which |m r| of a standing joint is lowered.",
         0.0,
         10.0,
+    ),
+    "contact.threshold": Spec(
+        [""], "External torque of a contact, as collision.threshold and no higher. 0 disables."
     ),
 }
 
