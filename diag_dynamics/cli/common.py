@@ -11,10 +11,11 @@ import json
 import signal
 import sys
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from shlex import quote
 
-from diag_dynamics.entries import ARGUMENT, split_arguments
+from diag_dynamics.entries import ARGUMENT, assignments, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain, shortened
 
@@ -215,13 +216,9 @@ def chosen_model(chosen):
 
 def reading_options(chosen):
     """Return the arguments of :class:`Reading` but path, robot and parameters."""
-    names = {}
-    for text in chosen.joint_names:
-        name, equals, joint = text.partition("=")
-        if not equals or names.setdefault(name.strip(), joint.strip()) != joint.strip():
-            raise InputError(f"--joint-names has {text!r}; expected NAME=JOINT, each name once.")
     options = {name: getattr(chosen, name) for name in ("columns", "topic", "start", "end")}
-    return options | {"joint_names": names or None}
+    options["joint_names"] = assignments("--joint-names", chosen.joint_names, str) or None
+    return options
 
 
 def expand_recordings(paths):
@@ -238,18 +235,16 @@ def expand_recordings(paths):
 class StreamedRecording:
     """A recording that each call of :meth:`pieces` reads; `findings` are of the last reading."""
 
-    def __init__(self, path, robot, options, progress):
-        from diag_dynamics.recordings.recording import Reading
-
-        self.path, self.findings, self._options, self._progress = path, [], options, progress
-        self._reading, self.model = Reading, Reading(path, robot, **options).model
+    def __init__(self, path, read, model, progress):
+        self.path, self.model, self.findings = path, model, []
+        self._read, self._progress = read, progress
 
     def pieces(self):
         """Yield Recordings; raise InputError without any state."""
         from diag_dynamics.recordings.findings import no_states_error
 
         states = 0
-        for piece in self._reading(self.path, self.model, **self._options).pieces():
+        for piece in self._read(self.path, self.model).pieces():
             self.findings, states = piece.findings, states + len(piece)
             self._progress.show(f"{self.path}: {states} states")
             yield piece
@@ -259,11 +254,13 @@ class StreamedRecording:
 
 def stream_recordings(chosen, paths, parameters, robot, progress):
     """Return a StreamedRecording of each path; all are of the robot of the first one."""
-    options, recordings = reading_options(chosen) | {"parameters": parameters}, []
+    from diag_dynamics.recordings.recording import Reading
+
+    read = partial(Reading, parameters=parameters, **reading_options(chosen))
+    recordings = []
     for path in expand_recordings(paths):
-        recordings.append(
-            StreamedRecording(path, recordings[0].model if recordings else robot, options, progress)
-        )
+        robot = read(path, robot).model
+        recordings.append(StreamedRecording(path, read, robot, progress))
     return recordings
 
 
@@ -304,11 +301,11 @@ def json_output(path):
 
 def check_outputs(chosen, outputs):
     """Reject outputs that are inputs, two outputs into one file, and folders that do not exist."""
-    read = [getattr(chosen, name, None) or () for name in READ]
-    read = [path for paths in read for path in ([paths] if isinstance(paths, str) else paths)]
-    read += [
-        part for path in read if "+" in path for part in path.split("+")
-    ]  # tables side by side
+    read = []
+    for name in READ:
+        paths = getattr(chosen, name, None) or []
+        read += [paths] if isinstance(paths, str) else paths
+    read += [part for path in read for part in path.split("+")]  # tables side by side
     files = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)
@@ -329,9 +326,5 @@ def check_outputs(chosen, outputs):
 def _resolve(path):
     try:
         return Path(path).expanduser().resolve()
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-    ) as error:  # a link to itself, no home, a null character
+    except (OSError, RuntimeError, ValueError) as error:  # a link to itself, no home, a null byte
         raise InputError(f"'{path}': {error}.") from None

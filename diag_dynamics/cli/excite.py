@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics excite`: a trajectory from which friction, rotor inertias and inertias can be identified."""
+"""`diag-dynamics excite`: a trajectory to identify friction, rotor inertias and inertias."""
 
 import numpy as np
 
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
+from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
 from diag_dynamics.text import Progress, aligned, plain
@@ -67,13 +68,9 @@ def run(chosen):
             model,
             chosen.what.split(","),
             joints=None if chosen.joints is None else chosen.joints.split(","),
-            ranges=_parse_entries("--range", chosen.range, "JOINT=LOWER:UPPER", _parse_bounds),
-            velocity_limits=_parse_entries(
-                "--velocity-limit", chosen.velocity_limit, "JOINT=LIMIT", float
-            ),
-            position_limits=_parse_entries(
-                "--position-limit", chosen.position_limit, "JOINT=LOWER:UPPER", _parse_bounds
-            ),
+            ranges=_parse_bounds("--range", chosen.range),
+            velocity_limits=assignments("--velocity-limit", chosen.velocity_limit),
+            position_limits=_parse_bounds("--position-limit", chosen.position_limit),
             progress=lambda trial, condition: progress.show(
                 f"{trial} of {chosen.trials}, condition {condition:.3g}"
             ),
@@ -88,23 +85,17 @@ def run(chosen):
     return common.DONE
 
 
-def _parse_bounds(text):
-    lower, upper = map(float, text.split(":"))
-    return lower, upper
-
-
-def _parse_entries(option, entries, expected, parse):
-    """Return values by joint of the entries of an option."""
-    values = {}
-    for entry in entries:
-        name, _, text = entry.rpartition("=")
+def _parse_bounds(option, entries):
+    """Return lower and upper bound by joint of the entries of an option."""
+    bounds = {}
+    for name, text in assignments(option, entries, str).items():
         try:
-            values[name] = parse(text)
+            lower, upper = map(float, text.split(":"))
         except ValueError:
-            name = ""
-        if not name:
-            raise InputError(f"{option} has {entry!r}; expected {expected}.")
-    return values
+            expected = "expected JOINT=LOWER:UPPER"
+            raise InputError(f"{option} has '{name}={text}'; {expected}.") from None
+        bounds[name] = lower, upper
+    return bounds
 
 
 def _summary(model, trajectory):

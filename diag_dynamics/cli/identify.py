@@ -66,10 +66,6 @@ def add_arguments(parser):
 def run(chosen):
     """Identify; return the exit status."""
     parameters, robot = common.chosen_parameters(chosen), common.chosen_robot(chosen)
-    if parameters.get("floating_base"):
-        raise UnsupportedError(
-            "floating_base is true; expected false: identify supports fixed bases only."
-        )
     if chosen.write_urdf and is_mjcf(robot):
         raise InputError(
             f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml."
@@ -83,39 +79,40 @@ def run(chosen):
         model = recordings[0].model
         if model.floating_base:
             raise UnsupportedError(
-                f"robot '{model.name}' has a floating base, which identify does not support."
+                f"robot '{model.name}' has a floating base; identify supports fixed bases only."
             )
         reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
-        loaded, unloaded = ([one.pieces for one in some] for some in (recordings, reference))
-        what = [name.strip() for name in chosen.what.split(",")]
-        found = identify(loaded, model, what, reference=unloaded or None)
-        shared = _write_parameters(chosen, found, parameters.get("parameters_file"), robot)
+        loaded, unloaded = (
+            [recording.pieces for recording in group] for group in (recordings, reference)
+        )
+        steps = [name.strip() for name in chosen.what.split(",")]
+        result = identify(loaded, model, steps, reference=unloaded or None)
+        shared = _write_parameters(chosen, result, parameters.get("parameters_file"), robot)
         if chosen.report:
-            write_report(chosen.report, found)
-        write(found.quality | {"shared": shared})
+            write_report(chosen.report, result)
+        quality = result.quality
+        write(quality | {"shared": shared})
     if not chosen.quiet and chosen.json != "-":
-        print("\n".join(map(plain, format_summary(found))))
+        print("\n".join(map(plain, format_summary(result))))
         _report_outputs(chosen, shared)
-    share = found.quality["explained"][1]
-    is_good = bool(found.quality["taken"]) if share is None else share >= MIN_EXPLAINED
-    return DONE if is_good and found.quality["efforts_judged"] else DOUBTFUL
+    share = quality["explained"][1]
+    is_good = bool(quality["taken"]) if share is None else share >= MIN_EXPLAINED
+    return DONE if is_good and quality["efforts_judged"] else DOUBTFUL
 
 
-def _write_parameters(chosen, found, earlier, robot):
+def _write_parameters(chosen, result, earlier, robot):
     """Write parameters and URDF; return the links that share a payload in the latter."""
-    parameters = found.parameters
+    parameters = result.parameters
     if earlier:  # the model has them
         parameters = Parameters.load(earlier).merged_with(parameters)
     if chosen.output:
         parameters.save(chosen.output)
     if not chosen.write_urdf:
         return []
-    source = (
-        open_source(chosen.recording[0], chosen.columns, chosen.topic).description()
-        if robot is None
-        else robot
-    )
-    possible, shared = without_impossible_links(found.model, parameters)
+    source = robot
+    if source is None:
+        source = open_source(chosen.recording[0], chosen.columns, chosen.topic).description()
+    possible, shared = without_impossible_links(result.model, parameters)
     text = urdf_with(read_text(source), possible)
     write_text(chosen.write_urdf, f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
     return shared
@@ -124,13 +121,9 @@ def _write_parameters(chosen, found, earlier, robot):
 def _report_outputs(chosen, shared):
     common.report_written(chosen.output, chosen.write_urdf, chosen.report, chosen.json)
     if shared:
-        links = (
-            f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
-        )
-        print(
-            plain(f"{links}: no single link has the mass that the payload subtracts."),
-            file=sys.stderr,
-        )
+        text = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
+        reason = "no single link has the mass that the payload subtracts"
+        print(plain(f"{text}: {reason}."), file=sys.stderr)
     if not chosen.output:
         print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
 

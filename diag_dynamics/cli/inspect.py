@@ -99,7 +99,7 @@ def _estimate(robot, density, output):
 
 
 def report_lines(report):
-    """Yield lines of a report: facts, findings from errors to notes, checks without findings, and counts."""
+    """Yield lines of a report: facts, findings from errors on, other checks, and counts."""
     from diag_dynamics.inspection import SEVERITIES
 
     yield from _facts(report)

@@ -353,7 +353,7 @@ WRONG = {
     ("--start", "50"): "contains no message between --start and --end",
     ("--alarms", "{arm}"): "'{arm}', which has no thresholds",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
-    ("--joint-names", "a=b", "a=c"): "--joint-names has 'a=c'; expected NAME=JOINT, each name once",
+    ("--joint-names", "a=b", "a=c"): "parameter '--joint-names' has two entries for 'a'",
     ("--joint-names", "a=panda_joint1"): "joint_names has 'a', which is no joint of the recording",
     ("--parameters", "{elbow}"): "'elbow' is not a joint of robot 'panda'",
 }

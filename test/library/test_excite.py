@@ -211,7 +211,9 @@ def test_command(arm, tmp_path, capsys):
     fixed.write_text(two_joints(FILLED, FILLED, kind="fixed"))
     zero.write_text(two_joints(ZERO, ZERO))
     for arguments, key in (
-        (["panda", "--range", "panda_joint1"], "--range has"),
+        (["panda", "--range", "panda_joint1"], "'--range' has 'panda_joint1'"),
+        (["panda", "--range", "panda_joint1=1"], "--range has 'panda_joint1=1'; expected JOINT="),
+        (["panda", "--velocity-limit", "panda_joint1=x"], "'--velocity-limit' has"),
         (["panda", "--set", "floating_base=true"], "floating"),
         ([str(fixed)], "robot 'two' has no degrees of freedom"),
         ([str(zero)], "Give --velocity-limit JOINT=LIMIT (velocity_limits). Position"),
