@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo: a simulated robot that is pushed, its monitor, the page and `top` in one process, in their own namespace."""
+"""The demo: a simulated robot that is pushed, its monitor, the page and `top` in one process."""
 
 import argparse
 import math
@@ -50,7 +50,7 @@ RATE, OBSERVER_GAIN, GRAVITY = 250.0, 25.0, 9.81
 
 
 class Pusher(Node):
-    """Pushes the end effector every few seconds, and the link of a page when its button is pressed."""
+    """Pushes the end effector every few seconds, and the link of a page by its button."""
 
     def __init__(self, link, force):
         super().__init__("pusher")
@@ -89,7 +89,7 @@ def compile_robot(source, options):
 
 
 def wait_for(future, text):
-    """Return the result of a future; on a terminal, show a text and the time meanwhile. Ctrl-C interrupts this thread."""
+    """Return the result of a future; a terminal shows a text and the time. Ctrl-C interrupts it."""
     begun = time.monotonic()
     with Progress() as progress:
         if progress.is_shown:

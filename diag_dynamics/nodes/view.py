@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The view node: a page in the browser that shows the robots of monitors, live. It commands no robot."""
+"""The view node: a browser page that shows the robots of monitors. It commands no robot."""
 
 import json
 import time
@@ -50,7 +50,8 @@ SEARCH_PERIOD, SEARCH_TIMEOUT = 1.0, 3.0
 """Time between two searches for monitors, and without one until that is reported [s]."""
 
 KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
-"""Type of a monitor's states, and the end of their topic's name: a simulator's truth has another one."""
+"""Type of a monitor's states, and the end of their topic's name: a simulator's truth has another
+one."""
 
 OBSERVED = [
     name
@@ -60,10 +61,12 @@ OBSERVED = [
 """Parameters of a monitor's observer."""
 
 REQUESTED = ("use_sim_time", "robot_description", *SHARED, *OBSERVED)
-"""Parameters of a monitor that make its model and its observer, and whether its stamps are of simulated time."""
+"""Parameters of a monitor that make its model and its observer, and whether its stamps are of
+simulated time."""
 
 MAX_DIFFERENCE = 0.1
-"""Largest difference between the stamps of a state and of its external torque, contact or load [s]."""
+"""Largest difference between the stamps of a state and of its external torque, contact or load
+[s]."""
 
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
@@ -93,7 +96,8 @@ CONTACT_VECTORS = {
 """Fields of a frame, and those of the message that they are read from."""
 
 DIAGNOSTICS_TIMEOUT = 5.0
-"""Time [s] after which a status that is not repeated is removed; diagnostic_aggregator takes it for stale then."""
+"""Time [s] after which a status that is not repeated is removed; diagnostic_aggregator takes it
+for stale then."""
 
 KINDS = {
     "state": DiagonalizedState,
@@ -163,7 +167,7 @@ class RobotSubscription:
         return is_old and not self._publishers
 
     def update(self):
-        """Request the monitor's parameters if they are unknown or may have changed; called once a second."""
+        """Request the monitor's parameters if they may have changed; called once a second."""
         self._show_diagnostics()
         infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
         endpoints, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
@@ -239,7 +243,7 @@ class RobotSubscription:
             self.stream.set_error(self.fault)
 
     def _try(self, source, action, *arguments):
-        """Return the result of an action, None if it fails; the fault stays until an action has a result."""
+        """Return the result of an action, None if it fails; a fault stays until the next result."""
         result, fault = attempt(action, *arguments)
         if fault:
             self._set_fault(source, f"{source} of {self.monitor}: {fault.reason}")
@@ -306,7 +310,7 @@ class RobotSubscription:
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):
-        """Return dynamics, scene, meshes and ForceOptions of a robot, and why it differs from the monitor's.
+        """Return dynamics, scene, meshes, ForceOptions and the difference from the monitor's robot.
 
         It is called in a thread.
         """
@@ -360,7 +364,7 @@ class RobotSubscription:
         self.stream.notify()  # the monitor publishes external torque and contact before the state
 
     def _read(self, dynamics):
-        """Return the newest state as :class:`~diag_dynamics.page.stream.Received`; called in the page's thread."""
+        """Return the newest state as Received; called in the page's thread."""
         return self._try("states", self._read_state, dynamics)
 
     def _read_state(self, dynamics):
@@ -398,7 +402,7 @@ class RobotSubscription:
         return Received(states, received, count, limits, self._points)
 
     def _latency(self, t, received):
-        """Return the age of a state at its reception [s]; NaN where its stamp is of another clock than the node's."""
+        """Return the age of a state at its reception [s]; NaN for a stamp of another clock."""
         if self._differs_in_time:
             return np.nan
         clock = self._node.get_clock()  # of rclpy: ten times as slow as the system's
@@ -474,7 +478,7 @@ def folders_of(entries):
 
 
 class ViewNode(TableNode, Node):
-    """See the module; parameters are in :data:`~parameters.view.PARAMETERS`, and `on_push` is that of the server."""
+    """The node `view`, see the module; `on_push` is that of the server."""
 
     def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page: a robot as a scene, its states as frames of numbers, and the server that streams them. No ROS."""
+"""The page: a robot as a scene, its states as frames, and the server that streams them. No ROS."""

@@ -14,7 +14,7 @@ UPPER = np.triu_indices(3)
 
 
 class ForceOptions(NamedTuple):
-    """What forces are estimated with; none without a covariance Σ of the external torque, shape (nv, nv)."""
+    """Options of forces, which need a covariance Σ of the external torque, shape (nv, nv)."""
 
     covariance: Any = None
     links: tuple[str, ...] = ()
@@ -24,17 +24,12 @@ class ForceOptions(NamedTuple):
 
     @classmethod
     def of(cls, observation, values, model):
-        """Return options by a monitor's Observation (None: no observer) and its parameters `external_wrench.*`."""
+        """Return options by the Observation of a monitor, or None, and its parameters."""
         covariance = observation.covariance_of(model.dof_names) if observation else None
-        links = tuple(
-            name
-            for name in dict.fromkeys(values["external_wrench.frames"])
-            if name in model.link_names
-        )
-        deviations = [
-            values[f"external_wrench.max_{kind}_deviation"] for kind in ("force", "torque")
-        ]
-        return cls(covariance, links, tuple(deviations))
+        frames = dict.fromkeys(values["external_wrench.frames"])
+        links = tuple(name for name in frames if name in model.link_names)
+        force, torque = (f"external_wrench.max_{kind}_deviation" for kind in ("force", "torque"))
+        return cls(covariance, links, (values[force], values[torque]))
 
 
 NO_FORCES = ForceOptions()
@@ -50,22 +45,21 @@ class Forces:
         self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
 
     def with_touched_links(self, states):
-        """Return States with the touched link of those in contact or collision, unless they have one."""
+        """Return States with the touched link at contacts and collisions, unless they have one."""
         if self._covariance is None or np.isfinite(states.touched_link).any():
             return states
-        torque, known = self._torque(states)
-        links, confidence = np.full((2, len(known)), np.nan)
-        rows = np.flatnonzero(
-            known & np.isfinite(states.norm) & np.logical_or(states.contact, states.collision)
-        )
+        torque, is_finite = self._torque(states)
+        links, confidence = np.full((2, len(torque)), np.nan)
+        in_contact = np.logical_or(states.contact, states.collision)
+        rows = np.flatnonzero(is_finite & np.isfinite(states.norm) & in_contact)
         if len(rows):
-            found = self._dynamics.touched_link(states.q[rows], torque[rows], self._covariance)
-            links[rows] = [self._names.index(name) if name else -1 for name in found.link]
-            confidence[rows] = found.confidence
+            touched = self._dynamics.touched_link(states.q[rows], torque[rows], self._covariance)
+            links[rows] = [self._names.index(name) if name else -1 for name in touched.link]
+            confidence[rows] = touched.confidence
         return states._replace(touched_link=links, touched_confidence=confidence)
 
     def _torque(self, states):
-        """Return external torque, shape (T, nv), and whether it is known."""
+        """Return external torque, shape (T, nv), and whether it is finite."""
         torque = np.broadcast_to(states.external_torque, (len(states.t), self._dynamics.model.nv))
         return torque, np.isfinite(torque).all(axis=1)
 
@@ -73,24 +67,27 @@ class Forces:
         """Return fields of States, by name; NaN where they are unknown."""
         if self._covariance is None:
             return {}
-        (torque, known), count = self._torque(states), len(states.t)
-        touched = np.where(known, states.touched_link, np.nan)
-        found = {
+        torque, is_finite = self._torque(states)
+        count, q = len(torque), states.q
+        touched = np.where(is_finite, states.touched_link, np.nan)
+        fields = {
             "touch_force": np.full((count, 3), np.nan),
             "touch_root": np.full((count, 6), np.nan),
+            "touch_unobserved": np.full(count, np.nan),
         }
-        found["touch_unobserved"] = np.full(count, np.nan)
         for k in np.unique(touched[touched >= 0.0]).astype(int).tolist():
             rows = np.flatnonzero(touched == k)
-            for name, values in self._at_center(states.q[rows], torque[rows], k).items():
-                found[name][rows] = values
+            for name, values in self._at_center(q[rows], torque[rows], k).items():
+                fields[name][rows] = values
         if self._links:
-            wrenches = np.full((2, count, len(self._links), 6), np.nan)
+            wrenches, deviations = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
-                w = self._dynamics.wrench(states.q[known], link, torque[known], **self._options)
-                wrenches[0, known, n], wrenches[1, known, n] = w.wrench, component_deviations(w)
-            found["wrench"], found["wrench_deviation"] = wrenches.reshape(2, count, -1)
-        return found
+                w = self._dynamics.wrench(q[is_finite], link, torque[is_finite], **self._options)
+                wrenches[is_finite, n] = w.wrench
+                deviations[is_finite, n] = component_deviations(w)
+            fields["wrench"] = wrenches.reshape(count, -1)
+            fields["wrench_deviation"] = deviations.reshape(count, -1)
+        return fields
 
     def _at_center(self, q, torque, k):
         """Return the force on a link at the centre of mass of its body, in the world's axes.
@@ -114,19 +111,23 @@ class Forces:
 def force_at_center(
     dynamics, q, torque, link, frame, covariance, max_deviation=NO_FORCES.max_deviation
 ):
-    """Return the ExternalWrench of a force without a moment, at the centre of mass of the body of a link."""
-    options = {
-        "point": center_of_body(dynamics.model, link),
-        "force_only": True,
-        "max_deviation": max_deviation,
-    }
-    return dynamics.wrench(q, link, torque, covariance, frame=frame, **options)
+    """Return the ExternalWrench of a force alone, at the centre of mass of the body of a link."""
+    return dynamics.wrench(
+        q,
+        link,
+        torque,
+        covariance,
+        frame=frame,
+        point=center_of_body(dynamics.model, link),
+        force_only=True,
+        max_deviation=max_deviation,
+    )
 
 
 def component_deviations(w):
-    """Return the standard deviation of each component of an ExternalWrench [N, N m], of one state or of many.
+    """Return the standard deviation of each component of an ExternalWrench [N, N m].
 
-    It is NaN where an unobserved direction has a part in the component.
+    The wrench is of one state or of many. NaN: the component is not observed.
     """
     variances = np.diagonal(w.covariance, axis1=-2, axis2=-1)
     return np.where(np.isinf(variances), np.nan, np.sqrt(variances))

@@ -21,7 +21,8 @@ MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 link energies above which the monitor has another model."""
 
 ROUNDING = 1e-12
-"""Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for rounding."""
+"""Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for
+rounding."""
 
 
 class States(NamedTuple):
@@ -47,7 +48,8 @@ class States(NamedTuple):
     latency: Any = np.nan
     rate: Any = np.nan
     contact_limits_worst: Any = np.nan
-    """Index of the worst point, −1 for none; `contact_limits_position` is that point's, in the root link's axes."""
+    """Index of the worst point, −1 for none; `contact_limits_position` is that point's, in the
+    root link's axes."""
     contact_limits_position: Any = np.nan
     contact_limits_speed: Any = np.nan
     contact_limits_mass: Any = np.nan
@@ -64,13 +66,13 @@ class States(NamedTuple):
 
     @classmethod
     def of(cls, t, q, qd, effort, s, **others):
-        """Return states of an Evaluation or a BatchEvaluation at stamps, positions, rates and efforts (None: unknown)."""
+        """Return states of an evaluation at stamps, positions, rates and efforts, or None."""
         terms = q, qd, effort, s.nu, s.epsilon, s.coriolis, s.gravity, s.articulated_inertia
         rows = (np.nan if x is None else np.atleast_2d(x) for x in terms)
         return cls(np.atleast_1d(t), *rows, np.atleast_1d(s.kinetic_energy), **others)
 
     def with_contact_limits(self, contact):
-        """Return the states with the :class:`~diag_dynamics.collision.predicted_contact.PredictedContact` at them."""
+        """Return the states with a PredictedContact at them."""
         position = contact.position[np.arange(len(self.t)), contact.worst]
         return self._replace(
             contact_limits_worst=contact.worst,
@@ -83,7 +85,7 @@ class States(NamedTuple):
 
 
 def coriolis_work(nu, coriolis, qd):
-    """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding, as of one degree of freedom."""
+    """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding."""
     size, speed = np.linalg.norm(nu, axis=-1), np.abs(qd).max(axis=-1, initial=0.0)
     known = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
     whole = np.where(known, size * np.linalg.norm(coriolis, axis=-1), np.nan)
@@ -115,7 +117,7 @@ class FrameMaker:
         self._motion = FollowerMotion(model) if model.followers else None
 
     def frames(self, states):
-        """Return the frames of states, shape (T,) of ``layout.dtype``; dK continues from the last call."""
+        """Return frames of states, shape (T,) of ``layout.dtype``; dK goes on from the last call."""
         states = self._forces.with_touched_links(states)
         frames = np.empty(len(states.t), dtype=self.layout.dtype)
         frames["t"], x, places = states.t, frames["numbers"], self.layout.places
@@ -187,11 +189,10 @@ class FrameMaker:
 
     def _energy_rate(self, t, K):
         """Return dK/dt as a difference, NaN over a gap."""
-        both = np.empty((2, len(t) + 1))
-        both[:, 0], both[0, 1:], both[1, 1:] = self._before, t, K
+        time, energy = self._before
         self._before = t[-1], K[-1]
-        step, change = both[:, 1:] - both[:, :-1]
-        return np.where((step > 0.0) & (step <= GAP), change / step, np.nan)
+        step = np.diff(t, prepend=time)
+        return np.where((step > 0.0) & (step <= GAP), np.diff(K, prepend=energy) / step, np.nan)
 
     def _link_energies(self, states):
         energies = np.empty((len(states.t), len(self._model.link_names)))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layout of a frame: fields that server, page and report share, and the tree by which the page computes placements."""
+"""Layout of a frame for server, page and report, and the tree for placements of links."""
 
 import math
 from contextlib import suppress
@@ -37,25 +37,28 @@ def tree_of(model):
 
 
 def with_followers(model, q, motion=None):
-    """Return positions (T, nq) and those of followers with changing ratios, NaN where a loop cannot be closed."""
+    """Return positions (T, nq) and those of followers; NaN where a loop cannot be closed."""
     if not model.followers:
         return q
-    motion, found = motion or FollowerMotion(model), np.full((len(q), len(model.followers)), np.nan)
-    for own, row in zip(q, found, strict=True):
+    motion = motion or FollowerMotion(model)
+    followers = np.full((len(q), len(model.followers)), np.nan)
+    for position, row in zip(q, followers, strict=True):
         with suppress(LoopError):
-            row[:] = motion.at(own).position[len(model.mimics) :]
-    return np.hstack([q, found])
+            row[:] = motion.at(position).position[len(model.mimics) :]
+    return np.hstack([q, followers])
 
 
 def links_of_dofs(model):
     """Return the name of the link that each degree of freedom moves."""
-    bodies = model.bodies
-    own = {int(bodies["dof"][k]): k for k in range(1, len(bodies)) if bodies["leader"][k] == k}
-    return [model.link_names[bodies["link"][own[dof]]] for dof in range(model.nv)]
+    links = [""] * model.nv
+    for k, body in enumerate(model.bodies[1:], 1):
+        if body["leader"] == k:
+            links[body["dof"]] = model.link_names[body["link"]]
+    return links
 
 
 def center_of_body(model, name):
-    """Return the centre of mass of all links that are fixed to a link, in its axes [m]; its origin without mass."""
+    """Return the centre of mass of a link's body in the link's axes [m]; 0 without mass."""
     number, placement = model.placement_in_body(name)
     body = model.bodies[number]
     if not body["mass"] > 0.0:
@@ -93,7 +96,8 @@ source sent no stamp. other_model: the monitor has another model than this proce
 of links are not the monitor's."""
 
 CHOSEN = ("mobility_root", "link_velocity")
-"""Fields of the link that a page has chosen. They are the last ones: all others are the same for all pages."""
+"""Fields of the link that a page has chosen. They are the last ones: all others are the same for
+all pages."""
 
 FIELDS = (
     ("coordinates", 1, "rad, m", "q"),
@@ -165,21 +169,18 @@ class Layout:
             "coordinates": model.nq + len(model.followers),
             "dofs": model.nv,
             "links": len(model.link_names),
-        }
-        counts |= {
             "points": len(self.points),
             "contact_limits": min(1, len(self.points)),
             "frames": len(self.frames),
         }
-        rows = [
-            (name, counts[of] * each, of, unit)
-            for of, each, unit, names in FIELDS
-            for name in names.split()
-        ]
-        self.fields = tuple(Field(*row) for row in rows)
-        ends = [0, *np.cumsum([field.size for field in self.fields]).tolist()]
-        self.places = {field.name: slice(*ends[k : k + 2]) for k, field in enumerate(self.fields)}
-        self.size, self.common = ends[-1], self.places[CHOSEN[0]].start
+        self.places, self.size, fields = {}, 0, []
+        for of, each, unit, names in FIELDS:
+            size = each * counts[of]
+            for name in names.split():
+                fields.append(Field(name, size, of, unit))
+                self.places[name] = slice(self.size, self.size + size)
+                self.size += size
+        self.fields, self.common = tuple(fields), self.places[CHOSEN[0]].start
         self.dtype = np.dtype([("t", "<f8"), ("numbers", "<f4", (self.size,))])
 
     def to_json(self, scene=None, thresholds=None, frames_only=0):
@@ -189,20 +190,22 @@ class Layout:
         :func:`thresholds_of`. `frames_only` counts the links without a usable shape, of which
         contact is known at their frames only.
         """
-        model, none = self._model, [math.inf] * (self._model.nv + 2)
-        own = (body for k, body in enumerate(model.bodies) if k and body["leader"] == k)
-        angular = {int(body["dof"]): bool(body["direction"] >= ANGULAR_X) for body in own}
+        model, unlimited = self._model, [math.inf] * (self._model.nv + 2)
+        angular = [False] * model.nv
+        for k, body in enumerate(model.bodies[1:], 1):
+            if body["leader"] == k:
+                angular[body["dof"]] = bool(body["direction"] >= ANGULAR_X)
         points = [{"name": name, "link": link} for name, link in self.points]
         return {
             "robot": model.name,
             "dofs": list(model.dof_names),
             "coordinates": [*model.coordinate_names, *model.followers],
             "links": list(model.link_names),
-            "angular": [angular[k] for k in range(model.nv)],
+            "angular": angular,
             "floating_base": model.floating_base,
             "fields": [field._asdict() for field in self.fields],
             "limits": {"effort": finite(model.effort_limit)},
-            "thresholds": thresholds or thresholds_of(none),
+            "thresholds": thresholds or thresholds_of(unlimited),
             "causes": CAUSES,
             "frames": list(self.frames),
             "tree": tree_of(model),
@@ -217,22 +220,20 @@ class Layout:
 
 
 def thresholds_of(limits):
-    """Return thresholds of |m r| of each degree of freedom [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s] as JSON."""
+    """Return thresholds of each |(m r)_k| [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s] as JSON."""
     *joints, torque_norm, norm = finite(limits)
     return {"external_torque": joints, "external_torque_norm": torque_norm, "norm": norm}
 
 
 def half_mass(model):
-    """Return M/2 + m_L [kg]: half the mass of all moving links and their payloads, as ISO/TS 15066 simplifies it."""
-    # Body 0 is the root link's, which a fixed base does not move.
-    moving = {
-        name
-        for name in model.link_names
-        if model.floating_base or model.placement_in_body(name)[0] > 0
-    }
-    links = zip(model.links["index"], model.links["mass"], strict=True)
-    total = sum(float(mass) for index, mass in links if model.link_names[index] in moving)
-    carried = sum(float(payload.mass) for name, payload in model.payloads.items() if name in moving)
+    """Return M/2 + m_L [kg] of all moving links and their payloads, as in ISO/TS 15066."""
+    total = carried = 0.0
+    for link in model.links:
+        name = model.link_names[link["index"]]
+        # Body 0 is the root link's, which a fixed base does not move.
+        if model.floating_base or model.placement_in_body(name)[0] > 0:
+            total += float(link["mass"])
+            carried += float(model.payloads[name].mass) if name in model.payloads else 0.0
     return simplified_mass(total - carried, carried)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Meshes as bytes by their hash, and compressed numbers and meshes of a report: differences, byte planes, gzip."""
+"""Meshes as bytes by their hash, and compressed numbers and meshes of a report."""
 
 import gzip
 import hashlib
@@ -20,7 +20,9 @@ MAX_FILE_SIZE = 64 * 1024 * 1024
 
 
 class MeshLibrary:
-    """Meshes of one robot as bytes: u32 vertices, u32 triangles, float32 positions, u32 indices, all little-endian.
+    """Meshes of one robot as bytes, little-endian.
+
+    They are u32 vertices, u32 triangles, float32 positions and u32 indices.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ class MeshLibrary:
         self._hashes, self.meshes, self.missing = {}, {}, {}
 
     def add(self, file, scale):
-        """Return the hash of a mesh of the URDF, scaled: SHA-256, hexadecimal; None if it is :attr:`missing`."""
+        """Return the SHA-256 of a scaled mesh of the URDF; None if it is :attr:`missing`."""
         key = file, scale
         if file not in self.missing and key not in self._hashes:
             try:
@@ -143,7 +145,7 @@ def pack_times(t):
 
 
 def _difference_planes(whole):
-    """Return first differences of unsigned integers, with the sign in the lowest bit: lowest bytes, then the next ones."""
+    """Return byte planes of first differences, lowest bytes first, signs in lowest bits."""
     bits = 8 * whole.itemsize - 1
     differences = np.diff(whole, prepend=np.zeros(1, whole.dtype))  # they wrap around
     zigzag = (differences << 1) ^ (np.zeros_like(whole) - (differences >> bits))
@@ -155,7 +157,7 @@ def _compress(data):
 
 
 def pack_mesh(data, cells=None):
-    """Pack a mesh of :class:`~diag_dynamics.page.meshes.MeshLibrary`; with fewer vertices where `cells` are given."""
+    """Pack a mesh of a :class:`MeshLibrary`; with fewer vertices by `cells`."""
     vertices, triangles = map(int, np.frombuffer(data, "<u4", 2))
     points = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
     faces = np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
@@ -173,7 +175,7 @@ def pack_mesh(data, cells=None):
 
 
 def pack_meshes(meshes, most):
-    """Pack meshes, by hash, into at most so many bytes: the largest ones lose vertices, or are left out in the end."""
+    """Pack meshes by hash into at most so many bytes: the largest lose vertices or are left out."""
     packed = {sha: pack_mesh(data) for sha, data in meshes.items()}
     for cells in (*CELLS, None):
         for sha in sorted(packed, key=lambda sha: -len(packed[sha])):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of a recording: the page, and all that it shows, in one HTML file that needs no server and no network."""
+"""The report of a recording: the page with all its data in one HTML file."""
 
 import base64
 import json
@@ -39,11 +39,12 @@ LOGARITHMIC = ("coriolis_work", "contact_limits_mass", "contact_limits_allowed")
 """Fields of which the logarithms are packed."""
 
 FULL_RATE_LEVELS, OF_NOISE = 16_000, 1.0 / 3.0
-"""Levels of a column at the full rate, and its step as a fraction of its noise where that is coarser."""
+"""Levels of a column at the full rate, and its step as a fraction of its noise where that is
+coarser."""
 
 
 class Track(NamedTuple):
-    """Some states of a recording in the order of time: their description for the page, and their packed numbers."""
+    """Some states of a recording in order: their description for the page and packed numbers."""
 
     about: dict
     blocks: list
@@ -55,7 +56,7 @@ class Track(NamedTuple):
 
 
 def overview(layout, t, numbers):
-    """Return the Track of states that stand for the whole recording: times after its beginning [s], and a row each."""
+    """Return the Track of a whole recording: times after its beginning [s], and a row each."""
     return _pack_track(layout, t, numbers, {1: [field.name for field in layout.fields]}, LEVELS)
 
 
@@ -84,7 +85,7 @@ def _pack_track(layout, t, numbers, names, *precision):
 
 
 def page_of(static=STATIC):
-    """Return script, style and licences of the page; raise an InputError if it has not been built."""
+    """Return script, style and licences of the page; raise an InputError if it is not built."""
     try:
         return [
             (static / name).read_text(encoding="utf-8")
@@ -102,7 +103,7 @@ def as_text(size):
 
 
 def write_report(path, content, tracks, meshes, static=STATIC):
-    """Write a report: content for JSON (``layout``, ``summary``, …), the overview and other Tracks, packed meshes by hash."""
+    """Write a report: content for JSON (``layout``, …), Tracks, and packed meshes by hash."""
     script, style, licences = page_of(static)
     blocks, about = [], []
     for track in tracks:

@@ -15,10 +15,12 @@ from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric
 
 MIN_MASS = 1e-3
-"""Minimum mass of a link that has an ellipsoid, as a fraction of the robot's. Lighter ones are often mere frames."""
+"""Minimum mass of a link that has an ellipsoid, as a fraction of the robot's. Lighter ones are
+often mere frames."""
 
 MAX_HALF_AXIS, BALL = 0.35, 0.1
-"""Maximum half axis, and radius where the inertia is impossible, as fractions of the link's size."""
+"""Maximum half axis, and radius where the inertia is impossible, as fractions of the link's
+size."""
 
 MIN_LENGTH = 1e-3
 """Minimum length of a bone [m]."""
@@ -44,7 +46,7 @@ class LinkGeometry(NamedTuple):
 
 
 def links_of(model, source, missing=None):
-    """Return the LinkGeometry of each link of a RobotModel in its order, by its URDF, xacro or MJCF.
+    """Return the LinkGeometry of each link of a RobotModel, by its URDF, xacro or MJCF.
 
     The dict `missing` receives the errors of shapes that are left out, by link.
     """
@@ -59,24 +61,22 @@ def links_of(model, source, missing=None):
         if np.linalg.norm(end.xyz) > MIN_LENGTH:
             bones[end.link].append(np.array(end.xyz))
     records = {model.link_names[record["index"]]: record for record in model.links}
-    found = []
+    links = []
     for name in model.link_names:
         mass, ellipsoid = float(records[name]["mass"]) if name in records else 0.0, None
         if mass > 0.0 and mass >= MIN_MASS * model.total_mass:
-            placement = model.placement_in_body(name)[1]
-            ellipsoid = _ellipsoid(
-                records[name], placement, bones[name], origins.get(name, np.zeros(3))
-            )
+            placement, origin = model.placement_in_body(name)[1], origins.get(name, np.zeros(3))
+            ellipsoid = _ellipsoid(records[name], placement, bones[name], origin)
         element = elements.get(name, ())
         shapes = _shapes(element, "visual", missing)
         if not shapes and ellipsoid is not None:
             shapes = _shapes(element, "collision", missing)
-        found.append(LinkGeometry(name, shapes, mass, ellipsoid, tuple(bones[name])))
-    return found
+        links.append(LinkGeometry(name, shapes, mass, ellipsoid, tuple(bones[name])))
+    return links
 
 
 def _shapes(link, role, missing):
-    """Return the shapes of a link's element; the error of one that cannot be read goes into `missing`."""
+    """Return the shapes of a link's element; errors of unreadable ones go into `missing`."""
     shapes = []
     for element in link:
         if element.tag != role:
@@ -91,8 +91,9 @@ def _shapes(link, role, missing):
 
 
 def _ellipsoid(record, placement, bones, origin):
-    """Return the ellipsoid of a link's inertia, no larger than the link: as far as its joints and its centre of mass.
+    """Return the ellipsoid of a link's inertia, no larger than the link.
 
+    The link reaches to its joints and its centre of mass.
     A link that has these at its origin is as large as its distance from the joint before it.
     """
     mass, R = float(record["mass"]), placement[:3, :3]
@@ -116,9 +117,10 @@ def _ellipsoid(record, placement, bones, origin):
 
 
 def mesh_folders(source=None):
-    """Return folders of meshes that no ROS package has: of the URDF's file, and of the example robots."""
-    own, urdfs = folder_of(source) if source is not None else None, list(example_urdfs().values())
-    return [*([own.resolve()] if own else []), urdfs[0].parent, urdfs[-1].parent]
+    """Return folders of meshes outside of ROS packages: of the URDF and of the example robots."""
+    folder = folder_of(source) if source is not None else None
+    urdfs = list(example_urdfs().values())
+    return [*([folder.resolve()] if folder else []), urdfs[0].parent, urdfs[-1].parent]
 
 
 def scene_of(model, source, meshes=None):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The page's server: files, meshes and one websocket for each tab. It reads; in the demo, a tab can push the robot."""
+"""The page's server: files, meshes and one websocket per tab, which can push a simulated robot."""
 
 import asyncio
 import ipaddress
@@ -32,8 +32,9 @@ FILES = {
 """The page's files by path: name in the folder and type."""
 
 HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; connect-src "
-    "'self'; img-src 'self' data: blob:; font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; "
+    "style-src 'self' 'unsafe-inline'; connect-src 'self'; img-src 'self' data: blob:; "
+    "font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -50,8 +51,8 @@ READ_TIMEOUT = 20.0
 MAX_CONNECTIONS = 64
 """Connections, above which the next one is refused."""
 
-ACCEPT_RETRY_PERIOD, ACCEPT_LOG_PERIOD = 1.0, 60.0
-"""Time until the next attempt to accept connections after an error, and between two logs [s]."""
+ACCEPT_RETRY_PERIOD = 10.0
+"""Time until the next attempt to accept connections after an error [s]."""
 
 KEEPALIVE_TIMEOUT = 15.0
 """Time after which a connection without requests is closed [s]."""
@@ -104,15 +105,12 @@ class PageServer:
         self._files = {
             path: ((STATIC / name).read_bytes(), kind) for path, (name, kind) in FILES.items()
         }
-        self._accept_error_logged = -ACCEPT_LOG_PERIOD
         self._socket = listen(host, port)
         address, port = self._socket.getsockname()[:2]
-        name = (
-            "localhost"
-            if ipaddress.ip_address(address.partition("%")[0]).is_unspecified
-            else address
-        )
-        self.address = f"http://{f'[{name}]' if ':' in name else name}:{port}/"
+        name = f"[{address}]" if ":" in address else address
+        if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
+            name = "localhost"
+        self.address = f"http://{name}:{port}/"
         self._thread = threading.Thread(
             target=lambda: asyncio.run(self._serve()), name="page", daemon=True
         )
@@ -171,14 +169,8 @@ class PageServer:
                 else:
                     await loop.connect_accepted_socket(server, connection)
             except OSError as error:  # as without free file descriptors
-                self._log_accept_error(error)
+                logger.warning("The page accepts no connections: %s. Close other programs.", error)
                 await asyncio.sleep(ACCEPT_RETRY_PERIOD)
-
-    def _log_accept_error(self, error):
-        now = time.monotonic()
-        if now - self._accept_error_logged >= ACCEPT_LOG_PERIOD:
-            self._accept_error_logged = now
-            logger.warning("The page accepts no connections: %s. Close other programs.", error)
 
     @web.middleware
     async def _guard(self, request, handler):
@@ -272,12 +264,7 @@ class PageServer:
         pushed = -PUSH_PERIOD
         async for message in ws:
             now = time.monotonic()
-            if (
-                message.type == web.WSMsgType.TEXT
-                and message.data == "push"
-                and self._on_push
-                and now > pushed + PUSH_PERIOD
-            ):
+            if message.data == "push" and self._on_push and now > pushed + PUSH_PERIOD:
                 pushed = now
                 try:
                     self._on_push(*shown)
@@ -285,7 +272,7 @@ class PageServer:
                     logger.exception("The robot could not be pushed.")
 
     async def _send(self, ws, request, robot, news, hz):
-        """Send what is new until the reader leaves. A slow one gets the newest frame, and no queue of older ones."""
+        """Send frames and texts until the reader leaves. A slow one gets the newest frame alone."""
         transport, shown = request.transport, [""]
         end = asyncio.ensure_future(self._receive(ws, shown))
         end.add_done_callback(lambda _: news.set())
@@ -346,14 +333,15 @@ def listen(host, port):
         server = socket.create_server(place[4][:2], family=place[0])
     except (OSError, UnicodeError) as error:
         why = getattr(error, "strerror", None) or error
-        text = f"The page cannot be served on host '{plain(host)}', port {port}: {why}. Port 0 is any free one."
+        address = f"host '{plain(host)}', port {port}"
+        text = f"The page cannot be served on {address}: {why}. Port 0 is any free one."
         raise InputError(text) from error
     server.setblocking(False)
     return server
 
 
 def is_own(request, host):
-    """Return whether a request has this server's name (DNS rebinding) and, if of a page, is of its own page."""
+    """Return whether a request has this server's name and no foreign origin (DNS rebinding)."""
     try:
         name, origin = (request.url.host or "").lower(), request.headers.get("Origin")
     except ValueError:  # a port above 65535

@@ -37,13 +37,14 @@ class Received(NamedTuple):
     count: int = 1
     """States received since the last call, this one included."""
     limits: tuple[float, ...] = ()
-    """Thresholds of alarms as of :func:`~diag_dynamics.page.layout.thresholds_of`; empty if unknown."""
+    """Thresholds of alarms as of :func:`~diag_dynamics.page.layout.thresholds_of`; empty if
+    unknown."""
     points: tuple[tuple[str, str], ...] = ()
     """Name and link of each point of contact."""
 
 
 class Newest(NamedTuple):
-    """The newest of a robot: number and JSON of layout and diagnostics, the chosen link, number and frame of the state."""
+    """Number and JSON of layout and diagnostics, the chosen link, number and frame of the state."""
 
     layout: tuple[int, str]
     diagnostics: tuple[int, str]
@@ -66,7 +67,7 @@ def compile_frames(dynamics, forces):
 
 
 class RobotStream:
-    """One robot for any number of pages: each frame is made once. All methods may be called from any thread.
+    """One robot for any number of pages: each frame is made once. All methods are thread-safe.
 
     Parameters
     ----------
@@ -107,18 +108,10 @@ class RobotStream:
         `difference` is why it differs from the monitor's robot, if it does.
         """
         with self._lock:
-            self._dynamics, self._scene, self._meshes, self._forces = (
-                dynamics,
-                scene,
-                meshes,
-                forces,
-            )
-            self._waiting, self._last, self._end_effector = (
-                "",
-                None,
-                end_effector_link(dynamics.model),
-            )
-            self._difference = difference
+            self._dynamics, self._forces = dynamics, forces
+            self._scene, self._meshes = scene, meshes
+            self._end_effector = end_effector_link(dynamics.model)
+            self._last, self._waiting, self._difference = None, "", difference
             self._lay_out((), ())
 
     def set_error(self, reason):
@@ -142,16 +135,13 @@ class RobotStream:
                 self._diagnostics = self._diagnostics[0] + 1, text
 
     def newest(self, link=""):
-        """Return the :class:`Newest`, with the fields of a link; of the end effector where the robot has no such link."""
+        """Return the :class:`Newest` with the fields of a link, by default of the end effector."""
         with self._lock:
             self._refresh()
             if not self._notifies:
                 self.notify()
-            link = (
-                link
-                if self._dynamics and link in self._dynamics.model.link_names
-                else self._end_effector
-            )
+            if not self._dynamics or link not in self._dynamics.model.link_names:
+                link = self._end_effector
             return Newest(self._layout, self._diagnostics, link, self._number, self._frame(link))
 
     def layout(self):
@@ -174,13 +164,13 @@ class RobotStream:
             age = time.monotonic() - self._last.received if self._last else None
             alive = age is not None and age < STALE
             missing = self._worst or ("waiting for the first state" if age is None else "")
-            robot, waiting = (
-                self._dynamics and self._dynamics.model.name,
-                self._waiting or ("" if alive else missing),
-            )
             return {
-                **{"name": self.name, "robot": robot, "alive": alive},
-                **{"age": age, "rate": self._rate, "waiting": waiting},
+                "name": self.name,
+                "robot": self._dynamics and self._dynamics.model.name,
+                "alive": alive,
+                "age": age,
+                "rate": self._rate,
+                "waiting": self._waiting or ("" if alive else missing),
                 "error": self._error or (self._diagnosed_error if age is None else ""),
                 "difference": self._difference,
             }
@@ -206,15 +196,13 @@ class RobotStream:
         self._last, self._number, self._frames = received, self._number + received.count, {}
 
     def _frame(self, link):
-        """Return the frame of the last state, made once for each link; empty before the first state."""
+        """Return the frame of the last state, made once per link; empty before the first state."""
         if self._last is None or link in self._frames:
             return self._frames.get(link, b"")
-        states, common = self._last.states, 8 + 4 * self._maker.layout.common
+        states, maker = self._last.states, self._maker
         if "" not in self._frames:
-            self._frames[""] = self._maker.frames(states._replace(rate=self._rate)).tobytes()[
-                :common
-            ]
-        self._frames[link] = (
-            self._frames[""] + self._maker.chosen(states.q[0], states.nu[0], link).tobytes()
-        )
+            frame = maker.frames(states._replace(rate=self._rate)).tobytes()
+            self._frames[""] = frame[: 8 + 4 * maker.layout.common]
+        chosen = maker.chosen(states.q[0], states.nu[0], link).tobytes()
+        self._frames[link] = self._frames[""] + chosen
         return self._frames[link]
