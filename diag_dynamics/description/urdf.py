@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Container, Iterable, Mapping
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import numpy as np
@@ -89,16 +90,32 @@ def read_urdf(element: Any, max_joints: int = MAX_JOINTS) -> tuple[Description, 
     reject_large("URDF", joint_count, link_count, max_joints)
     _reject_loops(element)
     name = _expanded(element.get("name"), "The robot's name") or "robot"
-    reduced = etree.Element("robot", name=name)
-    inertials = _add_links(element, reduced)
-    origins, root = _add_joints(element, reduced)
+    reduced = _Reduced()
+    for link in element.findall("link"):
+        reduced.add_link(link)
+    if not reduced.links:
+        _reject_no_links(element)
+    for joint in element.findall("joint"):
+        reduced.add_joint(joint)
     armature, remarks = reflected_inertias(element)
-    robot = _read(reduced)
-    links = {link.name: _link(link, inertials) for link in robot.links}
-    joints = {joint.name: _joint(joint, origins, armature) for joint in robot.joints}
+    links, joints = reduced.read(armature)
+    root = _root_link(links, {record.child: record.parent for record in joints.values()})
+    joints = {record.name: checked_joint(record) for record in joints.values()}
     driven = driven_joints(element)
     description = Description(name, root, links, joints, loops, curves, driven)
     return description, remarks
+
+
+def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:
+    """Return the links and joints of a <robot> element that can be read, even if others cannot."""
+    reduced = _Reduced()
+    for link in element.findall("link"):
+        with suppress(UrdfError):
+            reduced.add_link(link)
+    for joint in element.findall("joint"):
+        with suppress(UrdfError):
+            reduced.add_joint(joint)
+    return reduced.read({})
 
 
 def reject_large(kind: str, joint_count: int, link_count: int, max_joints: int) -> None:
@@ -111,7 +128,9 @@ def reject_large(kind: str, joint_count: int, link_count: int, max_joints: int) 
 
 
 def checked_joint(joint: Joint) -> Joint:
-    """Return a joint; reject numbers that no joint can have."""
+    """Return a joint, with limits if its type has these; reject numbers that no joint can have."""
+    if joint.type not in ("revolute", "prismatic"):
+        joint = joint._replace(lower=-np.inf, upper=np.inf)
     for name in ("damping", "friction"):
         if getattr(joint, name) < 0.0:
             raise UrdfError(f"joint '{joint.name}': {name} {getattr(joint, name)} is negative.")
@@ -124,20 +143,6 @@ def checked_joint(joint: Joint) -> Joint:
         axis = " ".join(map(repr, joint.axis.tolist()))
         raise UrdfError(f"joint '{joint.name}': axis '{axis}' has no direction.")
     return joint
-
-
-def _read(reduced: Any) -> Any:
-    """Return the links and joints of a checked <robot> element.
-
-    Importing yourdfpy takes a second.
-    """
-    try:
-        import yourdfpy
-    except Exception as error:  # also of a library for meshes that does not fit the NumPy
-        text = f"The URDF reader yourdfpy cannot be imported: {error!r}. Install it: pip install yourdfpy."
-        raise UrdfError(text) from error
-    stream = io.BytesIO(etree.tostring(reduced))
-    return yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
 
 
 def _link(link: Any, placements: Mapping[str, Array]) -> Link:
@@ -156,15 +161,12 @@ def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, floa
             value = getattr(getattr(joint, part), name, None)
             if value is not None:
                 fields[name] = float(value)
-    if joint.type not in ("revolute", "prismatic"):
-        fields.pop("lower", None)
-        fields.pop("upper", None)
     if joint.mimic is not None:
         fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
     origin = origins.get(joint.name, np.eye(4))
     fields["armature"] = armature.get(joint.name, 0.0)
     ends = joint.parent, joint.child
-    return checked_joint(Joint(joint.name, joint.type, *ends, origin, joint.axis, **fields))
+    return Joint(joint.name, joint.type, *ends, origin, joint.axis, **fields)
 
 
 def _reject_loops(robot: Any) -> None:
@@ -247,74 +249,84 @@ def _expanded(value: str | None, where: str) -> str | None:
     return value
 
 
-def _add_links(robot: Any, reduced: Any) -> dict[str, Array]:
-    """Copy the links.
+class _Reduced:
+    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read."""
 
-    Return the placements of inertials that have an origin, by the link's name.
-    """
-    names, placements = set[str](), dict[str, Array]()
-    for link in robot.findall("link"):
-        where = f"link '{_name(link, names)}'"
-        name = link.get("name")
-        copy, inertial = etree.SubElement(reduced, "link", name=name), link.find("inertial")
+    def __init__(self) -> None:
+        self.links: dict[str, None] = {}
+        self._element = etree.Element("robot", name="robot")
+        self._carriers: dict[str, str] = {}  # joint of each link that has a parent
+        self._joints: dict[str, None] = {}
+        self._inertials: dict[str, Array] = {}  # placements, of those that have an origin
+        self._origins: dict[str, Array] = {}
+
+    def add_link(self, link: Any) -> None:
+        """Copy a link."""
+        name = _name(link, self.links)
+        where = f"link '{name}'"
+        copy, inertial = etree.Element("link", name=name), link.find("inertial")
         for origin in link.iterfind("*/origin"):  # of geometry, too: viewers and contacts read it
             if origin.get("rpy") is not None and origin.get("quat_xyzw") is not None:
                 placement_of(origin, where)
-        if inertial is None:
-            continue
-        _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
-        if inertial.find("origin") is not None:
-            placements[name] = placement_of(inertial.find("origin"), where)
-        for part, attributes in INERTIAL.items():
-            element = inertial.find(part)
-            missing = [a for a in attributes if element is None or element.get(a) is None]
-            if missing:
-                raise UrdfError(f"{where}: <inertial> lacks <{part} {missing[0]}=…>.")
-        mass = inertial.find("mass").get("value")
-        if float(mass) < 0.0:
-            raise UrdfError(f"{where}: mass {mass} kg is negative.")
-    if not names:
-        _reject_no_links(robot)
-    return placements
+        if inertial is not None:
+            _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
+            if inertial.find("origin") is not None:
+                self._inertials[name] = placement_of(inertial.find("origin"), where)
+            for part, attributes in INERTIAL.items():
+                element = inertial.find(part)
+                missing = [a for a in attributes if element is None or element.get(a) is None]
+                if missing:
+                    raise UrdfError(f"{where}: <inertial> lacks <{part} {missing[0]}=…>.")
+            mass = inertial.find("mass").get("value")
+            if float(mass) < 0.0:
+                raise UrdfError(f"{where}: mass {mass} kg is negative.")
+        self._element.append(copy)
 
-
-def _add_joints(robot: Any, reduced: Any) -> tuple[dict[str, Array], str]:
-    """Copy the joints.
-
-    Return the placements of those that have an origin, by name, and the root link.
-    """
-    links = dict.fromkeys(str(link.get("name")) for link in reduced)
-    names, placements = set[str](), dict[str, Array]()
-    parents: dict[str, str] = {}
-    carriers: dict[str, str] = {}  # joint of each link that has a parent
-    for joint in robot.findall("joint"):
-        name = _name(joint, names)
+    def add_joint(self, joint: Any) -> None:
+        """Copy a joint between links that are there."""
+        name = _name(joint, self._joints)
         where = f"joint '{name}'"
         kind = _expanded(joint.get("type"), f"{where}: type")
         if kind not in JOINT_TYPES:
             raise UrdfError(
                 f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}."
             )
-        copy = etree.SubElement(reduced, "joint", name=name, type=kind)
-        parent, child = (_end_link(joint, copy, end, links) for end in ("parent", "child"))
-        if child in parents:
+        copy = etree.Element("joint", name=name, type=kind)
+        _copy_end(joint, copy, "parent", self.links)
+        child = _copy_end(joint, copy, "child", self.links)
+        if child in self._carriers:
             raise UrdfError(
-                f"link '{child}' is the child of two joints, '{carriers[child]}' and '{name}'; "
-                f"{TREE} Remove the joint that closes it."
+                f"link '{child}' is the child of two joints, '{self._carriers[child]}' and "
+                f"'{name}'; {TREE} Remove the joint that closes it."
             )
-        parents[child], carriers[child] = parent, name
+        self._carriers[child] = name
         _copy_numbers(joint, copy, JOINT, where)
         if joint.find("origin") is not None:
-            placements[name] = placement_of(joint.find("origin"), where)
+            self._origins[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
         if kind == "planar" and copy.find("axis") is None:  # whatever the default of other joints
             etree.SubElement(copy, "axis", xyz="0 0 1")
-    return placements, _root_link(links, parents)
+        self._element.append(copy)
+
+    def read(self, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
+        """Return the records of links and joints. Importing yourdfpy takes a second."""
+        try:
+            import yourdfpy
+        except Exception as error:  # also of a library for meshes that does not fit the NumPy
+            raise UrdfError(
+                f"The URDF reader yourdfpy cannot be imported: {error!r}. "
+                "Install it: pip install yourdfpy."
+            ) from error
+        stream = io.BytesIO(etree.tostring(self._element))
+        robot = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
+        links = {link.name: _link(link, self._inertials) for link in robot.links}
+        joints = {joint.name: _joint(joint, self._origins, armature) for joint in robot.joints}
+        return links, joints
 
 
-def _end_link(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
+def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
     """Copy the one element of an end of a joint, and return its link."""
     where, elements = f"joint '{copy.get('name')}'", joint.findall(end)
     if len(elements) > 1:
@@ -326,7 +338,7 @@ def _end_link(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
     return link
 
 
-def _name(element: Any, taken: set[str]) -> str:
+def _name(element: Any, taken: dict[str, None]) -> str:
     """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
     name = _expanded(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
@@ -334,7 +346,7 @@ def _name(element: Any, taken: set[str]) -> str:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
     if name in taken:
         raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
-    taken.add(name)
+    taken[name] = None
     return name
 
 
@@ -360,20 +372,18 @@ def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
     `parents` has that of each child.
     """
     roots = [link for link in links if link not in parents]
-    children: dict[str, list[str]] = {}
     if len(roots) > 1:
         shown = listed([f"'{root}'" for root in roots], 6)
         raise UrdfError(
             f"The URDF has {len(roots)} root links ({shown}), expected one: join them with fixed joints."
         )
-    for child, parent in parents.items():
-        children.setdefault(parent, []).append(child)
-    reached = dict.fromkeys(roots)
-    stack = list(roots)
-    while stack:
-        outboard = children.get(stack.pop(), ())
-        reached.update(dict.fromkeys(outboard))
-        stack += outboard
-    if lost := next((link for link in links if link not in reached), None):
-        raise UrdfError(f"link '{lost}' is part of a loop of joints; {TREE}")
+    reached = set(roots)
+    for link in links:
+        path, carrier = {link}, link
+        while carrier not in reached:
+            carrier = parents[carrier]
+            if carrier in path:
+                raise UrdfError(f"link '{carrier}' is part of a loop of joints; {TREE}")
+            path.add(carrier)
+        reached |= path
     return roots[0]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Links and joints as the XML of a URDF has them: a wrong part leaves the others readable."""
+"""Links and joints of a URDF: a link or joint that load_urdf rejects leaves the others readable."""
 
 from __future__ import annotations
 
@@ -13,25 +13,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description import records
-from diag_dynamics.description.elements import floats, placement_of
 from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of, united
 from diag_dynamics.description.meshes import Meshes, find_mesh
-from diag_dynamics.description.records import Description, Joint, Mimic
+from diag_dynamics.description.records import Description, Joint
 from diag_dynamics.description.remarks import Remark, remarks_of
 from diag_dynamics.description.transmissions import reflected_inertias
-from diag_dynamics.description.urdf import parse_urdf
+from diag_dynamics.description.urdf import parse_urdf, readable_parts
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
-from diag_dynamics.rigid_body import symmetric
 
 NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 
 ROLES = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-LIMITS = ("lower", "upper", "effort", "velocity")
 
 Found = Iterator[tuple[Any, ...]]
 """Results of a check: key of a row, name or None, number, words of the text."""
@@ -75,46 +71,11 @@ def _described_link(link: records.Link) -> Link:
     return Link(link.name, True, body.mass, body.centre, body.inertia)
 
 
-def _read_link(element: Any, folder: Path | None, meshes: Meshes) -> Link:
-    inertial = _child(element, "inertial")
-    placement, inertia = _placement(inertial), _child(inertial, "inertia")
-    link = Link(element.get("name", ""), element.find("inertial") is not None)
-    link.mass = _number(_child(inertial, "mass"), "value")
-    link.centre = placement[:3, 3]
-    moments = [_number(inertia, name) for name in INERTIA]
-    if None not in moments:
-        matrix = symmetric(np.array(moments, float))
-        link.inertia = placement[:3, :3] @ matrix @ placement[:3, :3].T
-        digits = [Decimal(inertia.get(name)) for name in INERTIA]
-        exponents = [int(digit.as_tuple().exponent) for digit in digits if digit]
-        link.half_digit = 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
-    for role in ROLES:
-        link.measure(element, role, folder, meshes)
-    return link
-
-
-def _read_joint(element: Any) -> Joint:
-    """Return the record of a joint; a number that is missing or wrong has its default."""
-    limit, mimic = _child(element, "limit"), _child(element, "mimic")
-    leader = None
-    if element.find("mimic") is not None:
-        factor = _number(mimic, "multiplier", "1") or 0.0
-        leader = Mimic(mimic.get("joint", ""), factor, _number(mimic, "offset") or 0.0)
-    limits: dict[str, Any] = {}
-    for name in LIMITS:
-        number = _number(limit, name, largest=np.inf)
-        limits |= {} if number is None else {name: number}
-    axis = floats(_child(element, "axis").get("xyz", "1 0 0"), 3)
-    return Joint(
-        element.get("name", ""),
-        element.get("type", ""),
-        _child(element, "parent").get("link", ""),
-        _child(element, "child").get("link", ""),
-        _placement(element),
-        np.array(axis or (1.0, 0.0, 0.0)),
-        **limits,
-        mimic=leader,
-    )
+def _half_digit(inertia: Any) -> float:
+    """Return half a unit of the last digit of an element's moments of inertia."""
+    digits = [Decimal(inertia.get(name)) for name in INERTIA]
+    exponents = [int(digit.as_tuple().exponent) for digit in digits if digit]
+    return 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
 
 
 class Body:
@@ -178,12 +139,21 @@ class Urdf:
         with suppress(UrdfError):  # the loader reports it
             self.rotors, ignored = reflected_inertias(robot)
             self.remarks += ignored
-        links, joints, meshes = robot.findall("link"), robot.findall("joint"), Meshes(folder)
-        self.elements += [*links, *joints]
-        self.joints = [_read_joint(element) for element in joints]
-        for element in links:
-            link = _read_link(element, folder, meshes)
-            self.links.setdefault(link.name, link)
+        links, joints = readable_parts(robot)
+        elements, meshes = robot.findall("link"), Meshes(folder)
+        self.elements += [*elements, *robot.findall("joint")]
+        self.joints = list(joints.values())
+        for element in elements:
+            name = element.get("name", "")
+            if name in self.links:
+                continue
+            link = _described_link(links.get(name, records.Link(name)))
+            if link.has_inertial:
+                link.half_digit = _half_digit(element.find("inertial/inertia"))
+            link.has_inertial = element.find("inertial") is not None
+            for role in ROLES:
+                link.measure(element, role, folder, meshes)
+            self.links[name] = link
 
     def is_negligible(self, mass: float | None) -> bool:
         """Return whether a mass is too small to change results."""
@@ -201,24 +171,3 @@ class Urdf:
             for joint in self.joints:
                 if joint.parent == name and joint.type == "fixed":
                     yield from self._connect(joint.child, X @ joint.origin, seen)
-
-
-def _child(element: Any, tag: str) -> Any:
-    """Return the first child of a tag, or an empty element."""
-    child = element.find(tag)
-    return etree.Element(tag) if child is None else child
-
-
-def _number(element: Any, name: str, default: str = "nan", largest: float = 1e308) -> float | None:
-    """Return the number of an attribute, or None."""
-    with suppress(ValueError):
-        value = float(element.get(name, default))
-        return value if abs(value) <= largest else None
-    return None
-
-
-def _placement(element: Any) -> Array:
-    """Return the placement (4, 4) of an element's <origin>; the identity of one that is wrong."""
-    with suppress(UrdfError):
-        return placement_of(_child(element, "origin"), "")
-    return np.eye(4)

@@ -441,7 +441,7 @@ def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
 
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])
 def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
-    forbid(urdf, "_add_links")
+    forbid(urdf, "_Reduced")
     with pytest.raises(
         dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} .*max_joints"
     ):
