@@ -13,6 +13,7 @@ dyn, simulation = (
     dd.Simulation(model, q=[0.0, -1.0, 1.2, 0.0, 0.5, 0.0]),
 )
 observer = dd.DisturbanceObserver(dyn, gain=25.0)
+detector = dd.Detector(model.dof_names, dd.Thresholds({"norm": 8.0}))
 
 for k in range(1000):
     time = 1e-3 * k
@@ -23,7 +24,9 @@ for k in range(1000):
         tau, f_ext={"wrist_3_link": [0, 0, -20, 0, 0, 0]} if pushed else None, frame="world"
     )
     seen = observer.update(time, q, qd, tau)
-    if k % 100 == 50:  # the first sample of all has nothing to compare with
-        print(
-            f"{time:.2f} s: external torque {np.round(seen.external_torque, 1)} N m{'  collision' * seen.collision}"
-        )
+    if not seen.valid:
+        continue  # the first sample has nothing to compare with
+    judged = detector.update(time, seen.residual, seen.external_torque)
+    if k % 100 == 50:
+        collision = "  collision" if judged.alarm[0] else ""
+        print(f"{time:.2f} s: external torque {np.round(seen.external_torque, 1)} N m{collision}")

@@ -351,7 +351,7 @@ WRONG = {
     ("--csv", "{out}", "--json", "{out}"): "--csv writes this file",
     ("--json", "{out}/a.json"): "there is no folder",
     ("--start", "50"): "contains no message between --start and --end",
-    ("--alarms", "{arm}"): "'{arm}', which has no thresholds",
+    ("--alarms", "{arm}"): "'{arm}', which has no collision.threshold",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
     ("--joint-names", "a=b", "a=c"): "parameter '--joint-names' has two entries for 'a'",
     ("--joint-names", "a=panda_joint1"): "joint_names has 'a', which is no joint of the recording",

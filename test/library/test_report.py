@@ -379,11 +379,10 @@ def test_the_numbers_are_those_of_frames(recording):
 @pytest.mark.parametrize(
     ("given", "efforts", "missing", "words"),
     [
-        (WATCHED[:1], True, ["external_torque.gain"], ("gain is not set", "calibrate")),
         (WATCHED[1:], True, ["collision.threshold"], ("threshold is not set", "calibrate")),
         (WATCHED, False, [], ("no efforts",)),
     ],
-    ids=["no gain", "no threshold", "no efforts"],
+    ids=["no threshold", "no efforts"],
 )
 def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, missing, words):
     """Summary and text name the missing parameter and do not report zero contacts."""

@@ -243,10 +243,10 @@ def arguments(name, moment):
             np.eye(model.nv),
             max_deviation=(10.0 * scale, scale),
         )
-    seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)), moment.estimated)
+    seen = Disturbance(True, "", r, tau, float(np.linalg.norm(r)))
     seen = seen if moment.effort else Disturbance(False, "")
     limits = np.r_[np.abs(tau), INF, 1.0 + moment.age]
-    alarming = Alarming(limits, 0.5 * limits, r > 0.0, moment.received)
+    alarming = Alarming(limits, 0.5 * limits, r > 0.0, moment.estimated, moment.received)
     touched = None
     if moment.effort and model.nv and moment.friction:
         touched = dyn.touched_link(q, tau, np.eye(model.nv) * 10.0 ** rng.integers(-2, 2))

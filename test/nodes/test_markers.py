@@ -180,8 +180,9 @@ class Watch(TorqueWatch):
         )
         torque = dyn.tau_from_epsilon(drawn.q, epsilon)
         self.seen = Disturbance(
-            True, "", epsilon, torque, float(np.linalg.norm(epsilon)), collision
+            True, "", epsilon, torque, float(np.linalg.norm(epsilon))
         )
+        self._alarm.on = collision
         if known:  # neighbouring links are often not distinguishable
             self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(
                 link=link, confidence=0.7

@@ -135,7 +135,7 @@ def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeyp
         stream.next(
             DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found)
         )
-        with monitor.having(external_torque__gain=0.0):
+        with monitor.having(external_torque__gain=0.0, collision__threshold=[""]):
             monkeypatch.setattr("diag_dynamics.nodes.view.DIAGNOSTICS_TIMEOUT", 0.0)
             peer.pass_time(1.0)
             stream.next(

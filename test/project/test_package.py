@@ -151,12 +151,13 @@ def test_compiled_code_is_stale_after_any_change_of_its_sources():
 
 
 def test_one_writer_of_files():
-    """The others write into its temporary file, or into a folder of their own."""
+    """The others write into its temporary file, into a folder of their own, or lock a kernel."""
     writing = re.compile(
         r"""\.write_(?:text|bytes)\(|open\([^)]*["'][wax]b?["']|FileIO\(|OSFile\("""
     )
     temporary = "page/report.py", "recordings/outputs/chunks.py", "recordings/outputs/tables.py"
-    expected = {"atomic_file.py", "cli/common.py", "recordings/bags.py", *temporary}
+    locks = ("numerics/cache.py",)
+    expected = {"atomic_file.py", "cli/common.py", "recordings/bags.py", *temporary, *locks}
     writers = {path for path, source in SOURCES.items() if writing.search(source)}
     assert {str(path.relative_to(PACKAGE)) for path in writers} == expected
 

@@ -61,7 +61,7 @@ class CollisionWatch(Watch):
         elif self.torque.contact_begins:
             text = shortened(f"Contact: {self.torque.contact_cause}.")
             log.info(text, throttle_duration_sec=1.0)
-        return [self._status()] if is_worse else []
+        return [self._status(), *self._node.reaction.report()] if is_worse else []
 
     def publish(self, moment, outputs):
         """See Watch."""
