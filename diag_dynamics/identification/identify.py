@@ -251,7 +251,9 @@ class FitData:
             number = np.minimum(since * count / duration, count - 1).astype(int)
             elapsed += segment.duration
             for block in np.unique(number).tolist():
-                parts[block].append((segment.part(number == block), known))
+                is_in_block = number == block
+                if np.count_nonzero(is_in_block) > 1:  # the end of a segment may begin a block
+                    parts[block].append((segment.part(is_in_block), known))
             first = 1
             for rows, weights in self.regressors.filtered_rows(*segment.columns, known):
                 part = number[first : first + len(rows)]
