@@ -52,11 +52,8 @@ class WindowSums:
     def __init__(self, count, friction=False):
         self._friction = friction
         self._chain, self._integrals = SampleChain(MAX_GAP), WindowIntegrals(WINDOW)
-        self._last = (
-            0,
-            np.zeros(3 + count),
-            np.zeros(count),
-        )  # stamp, powers and ½ν² of the last sample
+        # Stamp, powers and ½ν² of the last sample.
+        self._last = 0, np.zeros(3 + count), np.zeros(count)
 
     def integrate_states(self, states, s):
         """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
@@ -64,14 +61,13 @@ class WindowSums:
         rows, (stamp, power, share) = samples.rows, self._last
         nu, epsilon, gravity = s.nu[rows], s.epsilon[rows], s.gravity[rows]
         friction = s.friction[rows] if self._friction else np.zeros_like(nu)
-        powers = np.empty((len(nu) + 1, len(power)))
-        powers[0] = power
-        for k, force in enumerate((epsilon, gravity, friction)):
-            np.einsum("tk,tk->t", nu, force, out=powers[1:, k])
-        powers[1:, 3:] = nu * (epsilon - (s.coriolis[rows] + gravity + friction))
+        forces = epsilon, gravity, friction
+        powers = [np.einsum("tk,tk->t", nu, force) for force in forces]
+        by_joint = nu * (epsilon - (s.coriolis[rows] + gravity + friction))
+        powers = np.vstack([power, np.column_stack([*powers, by_joint])])
         shares = np.vstack([share, energy_shares(nu)])
-        steps = np.empty_like(powers)
-        np.multiply(0.5 * samples.interval[:, None], powers[:-1] + powers[1:], out=steps[1:])
+        work = 0.5 * samples.interval[:, None] * (powers[:-1] + powers[1:])
+        steps = np.vstack([np.zeros_like(power), work])
         stamps = np.append(stamp, states.stamp[rows])
         self._last = stamps[-1], powers[-1], shares[-1]
         follows = np.append(False, samples.interval > 0.0)
@@ -178,10 +174,9 @@ class Balance:
             return "no joint moves by more than a push moves a robot that stands"
         if explained >= MIN_EXPLAINED:
             return f"the efforts explain {explained:.0%} of the change of kinetic energy"
-        remedy = (
-            "check unit of the efforts, friction, rotor inertias and payload (docs/recordings.md)"
-        )
-        remedy = f"{fault}; {remedy}" if fault else remedy
+        remedy = f"{fault}; " if fault else ""
+        remedy += "check unit of the efforts, friction, rotor inertias and payload "
+        remedy += "(docs/recordings.md)"
         if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
             return (
                 f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "

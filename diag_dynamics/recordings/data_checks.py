@@ -193,17 +193,17 @@ def smoothed(t, q, qd, tau):
     )
 
 
-def remaining(products, kept, rest):
+def remaining(products, signals, rest):
     """Return products (…, m, m) of the kept columns, rows of (k, m), without what the rest, rows of (r, m), explains."""
-    inner, across = rest @ products @ rest.T, rest @ products @ kept.T
+    inner, across = rest @ products @ rest.T, rest @ products @ signals.T
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(inner, axis1=-2, axis2=-1), 1e-300))[..., None]
     inverse = np.linalg.pinv(
         inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True
     )
     across = across * scale
-    whole = kept @ products @ kept.T
+    whole = signals @ products @ signals.T
     left = whole - np.swapaxes(across, -1, -2) @ inverse @ across
-    squares, before = (np.diagonal(one, axis1=-2, axis2=-1) for one in (left, whole))
+    squares, before = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (left, whole))
     is_left = squares > SINGULAR * before
     return left * is_left[..., None] * is_left[..., None, :]
 
@@ -223,16 +223,20 @@ def _regress(products, column, rest, nv):
 def largest_of_kind(model, values):
     """Return for each joint the largest value of a joint of its kind, rotary or prismatic; shape (nv,)."""
     slides = np.array(sliding_dofs(model))
-    return np.array([values[slides == one].max(initial=0.0) for one in slides])
+    return np.array([values[slides == is_sliding].max(initial=0.0) for is_sliding in slides])
 
 
-def _jackknife(values):
-    """Return standard errors from values without each block in turn."""
+def jackknife(values):
+    """Return variances of numbers, given them without each block in turn, (blocks, n)."""
     count = len(values)
-    if count < MIN_BLOCKS:
+    return (count - 1) / count * ((values - values.mean(axis=0)) ** 2).sum(axis=0)
+
+
+def _standard_errors(values):
+    """Return standard errors of numbers without each block in turn; inf if they are unknown."""
+    if len(values) < MIN_BLOCKS:
         return np.full(values.shape[1], np.inf)
-    error = np.sqrt((count - 1) / count * ((values - values.mean(axis=0)) ** 2).sum(axis=0))
-    return np.where(np.isfinite(error), error, np.inf)
+    return np.sqrt(np.nan_to_num(jackknife(values), nan=np.inf, posinf=np.inf))
 
 
 class Relation(NamedTuple):
@@ -307,12 +311,12 @@ class EffortRelation:
         q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
         self._low = np.minimum(self._low, q.min(axis=0))
         self._high = np.maximum(self._high, q.max(axis=0))
-        pulls = np.stack([one.gravity_torque(q) for one in self._pulls])
+        pulls = np.stack([dynamics.gravity_torque(q) for dynamics in self._pulls])
         torque = self._dynamics.inverse_dynamics(q, qd, qdd)
         inertial = torque - np.tensordot(self._model.gravity, pulls, 1)
         turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
         unloaded = self._bare.inverse_dynamics(q, qd, qdd) if self._loaded else 0.0
-        loads = [one.inverse_dynamics(q, qd, qdd) - unloaded for one in self._loaded]
+        loads = [dynamics.inverse_dynamics(q, qd, qdd) - unloaded for dynamics in self._loaded]
         resistance = qd, turned, np.ones_like(qd), qdd
         columns = np.stack([*pulls, inertial, *resistance, *loads], axis=-1)
         return columns.transpose(1, 0, 2), tau
@@ -369,7 +373,7 @@ class EffortRelation:
             model,
             *hypotheses,
             factors[0],
-            _jackknife(factors[1:]),
+            _standard_errors(factors[1:]),
             model_error,
             _regress(whole, pull, offset, model.nv)[0]
             > _regress(whole, inertia, offset, model.nv)[0],
@@ -378,7 +382,7 @@ class EffortRelation:
         )
 
 
-def find_effort_delay(model, runs, known):
+def find_effort_delay(model, runs, measured):
     """Return the :class:`Delay` of efforts against positions, None if it hardly matters.
 
     `runs` are times, positions, rates and efforts without gaps; joints with efforts are `known`,
@@ -387,7 +391,7 @@ def find_effort_delay(model, runs, known):
     """
     longest = longest_delay(t for t, *_ in runs)
     travel = np.max([np.ptp(q, axis=0) for _, q, *_ in runs], axis=0)
-    joints = np.flatnonzero(known & (travel > DELAY_TRAVEL))
+    joints = np.flatnonzero(measured & (travel > DELAY_TRAVEL))
     if not len(joints):
         return None
     delay = None
@@ -499,7 +503,7 @@ class Hypotheses:
     def _is_below(self, left, limit):
         """Return whether a fraction is below a limit by the error of their ratio."""
         ratio = (left + NEGLIGIBLE) / np.maximum(limit, 1e-12)
-        return bool(ratio[0] + ERRORS * _jackknife(ratio[1:, None])[0] < 1.0)
+        return bool(ratio[0] + ERRORS * _standard_errors(ratio[1:, None])[0] < 1.0)
 
     def best(self, *hypotheses):
         """Return the text of the hypothesis that leaves least; empty if the model or a payload leaves as little."""
@@ -539,7 +543,9 @@ class Hypotheses:
         if LIMITS[0] < -factor < LIMITS[1]:
             return left, SIGN
         names = (
-            name for one, name in UNITS.items() if 1.0 / UNIT_ERROR < abs(factor) / one < UNIT_ERROR
+            name
+            for unit_factor, name in UNITS.items()
+            if 1.0 / UNIT_ERROR < abs(factor) / unit_factor < UNIT_ERROR
         )
         unit = next((f", as in {name}" for name in names), "")
         return left, (
@@ -557,17 +563,18 @@ class Hypotheses:
     def direction(self):
         """Explain the efforts by another direction of gravity, the best one."""
         columns = self._fitted(np.arange(3))
-        found, gravity = columns[:3], self._model.gravity
-        size, full = np.linalg.norm(found), np.linalg.norm(gravity)
+        vector, gravity = columns[:3], self._model.gravity
+        size, full = np.linalg.norm(vector), np.linalg.norm(gravity)
         if not full or not FULL[0] < size / full < FULL[1]:
             return None
-        angle = np.degrees(np.arccos(np.clip(found @ gravity / (size * full), -1.0, 1.0)))
+        angle = np.degrees(np.arccos(np.clip(vector @ gravity / (size * full), -1.0, 1.0)))
         if angle < TURNED:
             return None
         where = "on a ceiling" if angle > 150.0 else "on a wall" if angle > 60.0 else "on a slope"
+        numbers = ", ".join(f"{x:.3g}" for x in np.round(vector, 1) + 0.0)
         return self._left(columns), (
-            f"gravity seems to point along [{', '.join(f'{x:.3g}' for x in np.round(found, 1) + 0.0)}] m/s² in the base, "
-            f"{angle:.0f}° from the model's, as for a robot {where} (parameter gravity)"
+            f"gravity seems to point along [{numbers}] m/s² in the base, {angle:.0f}° from the "
+            f"model's, as for a robot {where} (parameter gravity)"
         )
 
     def order(self):
@@ -582,13 +589,12 @@ class Hypotheses:
         moved = np.flatnonzero(order != self._joints)
         if not len(moved):
             return None
-        names = self._model.dof_names
-        joints, columns = ([names[k] for k in which] for which in (moved, order[moved]))
-        text = f"efforts of {' and '.join(joints)} seem to be exchanged"
-        if len(moved) > 2:
-            joints, columns = ", ".join(joints), ", ".join(columns)
-            text = f"efforts seem to be in another order: those of {joints} are in the columns of {columns}"
-        return self._left(self.plain, order), f"{text} (order of the joints)"
+        names = np.array(self._model.dof_names)
+        joints, columns = ", ".join(names[moved]), ", ".join(names[order[moved]])
+        return self._left(self.plain, order), (
+            f"efforts seem to be exchanged: those of {joints} are in the columns of {columns} "
+            "(order of the joints)"
+        )
 
 
 class MotionSample:
@@ -618,10 +624,10 @@ class MotionSample:
         )
         steps = np.diff(states.stamp)
         bounds = np.flatnonzero((steps < 0) | (steps > MAX_GAP * SECOND) | states.jumped[1:]) + 1
-        kept = np.append(True, steps > 0)
-        kept[bounds] = True
+        is_later = np.append(True, steps > 0)
+        is_later[bounds] = True
         for rows in np.split(np.arange(len(states)), bounds):
-            run = states[rows[kept[rows]]]
+            run = states[rows[is_later[rows]]]
             if len(run) >= MIN_RUN:
                 compared.add_run(
                     (run.stamp - run.stamp[0]) / SECOND, run.position, run.velocity, run.effort
@@ -654,10 +660,10 @@ def find_fault(relation: Relation) -> Fault | None:
     largest = largest_of_kind(relation.model, np.where(right, torque, 0.0))
     heavy = wrong & (torque >= np.where(small, LIGHT, VERY_LIGHT) * largest)
     if heavy.any():
-        which = (
+        named = (
             heavy & turned if np.any(heavy & turned) else heavy & (torque == torque[heavy].max())
         )
-        return Fault("; ".join(texts[which]))
+        return Fault("; ".join(texts[named]))
     if text := relation.weight.best(relation.weight.without_gravity()):
         return Fault(text)
     doubtful = wrong | relation.doubtful()

@@ -113,7 +113,7 @@ FAULTS = {
     ),
     "exchanged": (
         lambda tau, gravity: tau[:, [0, 2, 1, 3, 4, 5]],
-        "shoulder_lift_joint and elbow_joint seem to be exch",
+        "exchanged: those of shoulder_lift_joint, elbow_joint are in the columns",
     ),
     "noise": (lambda tau, gravity: tau + 12.0 * np.sin(np.arange(len(tau)))[:, None], None),
 }

@@ -58,11 +58,15 @@ CAUSES = {
         r"joint 'elbow' has the opposite sign: .*'elbow=-1'\)",
     ),
     "no relation": (DOWN, lambda tau: noise(tau, 1.0), "no effort follows the motion"),
-    "exchanged": (DOWN, lambda tau: tau[:, [0, 2, 1]], "lift and elbow seem to be exchanged"),
+    "exchanged": (
+        DOWN,
+        lambda tau: tau[:, [0, 2, 1]],
+        "exchanged: those of lift, elbow are in the columns of elbow, lift",
+    ),
     "order": (
         DOWN,
         lambda tau: tau[:, [1, 2, 0]],
-        "another order: those of pan, lift, elbow .* elbow, pan, lift",
+        "those of pan, lift, elbow are in the columns of elbow, pan, lift",
     ),
     "no gravity": (
         (0.0, 0.0, 0.0),
