@@ -54,12 +54,12 @@ class Peaks:
 
     def largest(self):
         """Return by quantity its largest value, the first stamp of that [ns], and the name of the entry or None."""
-        found = {}
+        largest = {}
         for quantity, (each, at, names) in self.entries.items():
             if each.max(initial=-np.inf) > -np.inf:
                 k = int(np.argmax(each))
-                found[quantity] = float(each[k]), int(at[k]), names[k] or None
-        return found
+                largest[quantity] = float(each[k]), int(at[k]), names[k] or None
+        return largest
 
 
 class ContactExposure:
@@ -84,8 +84,8 @@ class ContactExposure:
     def _keep_worst(self, stamps, contact, usage):
         """Keep the worst moments that are apart, of those before and of these states."""
         before, self._worst = self._worst, []
-        largest = np.append([one["usage"] for one in before], usage.max(axis=1, initial=0.0))
-        at = np.append(np.array([one["at"] for one in before], dtype=np.int64), stamps)
+        largest = np.append([moment["usage"] for moment in before], usage.max(axis=1, initial=0.0))
+        at = np.append(np.array([moment["at"] for moment in before], dtype=np.int64), stamps)
         while len(self._worst) < MOMENTS and largest.max() > 0.0:
             k = int(np.argmax(largest))
             t = k - len(before)
@@ -101,7 +101,7 @@ class ContactExposure:
             "above": self._any_above,
             "of": self._duration,
             "above_by_point": {name: seconds for name, seconds in by_point if seconds},
-            "worst": [one | {"at": time(one["at"])} for one in self._worst],
+            "worst": [moment | {"at": time(moment["at"])} for moment in self._worst],
         }
 
 

@@ -87,10 +87,10 @@ class Quality:
         for name, (largest, number) in self._largest.items():
             values = np.abs(getattr(states, name)[:, self._v])
             top = np.maximum(column_maxima(values), 0.0)
-            here = column_counts(values == top)
+            count = column_counts(values == top)
             self._largest[name][:] = (
                 np.maximum(largest, top),
-                number * (largest >= top) + here * (top >= largest),
+                number * (largest >= top) + count * (top >= largest),
             )
         if self._count < SAMPLE:
             self._sample.append(states[: SAMPLE - self._count])
@@ -109,7 +109,7 @@ class Quality:
         self._elapsed += int(forward.sum())
         k = int(np.argmax(elapsed))
         self._longest = max(
-            self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda one: one[0]
+            self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda gap: gap[0]
         )
         forward = forward * 1e-9
         bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
@@ -220,10 +220,10 @@ class Quality:
             error = joint["velocity_error"] or 0.0
             apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
-            for what in joint["clipped"]:
-                warnings[f"joint '{name}': {what} is clipped at {joint[f'largest_{what}']:.6g}"] = (
-                    True
-                )
+            for quantity in joint["clipped"]:
+                warnings[
+                    f"joint '{name}': {quantity} is clipped at {joint[f'largest_{quantity}']:.6g}"
+                ] = True
         late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
         warnings |= {
             f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate
@@ -249,9 +249,9 @@ def _judge_ratios(ratios):
             causes.setdefault(cause_of_ratio(ratio) or UNKNOWN, {})[name] = ratio
     warnings, unit = [], None
     for cause, wrong in causes.items():
-        which = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
+        text = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
         factors = np.array(list(wrong.values()))
-        warnings.append(f"{which}: {describe_ratio(factors[0])}: {cause}")
+        warnings.append(f"{text}: {describe_ratio(factors[0])}: {cause}")
         unlike = (
             factors.max() > RATIO_ERROR * factors.min()
             or 1.0 / WRONG_RATIO < factors[0] < WRONG_RATIO
@@ -268,11 +268,11 @@ def describe_ratio(ratio):
 
 def _common_delay(joints):
     """Return the median delay of joints that show one; None if less than half of those in motion do."""
-    moving = [one for one in joints if one["velocity_error"] is not None]
+    moving = [joint for joint in joints if joint["velocity_error"] is not None]
     delays = [
-        one["velocity_delay"]
-        for one in moving
-        if one["velocity_delay"] is not None
-        and one["velocity_error_without_delay"] < MAX_ERROR_LEFT * one["velocity_error"]
+        joint["velocity_delay"]
+        for joint in moving
+        if joint["velocity_delay"] is not None
+        and joint["velocity_error_without_delay"] < MAX_ERROR_LEFT * joint["velocity_error"]
     ]
     return float(np.median(delays)) if delays and 2 * len(delays) >= len(moving) else None

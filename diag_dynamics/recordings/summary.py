@@ -83,7 +83,7 @@ def summarize(analysis):
         "contact_limits": analysis.exposure.summary(time) if analysis.exposure else None,
         "quality": quality,
         "warnings": [unmeasured, *warnings] if unmeasured else warnings,
-        "findings": [one._asdict() for one in analysis.findings],
+        "findings": [finding._asdict() for finding in analysis.findings],
     }
 
 
@@ -175,7 +175,7 @@ def describe_faults(summary):
     )
     rejected, causes = (
         sum(summary["rejected"].values()),
-        {one["cause"] for one in summary["findings"]},
+        {finding["cause"] for finding in summary["findings"]},
     )
     few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
     implausible = (
@@ -208,8 +208,10 @@ def format_summary(summary, width=WIDTH, shared=None):
 
     `shared` counts texts of several recordings, and leaves out those of earlier ones.
     """
-    notes = [one["text"] for one in summary["findings"] if one["cause"] == NOTE]
-    faults = [str(Finding(**one)) for one in summary["findings"] if one["cause"] != NOTE]
+    notes = [finding["text"] for finding in summary["findings"] if finding["cause"] == NOTE]
+    faults = [
+        str(Finding(**finding)) for finding in summary["findings"] if finding["cause"] != NOTE
+    ]
     faults += summary["warnings"]
     if shared is not None:
         shared.update({*notes, *faults})
@@ -235,7 +237,7 @@ def _some(texts, more):
 
 def _largest(numbers, form):
     """Return the largest few numbers by name, in words."""
-    largest = sorted(numbers.items(), key=lambda one: -one[1])[:FEW]
+    largest = sorted(numbers.items(), key=lambda item: -item[1])[:FEW]
     return ", ".join(form.format(name, number) for name, number in largest)
 
 
@@ -258,8 +260,8 @@ def _about_states(summary):
     )
     freedom, states = len(summary["degrees_of_freedom"]), summary["states"]
     yield f"Robot '{summary['robot']}', {freedom} degree{_s(freedom)} of freedom"
-    taken = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
-    yield f"{taken}; {rejected} message{_s(rejected)} rejected"
+    counted = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
+    yield f"{counted}; {rejected} message{_s(rejected)} rejected"
     if summary["begin"]:
         yield f"Times below start at the first state, {summary['begin']:.6f} s in the recording"
     if quality["without_effort"]:
@@ -302,7 +304,7 @@ def _about_balance(summary):
             "  the balance includes collisions, whose power no effort contains: select a part without contact "
             "(--start, --end)"
         )
-    joints = {name: one["residual_power"] for name, one in balance["joints"].items()}
+    joints = {name: numbers["residual_power"] for name, numbers in balance["joints"].items()}
     yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
 
 
@@ -337,11 +339,12 @@ def _about_contact(summary):
     yield f"Contact limits exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
-    for one in contact["worst"]:
+    for moment in contact["worst"]:
         yield (
-            f"  {_after(summary, one['at'])}: {one['point']} at {100 * one['usage']:.0f} % of the speed allowed by "
-            f"{one['region']}: {one['speed']:.3g} m/s, {one['reflected_mass']:.3g} kg, {one['energy']:.3g} J, "
-            f"{one['force']:.3g} N"
+            f"  {_after(summary, moment['at'])}: {moment['point']} at "
+            f"{100 * moment['usage']:.0f} % of the speed allowed by {moment['region']}: "
+            f"{moment['speed']:.3g} m/s, {moment['reflected_mass']:.3g} kg, "
+            f"{moment['energy']:.3g} J, {moment['force']:.3g} N"
         )
 
 

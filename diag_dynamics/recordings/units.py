@@ -33,19 +33,19 @@ class RejectedUnits:
             joints_of(model),
             dict(zip(model.dof_names, sliding_dofs(model), strict=True)),
         )
-        which = [k for k, name in enumerate(joints.names) if not slides[name]]
-        self._map_name, self._names = map_name, [joints.names[k] for k in which]
+        rotary = [k for k, name in enumerate(joints.names) if not slides[name]]
+        self._map_name, self._names = map_name, [joints.names[k] for k in rotary]
         self._continuous = np.array([name in joints.continuous for name in self._names], dtype=bool)
-        self._lower, self._upper = joints.lower[which] - SLACK, joints.upper[which] + SLACK
+        self._lower, self._upper = joints.lower[rotary] - SLACK, joints.upper[rotary] + SLACK
         self._limited = ~self._continuous & np.isfinite(self._lower) & np.isfinite(self._upper)
-        self._limit = np.where(joints.velocity[which] > 0.0, joints.velocity[which], np.inf)
+        self._limit = np.where(joints.velocity[rotary] > 0.0, joints.velocity[rotary], np.inf)
         self._rows = []  # place of the message, stamp [ns], positions, velocities
 
     def read(self, parts, rejected):
         """Sample JointStates of which `rejected`, bool by the place of a message, are true."""
         if not rejected.any() or len(self._rows) >= MAX_SAMPLE or not self._names:
             return
-        found = []
+        rows = []
         for part in parts:
             names = [self._map_name(name) for name in part.names]
             if not set(self._names) <= set(names) or part.position.shape[1] != len(names):
@@ -54,9 +54,9 @@ class RejectedUnits:
             for k in np.flatnonzero(rejected[part.rows]).tolist():
                 velocity = part.velocity[k, at] if part.velocity.shape[1] == len(names) else missing
                 stamp = int(part.sec[k]) * SECOND + int(part.nanosec[k])
-                found.append((part.rows[k], stamp, part.position[k, at], velocity))
-        found.sort(key=lambda one: one[0])
-        self._rows += found[: MAX_SAMPLE - len(self._rows)]
+                rows.append((part.rows[k], stamp, part.position[k, at], velocity))
+        rows.sort(key=lambda row: row[0])
+        self._rows += rows[: MAX_SAMPLE - len(self._rows)]
 
     def text(self):
         """Return the units that the values seem to have, and what to do; None if they are not degrees."""
@@ -75,10 +75,11 @@ class RejectedUnits:
             units = "velocity: deg/s"
         else:
             return None
-        what = " and ".join(name for name in ("positions", "velocities") if name[:6] in units)
+        quantities = " and ".join(name for name in ("positions", "velocities") if name[:6] in units)
         return (
-            f"{what} seem to be in degrees: most exceed the limits of the joints, but not as degrees. In a table, set "
-            f"scale: {{{units}}} in a column map (docs/recordings.md); messages must have radians (REP 103)"
+            f"{quantities} seem to be in degrees: most exceed the limits of the joints, but not as "
+            f"degrees. In a table, set scale: {{{units}}} in a column map (docs/recordings.md); "
+            "messages must have radians (REP 103)"
         )
 
 
