@@ -6,8 +6,8 @@
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.fit import jackknife
 from diag_dynamics.optional import require
+from diag_dynamics.recordings.data_checks import jackknife
 from diag_dynamics.sweeps.regressors import PARAMETERS
 
 SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
@@ -35,25 +35,24 @@ class BaseParameters:
         self._layout, regressors, rng = layout, layout.regressors, np.random.default_rng(0)
         positions = rng.uniform(-REACH, REACH, (STATES, layout.model.nq))
         rows = regressors.evaluate(positions, RATES * rng.normal(size=(STATES, layout.model.nv)))
-        count, which = PARAMETERS * len(layout.bodies), np.flatnonzero(layout.inertial)
-        Y = np.zeros((2, STATES, len(regressors.rows), count))
+        count, free = PARAMETERS * len(layout.bodies), np.flatnonzero(layout.inertial)
+        Y = np.zeros((2, STATES, len(regressors.rows), layout.size))
         for k, (part, columns) in enumerate(zip(regressors.rows, regressors.columns, strict=True)):
-            inertial = columns[columns < count]
-            Y[:, :, k, inertial] = np.array(rows)[:, :, part][:, :, : len(inertial)]
+            Y[:, :, k, columns] = np.array(rows)[:, :, part][:, :, :-1]
         self._placed, symbols = _link_axes(layout)
         R, order = require("scipy.linalg", "identify").qr(
-            Y.reshape(-1, count) @ self._placed[:, which], mode="r", pivoting=True
+            Y[..., :count].reshape(-1, count) @ self._placed[:, free], mode="r", pivoting=True
         )
         diagonal = np.abs(np.diag(R))
         rank = int(np.count_nonzero(diagonal > RANK * diagonal.max(initial=0.0)))
-        by_rank = np.linalg.solve(R[:rank, :rank], R[:rank]) if rank else np.zeros((0, len(which)))
+        by_rank = np.linalg.solve(R[:rank, :rank], R[:rank]) if rank else np.zeros((0, len(free)))
         by_rank[np.abs(by_rank) < SMALL] = 0.0
         rows = np.argsort(order[:rank])  # in the order of links
         by_link = np.zeros((rank, count))
-        by_link[:, which[order]] = by_rank[rows]
-        self.kept = which[order[:rank]][rows]
+        by_link[:, free[order]] = by_rank[rows]
+        self.kept = free[order[:rank]][rows]
         self.combinations = [
-            _name(row, kept, symbols) for row, kept in zip(by_link, self.kept, strict=True)
+            _name(row, column, symbols) for row, column in zip(by_link, self.kept, strict=True)
         ]
         self.matrix = np.zeros((rank, layout.robot))
         self.matrix[:, :count] = by_link @ np.linalg.pinv(self._placed)
@@ -86,10 +85,10 @@ class BaseParameters:
             "parameters": [
                 {"name": name, "value": float(value), "model": float(model)}
                 | {
-                    "deviation": None if own is None else float(own),
+                    "deviation": None if deviation is None else float(deviation),
                     "from_data": float(data) if data else None,
                 }
-                for name, value, model, own, data in rows
+                for name, value, model, deviation, data in rows
             ],
         }
 
@@ -99,11 +98,11 @@ class BaseParameters:
         variance = np.maximum(layout.mean_squares([(sums, True)], x), 1e-300)
         A, _ = layout.regressors.weighted(sums, variance)
         placed = self._placed[:, self.kept]
-        own = count + np.flatnonzero(free[count : layout.robot])
+        resisting = count + np.flatnonzero(free[count : layout.robot])
         inner, across, friction = (
             placed.T @ A[:count, :count] @ placed,
-            placed.T @ A[:count, own],
-            A[np.ix_(own, own)],
+            placed.T @ A[:count, resisting],
+            A[np.ix_(resisting, resisting)],
         )
         units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
         inner = inner - across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
@@ -128,10 +127,10 @@ def _link_axes(layout):
     return placed, symbols
 
 
-def _name(row, kept, symbols):
+def _name(row, column, symbols):
     """Return a combination in words: the kept symbol, then the others with their coefficients."""
-    text = symbols[kept]
+    text = symbols[column]
     for k in np.flatnonzero(row):
         size = "" if abs(abs(row[k]) - 1.0) < SMALL else f"{abs(row[k]):.4g} "
-        text += f" {'-' if row[k] < 0.0 else '+'} {size}{symbols[k]}" if k != kept else ""
+        text += f" {'-' if row[k] < 0.0 else '+'} {size}{symbols[k]}" if k != column else ""
     return text

@@ -81,13 +81,15 @@ def portions(segments):
 
 def list_recordings(name, recordings):
     """Return recordings as a list of Recording and of functions that return pieces of one."""
-    found = list(recordings) if isinstance(recordings, Sequence) else [recordings]
-    if not found or not all(callable(one) or isinstance(one, Recording) for one in found):
+    listed = list(recordings) if isinstance(recordings, Sequence) else [recordings]
+    if not listed or not all(
+        callable(recording) or isinstance(recording, Recording) for recording in listed
+    ):
         raise InputError(
             f"{name} is {recordings!r}; expected recordings, or functions that return the pieces of a recording such as "
             "lambda: dd.stream_recording(path, model)."
         )
-    return found
+    return listed
 
 
 class Dataset:
@@ -116,16 +118,18 @@ class Dataset:
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
         self.segments = self._clean(self._read(self.name, recording, model, max_values), model)
-        self.spans = [(one.t[0], one.t[-1]) for one in self.segments]
-        delay = find_delay(model, self.name, [one.columns[:3] for one in self.segments])
+        self.spans = [(segment.t[0], segment.t[-1]) for segment in self.segments]
+        delay = find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
         self.delay = self._remove_delay("velocity", delay)
         self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
         if not self.known.all():
-            self.segments = [self._filled(one, DiagonalDynamics(model)) for one in self.segments]
+            self.segments = [
+                self._filled(segment, DiagonalDynamics(model)) for segment in self.segments
+            ]
 
     def _find_effort_delay(self, model):
         """Return the delay of efforts [s], 0 if it hardly matters or is at a bound."""
-        delay = find_effort_delay(model, [one.columns for one in self.segments], self.known)
+        delay = find_effort_delay(model, [segment.columns for segment in self.segments], self.known)
         if delay is None:
             return 0.0
         if not delay.is_at_bound:
@@ -166,19 +170,21 @@ class Dataset:
 
     def _remove_delay(self, column, delay):
         """Shift velocities or efforts to the time of positions if they are late by more than a sample; return the delay."""
-        if abs(delay) > np.median(np.concatenate([np.diff(one.t) for one in self.segments])):
+        if abs(delay) > np.median(
+            np.concatenate([np.diff(segment.t) for segment in self.segments])
+        ):
             size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
-            what = {"velocity": "velocities", "effort": "efforts"}[column]
-            text = f"{what} are {size} {late} than positions; the delay was removed"
+            quantity = {"velocity": "velocities", "effort": "efforts"}[column]
+            text = f"{quantity} are {size} {late} than positions; the delay was removed"
             self.findings.append(Finding(f"{column} delay", 1, text))
-            kept = [k for k, one in enumerate(self.segments) if one.duration > abs(delay)]
-            if not kept:
+            long = [k for k, segment in enumerate(self.segments) if segment.duration > abs(delay)]
+            if not long:
                 raise InputError(
                     f"{self.name} has no segment longer than the {column} delay, {size}."
                 )
             head, tail = max(0.0, -delay), max(0.0, delay)
-            self.spans = [(self.spans[k][0] + head, self.spans[k][1] - tail) for k in kept]
-            self.segments = [_shifted(self.segments[k], column, delay) for k in kept]
+            self.spans = [(self.spans[k][0] + head, self.spans[k][1] - tail) for k in long]
+            self.segments = [_shifted(self.segments[k], column, delay) for k in long]
             return delay
         return 0.0
 
@@ -200,13 +206,7 @@ class Dataset:
     def _read(self, name, recording, model, max_values):
         """Return the states of a recording, thinned to a number of values."""
         limit, step, parts, jumps, count = max_values // (model.nq + 2 * model.nv), 1, [], [], 0
-        refused, counts, with_efforts, estimated, efforts = (
-            [],
-            {},
-            False,
-            0,
-            EffortRange(model),
-        )
+        findings, estimated, efforts = [], 0, EffortRange(model)
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
@@ -214,7 +214,7 @@ class Dataset:
                 raise InputError(
                     f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model."
                 )
-            states, counts, refused = piece.states, piece.counts, piece.findings
+            states, self._counts, findings = piece.states, piece.counts, piece.findings
             name = self.name = name if piece.path is None else f"'{piece.path}'"
             if len(piece) and not count:
                 self.zero = int(piece.stamp[0])
@@ -223,33 +223,25 @@ class Dataset:
                     "robot": piece.model.name,
                     "start": float(piece.t[0]),
                 }
-            with_efforts = with_efforts or piece.tau is not None
             estimated += int(states.velocity_estimated.sum())
             efforts.add_values(states.position, states.effort)
             unknown += np.isnan(states.effort).sum(axis=0)
             jumps.append(count + np.flatnonzero(states.jumped))
             parts.append(states[-(count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
             count += len(piece)
-            self.origin |= {"states": count, "end": float(piece.t[-1])} if len(piece) else {}
+            if len(piece):
+                self.origin |= {"states": count, "end": float(piece.t[-1])}
             while sum(map(len, parts)) > limit:
                 parts, step = [States.concatenate(parts)[1::2]], 2 * step
-        refuse_units(refused)
+        refuse_units(findings)
         if not count:
-            raise no_states_error(name, refused)
-        missing = word_for_missing(counts)
-        if not with_efforts:
-            raise InputError(f"{explain_missing_efforts(counts)}. Identification requires them.")
-        self._counts = counts
+            raise no_states_error(name, findings)
+        missing = word_for_missing(self._counts)
+        if np.all(unknown == count):
+            raise self._no_efforts()
         if efforts.unmeasured() and not efforts.measures:
             raise InputError(f"{name}: {efforts.unmeasured(missing)}. Record efforts.")
-        lacking = [
-            name
-            for name, number in zip(model.dof_names, unknown, strict=True)
-            if 2 * number > count
-        ]
-        self._no_efforts = (
-            f"{explain_missing_efforts(counts, lacking)}. Identification requires them."
-        )
+        self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
         for word, joints in efforts.groups(missing).items():
             self._set_unknown(model, joints, word if word == UNSCALED else f"{word} throughout")
         self._add(
@@ -265,18 +257,16 @@ class Dataset:
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
         if not finite.any():
-            raise InputError(self._no_efforts)
+            raise self._no_efforts(self._lacking)
         fast = _find_fast(model, states.velocity, finite)
         rows = np.flatnonzero(finite & ~fast)
         again = np.diff(states.stamp[rows], prepend=-1) == 0
         rows = rows[~again]
         segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
-        left = len(rows) - sum(len(one.t) for one in segments)
+        left = len(rows) - sum(len(segment.t) for segment in segments)
         if not segments:
             if self._counts.get("implausible effort"):
-                raise InputError(
-                    f"{explain_missing_efforts(self._counts)}. Identification requires them."
-                )
+                raise self._no_efforts()
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )
@@ -298,6 +288,11 @@ class Dataset:
         self._add(left, "scattered", f"states in runs of fewer than {MIN_STATES} were omitted")
         return segments
 
+    def _no_efforts(self, joints=()):
+        """Return the InputError about a recording without efforts, or without those of joints."""
+        text = explain_missing_efforts(self._counts, joints)
+        return InputError(f"{text}. Identification requires them.")
+
     def _find_constant(self, model, states):
         """Find joints whose effort hardly changes while they move: no sensor measures that."""
         moving = np.abs(states.velocity[1:]) > MOVING
@@ -312,11 +307,12 @@ class Dataset:
         joints = [model.dof_names[k] for k in np.flatnonzero(np.isnan(gains) & self.known)]
         self._set_unknown(model, joints, UNSCALED)
         scaled = [
-            one.states.effort * np.where(np.isnan(gains), 1.0, gains) for one in self.segments
+            segment.states.effort * np.where(np.isnan(gains), 1.0, gains)
+            for segment in self.segments
         ]
         pairs = zip(self.segments, scaled, strict=True)
         segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
-        self.segments = [self._filled(one, DiagonalDynamics(model)) for one in segments]
+        self.segments = [self._filled(segment, DiagonalDynamics(model)) for segment in segments]
 
     def _set_unknown(self, model, joints, text):
         """Leave the efforts of joints out; InputError if none is left."""
@@ -327,7 +323,9 @@ class Dataset:
         text = f"efforts of {', '.join(joints)} are {text} ({by}): nothing is fitted to them"
         self.findings.append(Finding("effort unknown", 1, text))
         if not self.known.any():
-            texts = "; ".join(one.text for one in self.findings if one.cause == "effort unknown")
+            texts = "; ".join(
+                finding.text for finding in self.findings if finding.cause == "effort unknown"
+            )
             raise InputError(f"{self.name} has no efforts: {texts}. Record efforts.")
 
     def _filled(self, segment, dynamics):
@@ -348,9 +346,9 @@ def _pieces(name, recording):
         yield instance(f"a piece of {name}", piece, Recording)
 
 
-def _any_since(rows, kept):
+def _any_since(rows, numbers):
     """Return for each kept row whether any of the rows is it, or is between it and the one before."""
-    return np.diff(np.searchsorted(rows, kept, side="right"), prepend=0) > 0
+    return np.diff(np.searchsorted(rows, numbers, side="right"), prepend=0) > 0
 
 
 def _find_fast(model, velocity, finite):
@@ -391,7 +389,9 @@ def _shifted(segment, column, delay):
     """Return a segment with a column of the time of its positions; its first state alone is marked as a jump."""
     t, states = segment
     at = t + delay
-    values = np.column_stack([np.interp(at, t, one) for one in getattr(states, column).T])
+    values = np.column_stack(
+        [np.interp(at, t, column_values) for column_values in getattr(states, column).T]
+    )
     return Segment(t, replace(states, **{column: values})).part(
         (at >= t[0]) & (at <= t[-1])
     )  # ends have no values

@@ -21,15 +21,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import (
-    DAMPING,
-    FRICTION,
-    LOAD,
-    OWN,
-    PARAMETERS,
-    ROOT,
-    ROTOR,
-)
+from diag_dynamics.identification.regressors import COLUMNS, OFFSET, PARAMETERS
 from diag_dynamics.optional import require
 
 PAYLOAD_WEIGHT, POSITIVE_WEIGHT = (
@@ -90,8 +82,8 @@ class Fit:
         determined = np.zeros(len(self.x))
         if self._find_certainty:
             places = np.ix_(self._free, self._free)
-            found = self._find_certainty()
-            covariance[places], by_gains[places], determined[self._free] = found
+            parts = self._find_certainty()
+            covariance[places], by_gains[places], determined[self._free] = parts
         return Certainty(covariance, by_gains, determined)
 
 
@@ -126,21 +118,18 @@ class Layout:
         self.motors = [regressors.of_motors([motor]) for motor in range(len(model.couplings))]
         for places, coupling in zip(self.motors, model.couplings.values(), strict=True):
             self.known[places], self.positive[places] = (coupling.damping, coupling.friction), True
-        values = (
-            model.damping,
-            model.friction,
-            model.effort_offset,
-            model.armature,
-            model.load_friction,
-            model.root_friction,
-        )
-        for column, one in zip(OWN, values, strict=True):
-            self.known[self.own(column)] = one
-            self.positive[self.own(column)] = column in (DAMPING, FRICTION, ROTOR, LOAD, ROOT)
+        for name, column in COLUMNS.items():
+            self.known[self.own(column)] = getattr(model, name)
+            self.positive[self.own(column)] = column != OFFSET
 
     def block(self, k):
         """Return the unknowns of the k-th body."""
         return slice(PARAMETERS * k, PARAMETERS * (k + 1))
+
+    def fitted_of(self, k, x, free):
+        """Return the free unknowns of a degree of freedom, by the names of joint parameters."""
+        places = {name: self.own(column)[k] for name, column in COLUMNS.items()}
+        return {name: float(x[place]) for name, place in places.items() if free[place]}
 
     def payload_of(self, x, free):
         """Return ten parameters of the payload, with inertias that leave its carrier a physical body.
@@ -159,17 +148,17 @@ class Layout:
         names, links = self.model.link_names, self.model.bodies["link"][self.bodies]
         blocks = [self.block(k) for k in range(len(links)) if self.inertial[self.block(k).start]]
         return {
-            names[links[one.start // PARAMETERS]]: float(fit.certainty.determined[one].sum())
-            for one in blocks
+            names[links[block.start // PARAMETERS]]: float(fit.certainty.determined[block].sum())
+            for block in blocks
         }
 
     def squares(self, rows, x, any_gain=False):
         """Return the sum of squared residuals of each degree of freedom, of :meth:`Regressors.residual_squares`."""
-        own, carrying = x[: self.robot], x[: self.robot].copy()
+        alone, carrying = x[: self.robot], x[: self.robot].copy()
         if self.payload:
             carrying[self._carrier] += self._placed @ x[self.robot :]
         return sum(
-            self.regressors.residual_squares(sums, carrying if loaded else own, any_gain)
+            self.regressors.residual_squares(sums, carrying if loaded else alone, any_gain)
             for sums, loaded in rows
         )
 
@@ -193,16 +182,16 @@ class Layout:
 
     def weighted(self, rows, variance):
         """Return A and b over all rows, b by degree of freedom."""
-        A, own = np.zeros((self.size, self.size)), slice(self.robot)
+        A, robot = np.zeros((self.size, self.size)), slice(self.robot)
         b = np.zeros((self.size, self.model.nv))
         for sums, loaded in rows:
             square, right = self.regressors.weighted(sums, variance)
-            A[own, own] += square
-            b[own] += right
+            A[robot, robot] += square
+            b[robot] += right
             if loaded and self.payload:
                 carried, across = slice(self.robot, None), square[:, self._carrier] @ self._placed
-                A[own, carried] += across
-                A[carried, own] += across.T
+                A[robot, carried] += across
+                A[carried, robot] += across.T
                 A[carried, carried] += self._placed.T @ across[self._carrier]
                 b[carried] += self._placed.T @ right[self._carrier]
         return A, b
@@ -237,20 +226,15 @@ def _fit(layout, rows, free, weight, base, similar=None):
         return Fit(x)
     start, bodies = _start(layout, free, weight, base)
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
-    known, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
+    fixed, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
     variance = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     if similar:
         start = similar.x
         variance = layout.variance(rows, start)
     for turn in range(MAX_ROUNDS):
         A, b = layout.weighted(rows, variance)
-        problem = Problem(
-            A[np.ix_(index, index)],
-            (b.sum(axis=1) - A @ known)[index],
-            bodies,
-            positive,
-            POSITIVE_WEIGHT,
-        )
+        right = (b.sum(axis=1) - A @ fixed)[index]
+        problem = Problem(A[np.ix_(index, index)], right, bodies, positive)
         near = turn > 0 or similar is not None
         x[index], hessian = solve(problem, x[index] if turn else start[index], near)
         before, variance = variance, layout.variance(rows, x)
@@ -305,11 +289,6 @@ def _prior(model, body, weight):
     return inertias.floored(whole - carried), weight, -inertias.pseudo_inertia(carried)
 
 
-def jackknife(fits):
-    """Return variances of numbers, given them without each block in turn, (blocks, N)."""
-    return (len(fits) - 1) / len(fits) * ((fits - fits.mean(axis=0)) ** 2).sum(axis=0)
-
-
 class Body(NamedTuple):
     """A pseudo-inertia J = Σ_j x[first + j] inertias.BASIS_j + fixed with prior J₀ and its weight γ; all 4x4."""
 
@@ -326,7 +305,6 @@ class Problem(NamedTuple):
     b: np.ndarray
     bodies: list
     positive: np.ndarray
-    positive_weight: float
 
 
 class _Logarithms(NamedTuple):
@@ -339,65 +317,52 @@ class _Logarithms(NamedTuple):
     fixed: np.ndarray
     weights: np.ndarray
     positive: np.ndarray
-    positive_weight: float
-
-    def scaled(self, scale):
-        """Return logarithms times a scale."""
-        weights, positive_weight = scale * self.weights, scale * self.positive_weight
-        return self._replace(weights=weights, positive_weight=positive_weight)
-
-    @property
-    def smallest(self):
-        """The smallest weight."""
-        return min(self.positive_weight, self.weights.min(initial=np.inf))
 
 
 def solve(problem, start, near=False):
     """Return x at the minimum and the Hessian there; the start is within all cones.
 
-    Raises ConvergenceError.
+    Unless the start is `near`, the weights of logarithms fall by decades. Raises ConvergenceError.
     """
     bodies = problem.bodies
     places = np.array([body.first for body in bodies], dtype=int)[:, None] + np.arange(PARAMETERS)
-    weights, fixed = np.array([body.weight for body in bodies]), [body.fixed for body in bodies]
-    fixed = np.reshape(fixed, (-1, 4, 4))
-    logs = _Logarithms(places, fixed, weights, problem.positive, problem.positive_weight)
+    weights = np.array([body.weight for body in bodies])
+    fixed = np.reshape([body.fixed for body in bodies], (-1, 4, 4))
     b = problem.b.copy()
     for place, body in zip(places, bodies, strict=True):
         b[place] -= body.weight * np.tensordot(inertias.BASIS, np.linalg.inv(body.prior), 2)
-    b[problem.positive] -= problem.positive_weight / START
-    function = partial(_evaluate, problem.A, b)
+    b[problem.positive] -= POSITIVE_WEIGHT / START
+    logs = _Logarithms(places, fixed, weights, problem.positive)
+    smallest = min(POSITIVE_WEIGHT, weights.min(initial=np.inf))
+
+    def minimize(x, scale, goal, steps):
+        function = partial(_evaluate, problem.A, b, logs, scale)
+        return _minimize(function, x, QUADRATIC * (scale * smallest), goal, steps)
+
     if near:
         try:
-            return _minimize(function, logs, start, LAST_DECREMENT, MAX_STEPS_NEAR)
+            return minimize(start, 1.0, LAST_DECREMENT, MAX_STEPS_NEAR)
         except ConvergenceError:
             pass
-    return _follow_path(function, logs, start)
-
-
-def _follow_path(function, logs, start):
-    """Return x and the Hessian at the minimum, by logarithms whose weights fall by decades."""
-    smallest, x = logs.weights.min(initial=np.inf), start
-    smallest = smallest if len(logs.weights) else logs.positive_weight
-    first = _newton_step(*function(logs, x)[1:])[0]
-    stages = max(0, int(np.ceil(np.log10(max(first, smallest) / smallest))))
+    goal = weights.min() if len(weights) else POSITIVE_WEIGHT
+    decrement, _ = _newton_step(*_evaluate(problem.A, b, logs, 1.0, start)[1:])
+    stages = int(np.ceil(np.log10(max(decrement, goal) / goal)))
+    x = start
     for scale in 10.0 ** np.arange(stages, 0, -1):
-        goal = STAGE_DECREMENT * smallest * scale
-        x, _ = _minimize(function, logs.scaled(scale), x, goal, MAX_STEPS)
-    return _minimize(function, logs, x, LAST_DECREMENT, MAX_STEPS)
+        x, _ = minimize(x, scale, STAGE_DECREMENT * goal * scale, MAX_STEPS)
+    return minimize(x, 1.0, LAST_DECREMENT, MAX_STEPS)
 
 
-def _minimize(function, logs, x, goal, steps):
+def _minimize(function, x, quadratic, goal, steps):
     """Return x where the squared Newton decrement is below a goal, and the Hessian."""
-    quadratic = QUADRATIC * logs.smallest
-    before, (value, gradient, hessian) = np.inf, function(logs, x)
+    before, (value, gradient, hessian) = np.inf, function(x)
     for _ in range(steps):
         squared, direction = _newton_step(gradient, hessian)
         # A whole step squares the decrement near the minimum; if not, only rounding is left.
         if squared <= goal or (before < quadratic and squared > 0.5 * before):
             return x, hessian
         for length in 0.5 ** np.arange(MAX_HALVINGS):
-            reached = function(logs, x + length * direction)
+            reached = function(x + length * direction)
             if reached[0] <= value - 0.1 * length * squared + ROUNDING * abs(value):
                 break
         else:
@@ -407,9 +372,12 @@ def _minimize(function, logs, x, goal, steps):
     raise ConvergenceError(f"The identification did not converge within {steps} Newton steps.")
 
 
-def _evaluate(A, b, logs, x):
-    """Return ½ xᵀA x − bᵀx with logarithms, gradient and Hessian; infinity outside of the cones."""
-    k, weight = logs.positive, logs.positive_weight
+def _evaluate(A, b, logs, scale, x):
+    """Return ½ xᵀA x − bᵀx with scaled logarithms, gradient and Hessian.
+
+    The value is infinite outside of the cones.
+    """
+    k, weight, weights = logs.positive, scale * POSITIVE_WEIGHT, scale * logs.weights
     J = np.tensordot(x[logs.places], inertias.BASIS, 1) + logs.fixed
     try:
         diagonals = np.diagonal(np.linalg.cholesky(J), axis1=1, axis2=2)
@@ -418,16 +386,16 @@ def _evaluate(A, b, logs, x):
     if (x[k] <= 0.0).any():
         return np.inf, None, None
     value = x @ (0.5 * A @ x - b) - weight * np.log(x[k]).sum()
-    value -= 2.0 * logs.weights @ np.log(diagonals).sum(axis=1)
+    value -= 2.0 * weights @ np.log(diagonals).sum(axis=1)
     gradient, hessian = A @ x - b, A.copy()
     gradient[k] -= weight / x[k]
     hessian[k, k] += weight / x[k] ** 2
     inverse = np.linalg.inv(J)
     pulls = np.tensordot(inverse, inertias.BASIS, ([1, 2], [1, 2]))
-    gradient[logs.places] -= logs.weights[:, None] * pulls
+    gradient[logs.places] -= weights[:, None] * pulls
     turned = inverse[:, None] @ inertias.BASIS
-    flat, other = (y.reshape(-1, PARAMETERS, 16) for y in (turned, turned.swapaxes(-1, -2)))
-    curvatures = logs.weights[:, None, None] * (flat @ other.swapaxes(-1, -2))
+    flat, transposed = (y.reshape(-1, PARAMETERS, 16) for y in (turned, turned.swapaxes(-1, -2)))
+    curvatures = weights[:, None, None] * (flat @ transposed.swapaxes(-1, -2))
     hessian[logs.places[:, :, None], logs.places[:, None]] += curvatures
     return value, gradient, hessian
 

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.identification.fit import Layout, jackknife
+from diag_dynamics.identification.fit import Layout
 from diag_dynamics.identification.regressors import OWN
 from diag_dynamics.model import Parameters, Payload
 from diag_dynamics.optional import require
@@ -16,6 +16,7 @@ from diag_dynamics.recordings.data_checks import (
     ERRORS,
     INERTIAL,
     EffortRelation,
+    jackknife,
     remaining,
 )
 
@@ -46,13 +47,10 @@ def with_known_payload(model, loaded, references, link, mass):
 
     minimize = require("scipy.optimize", "identify").minimize
     starts = [*CENTRES, *-CENTRES[:3]]
-    centre = min((minimize(cost, start, method="BFGS") for start in starts), key=_cost_of).x
-    payload = Payload(mass, centre, np.zeros((3, 3)))
+    minima = [minimize(cost, start, method="BFGS") for start in starts]
+    best = int(np.argmin([minimum.fun for minimum in minima]))
+    payload = Payload(mass, minima[best].x, np.zeros((3, 3)))
     return model.with_parameters(Parameters(payloads={link: payload}))
-
-
-def _cost_of(result):
-    return result.fun
 
 
 def _products(model, dataset, link, mass):

@@ -19,9 +19,11 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps.regressors import PARAMETERS, coefficients, propagate_motions
 from diag_dynamics.sweeps.workspace import clear, opened
 
-OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(
-    6
-)  # unknowns of a degree of freedom beside inertias
+OWN = DAMPING, FRICTION, OFFSET, ROTOR, LOAD, ROOT = range(6)
+COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
+COLUMNS |= {"load_friction": LOAD, "root_friction": ROOT}
+"""Unknowns of a degree of freedom beside inertias, by the names of joint parameters."""
+
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
 SIZE, PRODUCT = (
     1000,
@@ -103,22 +105,26 @@ class Regressors:
         v₀)] and Fτ. F of momentum begins at its first value, other filters at 0. The weight is
         min(1, λΔ/2), as rows that are closer than the filter's memory say the same.
         """
-        own, state = np.array([row.stop - len(OWN) - 1 for row in self.rows]), None
+        first_own, state = np.array([row.stop - len(OWN) - 1 for row in self.rows]), None
         for first in range(0, len(t) - 1, SIZE):
             part = slice(first, first + SIZE + 1)
             rates, time = qd[part], RATE * t[part]
             momentum, y = self.evaluate(q[part], rates)
             momentum *= RATE
-            momentum[:, own + ROTOR] = RATE * rates
+            momentum[:, first_own + ROTOR] = RATE * rates
             y -= momentum
-            y[:, own + DAMPING], y[:, own + OFFSET], y[:, own + len(OWN)] = rates, 1.0, tau[part]
+            y[:, first_own + DAMPING], y[:, first_own + OFFSET], y[:, first_own + len(OWN)] = (
+                rates,
+                1.0,
+                tau[part],
+            )
             v0 = self._friction_velocity
-            y[:, own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
+            y[:, first_own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
             if self.load_of:
-                y[:, own + LOAD] = (
-                    np.abs(self.load_of.gravity_torque(q[part])) * y[:, own + FRICTION]
+                y[:, first_own + LOAD] = (
+                    np.abs(self.load_of.gravity_torque(q[part])) * y[:, first_own + FRICTION]
                 )
-            y[:, own + ROOT] = root_of_rate(rates, v0)
+            y[:, first_own + ROOT] = root_of_rate(rates, v0)
             self._fill_motors(y, rates)
             filtered = np.empty_like(y)
             filtered[0] = -momentum[0] if state is None else state
@@ -158,19 +164,21 @@ class Regressors:
         With `any_gain` those that are left if another gain of the effort explains what it can.
         """
         signed = [np.append(-x[columns], 1.0) for columns in self.columns]
-        squares = np.array([y @ one @ y for y, one in zip(signed, sums[:-1], strict=True)])
+        squares = np.array([y @ product @ y for y, product in zip(signed, sums[:-1], strict=True)])
         if any_gain:
-            along = np.array([one[-1] @ y for y, one in zip(signed, sums[:-1], strict=True)])
-            efforts = np.array([one[-1, -1] for one in sums[:-1]])
+            along = np.array(
+                [product[-1] @ y for y, product in zip(signed, sums[:-1], strict=True)]
+            )
+            efforts = np.array([product[-1, -1] for product in sums[:-1]])
             squares -= along**2 / np.maximum(efforts, 1e-300)
         return np.maximum(squares, 0.0)
 
     def weighted(self, sums, variance):
         """Return A and b over all rows, each degree of freedom's over its variance; b by degree of freedom, (size, nv)."""
         A, b = np.zeros((self.size, self.size)), np.zeros((self.size, len(self.rows)))
-        for k, (columns, one) in enumerate(zip(self.columns, sums[:-1], strict=True)):
-            A[np.ix_(columns, columns)] += one[:-1, :-1] / variance[k]
-            b[columns, k] = one[:-1, -1] / variance[k]
+        for k, (columns, product) in enumerate(zip(self.columns, sums[:-1], strict=True)):
+            A[np.ix_(columns, columns)] += product[:-1, :-1] / variance[k]
+            b[columns, k] = product[:-1, -1] / variance[k]
         return A, b
 
 
@@ -235,13 +243,13 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
                     records.motion_of(directions[i, a]),
                     records.motion_of(directions[i, a, 6:]),
                 )
-                own, gravity_of, kinetic = (
+                momentum_row, gravity_of, kinetic = (
                     coefficients(S, V),
                     coefficients(S, up),
                     coefficients(turning, V),
                 )
                 for j in range(PARAMETERS):
-                    momentum[t, at + j] += own[j]
+                    momentum[t, at + j] += momentum_row[j]
                     bias[t, at + j] += gravity_of[j] - kinetic[j]
                 a = bodies[a].parent
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import diag_dynamics
 from diag_dynamics.atomic_file import write_text
-from diag_dynamics.identification.result import COLUMNS
+from diag_dynamics.identification.regressors import COLUMNS
 from diag_dynamics.optional import require
 
 WIDTH, HEIGHT = 1000.0, 100.0  # of a drawing, which the page stretches
@@ -35,7 +35,7 @@ def write_report(path, found):
         units=UNITS,
         joints={name: _parameters(found, name) for name in found.model.dof_names},
         links=_links(found),
-        base=[_base_parameter(one) for one in quality["base_parameters"]["parameters"]],
+        base=[_base_parameter(parameter) for parameter in quality["base_parameters"]["parameters"]],
         version=diag_dynamics.__version__,
     )
     write_text(path, page)
@@ -50,8 +50,8 @@ def _draw_joint(found, name, k):
         ("error", (curves.error_before, curves.error_after)),
     ):
         values = [column[:, k] for column in columns]
-        known = np.concatenate([value[np.isfinite(value)] for value in values])
-        low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+        finite = np.concatenate([value[np.isfinite(value)] for value in values])
+        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
         margin = 0.04 * (high - low) or 1.0
         span = low - margin, high + margin
         paths = [_path(t, value, float(np.nanmax(t, initial=1e-9)), span) for value in values]
@@ -71,10 +71,10 @@ def _path(t, values, end, span):
     x, y = WIDTH * t / end, HEIGHT * (span[1] - values) / (span[1] - span[0])
     begins, parts = True, []
     for point in zip(x.round(1).tolist(), y.round(1).tolist(), strict=True):
-        known = all(np.isfinite(point))
-        if known:
+        is_finite = all(np.isfinite(point))
+        if is_finite:
             parts.append(f"{'M' if begins else 'L'}{point[0]:g} {point[1]:g}")
-        begins = not known
+        begins = not is_finite
     return "".join(parts)
 
 
@@ -84,13 +84,13 @@ def _parameters(found, name):
     deviations = found.quality["deviations"].get(name, {})
     k, cells = found.model.dof_names.index(name), {}
     for key in COLUMNS:
-        own = None if fitted is None else getattr(fitted, key)
-        value = float(getattr(found.model, key)[k]) if own is None else own
+        identified = None if fitted is None else getattr(fitted, key)
+        value = float(getattr(found.model, key)[k]) if identified is None else identified
         half = SIGMAS * deviations[key] if key in deviations else None
         cells[key] = {
             "value": value,
             "half": half,
-            "fitted": own is not None,
+            "fitted": identified is not None,
             "weak": half is not None and half > abs(value),
         }
     return cells
@@ -100,13 +100,16 @@ def _links(found):
     """Return found mass and number of observable parameters of links that were fitted."""
     numbers = found.quality["effective_parameters"]
     return [
-        {"name": link, "mass": one.mass, "observable": numbers.get(link)}
-        for link, one in found.parameters.links.items()
+        {"name": link, "mass": payload.mass, "observable": numbers.get(link)}
+        for link, payload in found.parameters.links.items()
     ]
 
 
-def _base_parameter(one):
+def _base_parameter(parameter):
     """Return a base parameter with its interval and whether the recordings show it."""
-    half = None if one["deviation"] is None else SIGMAS * one["deviation"]
-    data = one["from_data"]
-    return one | {"half": half, "weak": data is None or SIGMAS * data > abs(one["value"])}
+    half = None if parameter["deviation"] is None else SIGMAS * parameter["deviation"]
+    data = parameter["from_data"]
+    return parameter | {
+        "half": half,
+        "weak": data is None or SIGMAS * data > abs(parameter["value"]),
+    }

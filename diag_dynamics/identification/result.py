@@ -12,20 +12,10 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.fit import jackknife
-from diag_dynamics.identification.regressors import (
-    DAMPING,
-    FRICTION,
-    LOAD,
-    OFFSET,
-    PARAMETERS,
-    ROOT,
-    ROTOR,
-)
+from diag_dynamics.identification.regressors import FRICTION, LOAD, PARAMETERS, ROOT
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
+from diag_dynamics.recordings.data_checks import jackknife
 
-COLUMNS = {"damping": DAMPING, "friction": FRICTION, "effort_offset": OFFSET, "armature": ROTOR}
-COLUMNS |= {"load_friction": LOAD, "root_friction": ROOT}
 MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 INERTIA_KNOWN = (
     "its inertia is not observable in this motion: the value depends on the sphere that the fit assumes",
@@ -66,8 +56,11 @@ class Identification:
     def __repr__(self) -> str:
         shares = self.quality["explained_total"]  # that of dK/dt is noise if the robot is slow
         before, after = ("-" if share is None else f"{share:.2f}" for share in shares)
-        taken = ", ".join(self.quality["taken"]) or "nothing"
-        return f"<Identification of '{self.model.name}': {taken}; variance explained of d(K + U)/dt: {before} → {after}>"
+        steps = ", ".join(self.quality["taken"]) or "nothing"
+        return (
+            f"<Identification of '{self.model.name}': {steps}; variance explained of d(K + U)/dt: "
+            f"{before} → {after}>"
+        )
 
 
 def parameters_of(layout, x, free, origin=None):
@@ -97,17 +90,16 @@ def parameters_of(layout, x, free, origin=None):
 
 def _joints(layout, x, free):
     """Return numbers of the joints that were fitted, and zeros of their mimic joints, whose friction is in them."""
-    found, mimics = {}, layout.model.mimics
+    joints, mimics = {}, layout.model.mimics
     for k, name in enumerate(layout.model.dof_names):
-        places = [(key, layout.own(column)[k]) for key, column in COLUMNS.items()]
-        own = {key: float(x[at]) for key, at in places if free[at]}
+        numbers = layout.fitted_of(k, x, free)
         if layout.without_rotors:
-            own["armature"] = 0.0
-        if own:
-            found[name] = JointParameters(**own)
+            numbers["armature"] = 0.0
+        if numbers:
+            joints[name] = JointParameters(**numbers)
             mimic_joints = [joint for joint, mimic in mimics.items() if mimic.leader == name]
-            found |= dict.fromkeys(mimic_joints, JointParameters(**dict.fromkeys(own, 0.0)))
-    return found
+            joints |= dict.fromkeys(mimic_joints, JointParameters(**dict.fromkeys(numbers, 0.0)))
+    return joints
 
 
 def deviations_of(layout, free, fit, fits):
@@ -118,22 +110,19 @@ def deviations_of(layout, free, fit, fits):
     """
     noise = np.maximum(np.diag(fit.certainty.covariance), 0.0)
     larger = np.sqrt(np.maximum(noise, jackknife(fits)))
-    places = [(key, layout.own(column)) for key, column in COLUMNS.items()]
-    found = {
-        name: {key: float(larger[at[k]]) for key, at in places if free[at[k]]}
-        for k, name in enumerate(layout.model.dof_names)
-    }
+    names = layout.model.dof_names
+    deviations = {name: layout.fitted_of(k, larger, free) for k, name in enumerate(names)}
     for name, places in zip(layout.model.couplings, layout.motors, strict=True):
         if free[places].all():
-            found[name] |= dict(
+            deviations[name] |= dict(
                 zip(("motor_damping", "motor_friction"), larger[places].tolist(), strict=True)
             )
-    return {name: own for name, own in found.items() if own}
+    return {name: numbers for name, numbers in deviations.items() if numbers}
 
 
 def _split_body(model, body, whole, written=None):
     """Return inertias of a body's links, given the body's; payloads in `written` become part of the links."""
-    found, names, parts, places = {}, [], [], []
+    links, names, parts, places = {}, [], [], []
     for record in model.links[model.links["body"] == body]:
         link = model.link_names[record["index"]]
         _, placement = model.placement_in_body(link)
@@ -145,12 +134,12 @@ def _split_body(model, body, whole, written=None):
             parts.append(inertias.floored(own))
             places.append(np.linalg.inv(placement))
         elif np.any(own):  # inertia without mass goes to the other links
-            found[link] = Payload(0.0, np.zeros(3), np.zeros((3, 3)))
+            links[link] = Payload(0.0, np.zeros(3), np.zeros((3, 3)))
     shares = inertias.share_out(parts, inertias.pseudo_inertia(whole)) if names else []
     for link, share, place in zip(names, shares, places, strict=True):
         moved = inertias.parameters_of_pseudo(place @ share @ place.T)
-        found[link] = Payload(*inertias.about_centre(moved))
-    return found
+        links[link] = Payload(*inertias.about_centre(moved))
+    return links
 
 
 def _carried(payload, placement):
@@ -171,21 +160,21 @@ def without_impossible_links(model, parameters):
         if link not in records or link not in payloads:
             continue
         body, (_, placement) = records[link]["body"], model.placement_in_body(link)
-        own = inertias.parameters_of_record(records[link]) - _carried(
+        parameters_now = inertias.parameters_of_record(records[link]) - _carried(
             model.payloads.get(link), placement
         )
-        before = own - _carried(payload, placement)
+        before = parameters_now - _carried(payload, placement)
         whole = sum(
             inertias.parameters_of_record(one) for one in records.values() if one["body"] == body
         )
         if (
-            not inertias.is_physical(own)
+            not inertias.is_physical(parameters_now)
             and inertias.is_physical(before)
             and inertias.is_physical(whole)
         ):
-            found = _split_body(model, body, whole, payloads)
-            links |= found
-            shared += found
+            divided = _split_body(model, body, whole, payloads)
+            links |= divided
+            shared += divided
             payloads = {
                 name: one for name, one in payloads.items() if records[name]["body"] != body
             }

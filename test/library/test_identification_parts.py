@@ -57,11 +57,11 @@ def test_parameters_are_pinocchios():
 def test_positive_numbers_have_a_closed_form():
     """min ½ a x² − b x + γ' (x/x₀ − ln x), also where least squares is negative, and beside an offset of the same rows."""
     for a, b in ((4.0, 8.0), (4.0, -8.0), (1e6, -1e3)):
-        problem = Problem(np.array([[a]]), np.array([b]), [], np.array([0]), 0.01)
+        problem = Problem(np.array([[a]]), np.array([b]), [], np.array([0]))
         slope = b - 0.01 / START
         expected = (slope + np.sqrt(slope**2 + 0.04 * a)) / (2.0 * a)
         assert solve(problem, np.array([0.1]))[0][0] == pytest.approx(expected, rel=1e-3)
-    problem = Problem(np.full((2, 2), 300.0), np.full(2, 1500.0), [], np.array([0]), 0.01)
+    problem = Problem(np.full((2, 2), 300.0), np.full(2, 1500.0), [], np.array([0]))
     x, _ = solve(problem, np.array([50.0, 0.0]))
     np.testing.assert_allclose(x, [START, 5.0 - START], rtol=1e-3)
 
@@ -78,7 +78,7 @@ def test_every_solution_is_physical(count, payload):
     target = rng.normal(size=10)
     weight = PAYLOAD_WEIGHT if payload else 10.0
     body = Body(0, prior, weight, np.zeros((4, 4)))
-    problem = Problem(rows.T @ rows, rows.T @ (rows @ target), [body], np.zeros(0, int), 0.01)
+    problem = Problem(rows.T @ rows, rows.T @ (rows @ target), [body], np.zeros(0, int))
     x, _ = solve(problem, inertias.parameters_of_pseudo(prior))
     assert inertias.is_physical(x)
     gradient, J = problem.A @ x - problem.b, inertias.pseudo_inertia(x)
