@@ -355,4 +355,4 @@ def test_settings_that_a_later_watch_rejects():
     with pytest.raises(InputError, match=r"'energy\.warn' names 'knee'"):
         robot.use(robot.model, wrong, 2)
     assert robot.settings is settings and robot.revision == 1
-    assert robot.watches and robot.settings.observation.gain == 25.0
+    assert (robot.torque.observer.gain == 25.0).all()

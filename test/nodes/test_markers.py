@@ -4,6 +4,7 @@
 """Markers: links at their placements, tinted by their shares, and all else by its numbers."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +16,7 @@ import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.markers import (
     COLD,
     FORCE_LENGTH,
@@ -156,7 +157,7 @@ def test_ellipsoid_arrow_and_text(name, floating):
     assert markers["text"][0].text == f"K 0 J, at rest\n{link}: 0 m/s\nestimated velocities"
 
 
-class Watch(TorqueWatch):
+class Watch(CollisionWatch):
     """One with a result of a push at the centre of mass of a link."""
 
     def __init__(self, drawn, link, force, collision=False, contact=True, known=True):
@@ -174,20 +175,19 @@ class Watch(TorqueWatch):
         if known:
             values |= {"external_torque.covariance_joints": [*names]}
             values |= {"external_torque.covariance": covariance.ravel().tolist()}
-        super().__init__(dyn, Settings.of(values).observation, "")
+        super().__init__(SimpleNamespace(load=LoadWatch(None, None)), None)
+        self.configure(dyn, Settings.of(values))
         epsilon = dyn.epsilon_from_wrench(
             drawn.q, link, [*force, 0, 0, 0], center_of_body(drawn.model, link)
         )
         torque = dyn.tau_from_epsilon(drawn.q, epsilon)
-        self.seen = Disturbance(
-            True, "", epsilon, torque, float(np.linalg.norm(epsilon))
-        )
-        self._alarm.on = collision
+        self.seen = Disturbance(True, "", epsilon, torque, float(np.linalg.norm(epsilon)))
         if known:  # neighbouring links are often not distinguishable
             self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(
                 link=link, confidence=0.7
             )
-        self._position, self.contact_torque, self._contact.on = drawn.q, torque, contact
+        self._position, self.contact_torque = drawn.q, torque
+        self.collision.on, self.contact.on = collision, contact
 
 
 FORCE = np.array([30.0, -20.0, 9.0])

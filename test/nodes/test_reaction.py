@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from controller_managers import ControllerManager
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch
 from diag_dynamics.nodes.support import controller_manager
 from diag_dynamics.nodes.support.statuses import ERROR, OK
 from nodes import LATCHED, PANDA, Monitor, robot
@@ -95,6 +95,23 @@ def test_one_call_and_one_message_per_change(monitor):
         assert not feed(monitor, [FREE] * 300)[-1].collision  # longer than collision.hold_off
         assert published(monitor) == [False]
     assert monitor.stop_service.calls == 2
+
+
+def collisions(monitor):
+    """Return the number of collisions in the next report."""
+    values = monitor.next_report().entries["external torque"].values
+    return next(int(entry.value) for entry in values if entry.key == "collisions")
+
+
+def test_a_further_push_in_a_collision_makes_no_call(monitor):
+    """It is a further event, but the arm is already reacting."""
+    before = collisions(monitor)
+    harder = Motion(robot(PANDA), 90.0 * (JOINTS == "panda_joint2"), size=0.0)(0)
+    feed(monitor, [PUSHED] * 200)
+    assert monitor.stop_service.calls == 1 and published(monitor) == [True]
+    assert feed(monitor, [harder] * 100)[-1].collision
+    assert collisions(monitor) == before + 2
+    assert monitor.stop_service.calls == 1 and not published(monitor)
 
 
 def test_late_subscribers_receive_the_present_value(monitor, peer):
@@ -184,7 +201,7 @@ def test_nothing_without_thresholds(monitor, peer):
 
 def test_latency(monitor, peer):
     """From the reception of the joint state to the call, and to the response; of the last call, and the largest."""
-    accept = TorqueWatch.accept_state
+    accept = CollisionWatch.accept_state
 
     def late(watch, state):
         peer.graph.skip(0.003)
@@ -192,7 +209,7 @@ def test_latency(monitor, peer):
 
     for time, largest in ((0.02, "23"), (0.01, "23")):
         monitor.stop_service.time = time
-        with mock.patch.object(TorqueWatch, "accept_state", late):
+        with mock.patch.object(CollisionWatch, "accept_state", late):
             feed(monitor, [PUSHED] * 60)
         feed(monitor, [FREE] * 300)
         entry = monitor.next_report().entries[REACTION]

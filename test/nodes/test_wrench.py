@@ -191,7 +191,7 @@ def test_frames_of_a_running_node(frames):
     result = frames.monitor.set_parameters({name: ["tool0"]})
     assert not result.successful
     assert (
-        "parameter 'external_wrench.frames' has 'tool0', expected links of robot 'panda'"
+        "parameter 'external_wrench.frames' is 'tool0'; expected a link of robot 'panda'"
         in result.reason
     )
     with frames.monitor.having(**{name: [""]}):

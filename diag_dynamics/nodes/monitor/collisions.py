@@ -1,34 +1,90 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Watches of external torque and of loads: topics, reaction, log and statuses."""
+"""Watches of external torque and of loads: detectors, topics, reaction, log and statuses."""
 
+import numpy as np
+
+from diag_dynamics.collision.detector import Alarms, Detector
+from diag_dynamics.control.dead_zone import DeadZone
+from diag_dynamics.control.load import LoadEstimator
+from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch, check_load_link
 from diag_dynamics.nodes.monitor.services import NO_PAYLOAD
 from diag_dynamics.nodes.monitor.watch import Watch
+from diag_dynamics.nodes.support.diagnostics import counted
+from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status, without_numbers
 from diag_dynamics.text import shortened
+from diag_dynamics.wire.fields import Alarming
+
+
+class LiveAlarm:
+    """A detector at the monitor's states.
+
+    At the last state `on` is whether its alarm is on, `begins` whether an event begins, `starts`
+    whether this event starts the alarm, and `joints` which joints are active. `count` is the
+    number of events, `cause` describes the last one since the last report.
+    """
+
+    def __init__(self):
+        self.count, self.cause = 0, ""
+
+    def use(self, names, thresholds):
+        """Restart with other thresholds."""
+        self._detector = Detector(names, thresholds)
+        self.limits = self._detector.limits
+        self.reset()
+
+    def reset(self):
+        """Restart at the next state."""
+        self._detector.reset()
+        self._alarms = Alarms(self._detector)
+        self.on = self.begins = self.starts = False
+        self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
+
+    def accept_state(self, stamps, r, torque, valid, norm, touched):
+        """Judge rows r and m r, which are zero unless `valid`.
+
+        `touched` returns the TouchedLink of this row, None if it is unknown.
+        """
+        was_on = self.on
+        judged = self._detector.judge(stamps, r, torque, np.array([valid]))
+        self.on, self.begins = bool(judged.alarm[0]), bool(judged.begins[0])
+        self.starts = self.begins and not was_on
+        self.joints = judged.joints[0]
+        self.count += self.begins
+        if not self.on:
+            return
+        self._alarms.add_states(stamps, np.array([norm]), judged, touched())
+        del self._alarms.alarms[:-1]
+        last = self._alarms.alarms[0]
+        link = f"{last.link} ({last.confidence:.2f}): " if last.link else ""
+        self.cause = link + last.describe()
 
 
 class CollisionWatch(Watch):
-    """Collisions and contacts by a TorqueWatch, which is None without an observer: `torque`."""
+    """Collisions and contacts by a disturbance observer, if `external_torque.gain` is set.
+
+    `observer` is a DisturbanceObserver or None. At the last state `seen` is the Disturbance;
+    `collision` and `contact` are LiveAlarms.
+    `covariance` is the noise of m r, None if it is unknown. `contact_torque` is m r without the
+    load of the robot's LoadWatch; detectors and forces are about it.
+    """
 
     def __init__(self, robot, node):
         super().__init__(robot, node)
-        self.torque = self._options = None
+        self.collision, self.contact = LiveAlarm(), LiveAlarm()
+        self.observer = self._options = self._origin = self.covariance = None
+        self._message, self._reported_count = "", 0  # message while a collision lasts
         self._unobserved_frames = set()  # that the log has
+        self._start_interval()
 
     def configure(self, dynamics, settings):
         """See Watch. The observer restarts if model, parameters or input options changed."""
         model, observation = dynamics.model, settings.observation
-        for frame in settings.frames:
-            if frame not in model.link_names or not model.placement_in_body(frame)[0]:
-                raise InputError(
-                    f"parameter 'external_wrench.frames' has '{frame}', expected links of robot "
-                    f"'{model.name}' that a joint moves."
-                )
         link = settings.values["load.link"]
-        check_load_link(model, link)
+        _require_moved(model, "external_wrench.frames", settings.frames)
+        _require_moved(model, "load.link", [link] if link else [])
         if observation:
             observation.collision.of_names(model.dof_names)
             observation.contact.of_names(model.dof_names, "contact.threshold")
@@ -36,49 +92,117 @@ class CollisionWatch(Watch):
         options = observation, settings.inputs._replace(stuck_timeout=0.0), link
         before, self._options = self._options, options
         if observation is None:
-            self.torque = None
-        elif self.torque is None:
-            self.torque = TorqueWatch(dynamics, observation, link)
-        elif self.torque.dynamics is not dynamics or before != options:
-            self.torque.use(dynamics, observation, link)
+            self.observer = None
+            self._robot.load.use(dynamics, observation, "")
+            self.forget()
+        elif self.observer is None or self._dynamics is not dynamics or before != options:
+            self._restart(dynamics, observation)
+            self._robot.load.use(dynamics, observation, link)
         if settings.frames:
             dynamics.compile("wrench")
         if observation and observation.covariance:
             dynamics.compile("touched_link", "wrench")  # wrench: of markers
 
+    def _restart(self, dynamics, observation):
+        """Restart with another model or other parameters."""
+        self._dynamics, names = dynamics, dynamics.model.dof_names
+        friction = observation.friction
+        self.observer = DisturbanceObserver(dynamics, observation.gain, friction=friction)
+        self._zone = DeadZone(dynamics, observation.collision.stiction)
+        self.covariance = observation.covariance_of(names)
+        self.collision.use(names, observation.collision)
+        self.contact.use(names, observation.contact)
+        self.is_judged = bool(observation.collision.limits)
+        self.forget()
+
+    def use_gravity(self, dynamics):
+        """Use a model that differs in gravity alone, without a restart."""
+        if self.observer:
+            self._dynamics = dynamics
+            self.observer.use(dynamics)
+            self._zone.use(dynamics)
+            self._robot.load.use_gravity(dynamics)
+
+    def forget(self):
+        """See Watch."""
+        self.seen, self._touched = Disturbance(False, "no state yet"), None
+        if self.observer:
+            self.observer.reset()
+            self._zone.reset()
+            self.collision.reset()
+            self.contact.reset()
+
+    @property
+    def touched(self):
+        """TouchedLink at the last state, computed on demand; None without a result or covariance."""
+        if self._touched is None and self.seen.is_whole and self.covariance is not None:
+            self._touched = self._dynamics.touched_link(
+                self._position, self.contact_torque, self.covariance
+            )
+        return self._touched
+
+    def _touched_row(self):
+        """Return `touched` as a result of one row."""
+        if not (touched := self.touched):
+            return None
+        names = "link", "confidence", "chi_square"
+        arrays = {name: np.array([getattr(touched, name)]) for name in names}
+        return touched._replace(probability=touched.probability[None], **arrays)
+
     def accept(self, moment):
         """See Watch. A collision starts the reaction before anything else."""
-        if self.torque is None:
+        if self.observer is None:
             return []
         state = moment.state
         if self._robot.effort_problem(self._node.commands):
             state = state._replace(effort=None, partial=None)
-        is_worse = self.torque.accept_state(state)
-        self._node.reaction.accept_state(self.torque, moment.received)
+        self.accept_state(state)
+        self._node.reaction.accept_state(self, moment.received)
         log = self._node.get_logger()
-        if self.torque.begins:
-            log.warning(shortened(f"Collision: {self.torque.cause}."))
-        elif self.torque.contact_begins:
-            text = shortened(f"Contact: {self.torque.contact_cause}.")
+        if self.collision.begins:
+            log.warning(shortened(f"Collision: {self.collision.cause}."))
+        elif self.contact.begins:
+            text = shortened(f"Contact: {self.contact.cause}.")
             log.info(text, throttle_duration_sec=1.0)
-        return [self._status(), *self._node.reaction.report()] if is_worse else []
+        if not self.collision.on or self._message:
+            return []
+        return [self._status(), *self._node.reaction.report()]
+
+    def accept_state(self, state):
+        """Judge a RobotState with whole or partial efforts."""
+        stamps = np.array([state.newest])
+        if self._origin is None:
+            self._origin = state.newest  # a double resolves no nanoseconds since 1970
+        time = 1e-9 * (state.newest - self._origin)
+        effort = state.partial if state.effort is None else state.effort
+        seen = self.observer.update(time, state.position, state.velocity, effort)
+        r = torque = np.zeros(len(state.velocity))
+        if seen.valid:  # components that an unknown effort changes have no alarm
+            r, torque = np.nan_to_num(seen.residual), np.nan_to_num(seen.external_torque)
+        r, torque = self._robot.load.remove(time, state, seen, r, torque)
+        self.seen, self._touched = seen, None
+        self._position, self.contact_torque = state.position, torque
+        columns = state.position, state.velocity, r, torque
+        r, torque = self._zone.lower(stamps, *(column[None] for column in columns))
+        for alarm in (self.collision, self.contact):
+            alarm.accept_state(stamps, r, torque, seen.valid, seen.norm, self._touched_row)
+        self._count, self._valid = self._count + 1, self._valid + seen.valid
+        self._largest = max(self._largest, seen.norm)
 
     def publish(self, moment, outputs):
         """See Watch."""
-        torque, robot, state = self.torque, self._robot, moment.state
-        if torque is None:
+        if self.observer is None:
             return
+        robot, state = self._robot, moment.state
         outputs.publish_beside(
             "external_torque",
             state.newest,
-            lambda: robot.encoder.external_torque(
-                torque.seen, state, torque.alarming, torque.touched
-            ),
+            lambda: robot.encoder.external_torque(self.seen, state, self._alarming(), self.touched),
         )
         if not robot.settings.frames:
             return
         withheld = outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)
-        torque.withheld_wrenches += len(withheld)
+        self._withheld += len(withheld)
         if frames := set(withheld) - self._unobserved_frames:
             self._unobserved_frames |= frames
             self._node.get_logger().warning(
@@ -86,45 +210,143 @@ class CollisionWatch(Watch):
                 "not observe all directions (docs/external-wrench.md)."
             )
 
-    def forget(self):
-        """See Watch."""
-        if self.torque:
-            self.torque.forget()
+    def _alarming(self):
+        """Return the Alarming of the last state."""
+        collision, contact = self.collision, self.contact
+        limits = collision.limits, contact.limits
+        return Alarming(*limits, collision.joints, collision.on, contact.on)
 
-    def _status(self):
-        return self.torque.report(self._robot.assembler.without_effort)
+    def _start_interval(self):
+        self._count, self._valid, self._largest, self._withheld = 0, 0, 0.0, 0
+        self.collision.cause = self.contact.cause = ""
 
     def report(self):
         """See Watch."""
-        if self.torque is None:
+        if self.observer is None:
             return []
         status = self._status()
-        self.torque.start_interval()
+        self._start_interval()
         return [status]
 
+    def _status(self):
+        """Return the status of this interval."""
+        if not self.collision.cause:
+            self._message = ""
+        elif not self._message or self.collision.count != self._reported_count:
+            self._message = f"collision: {without_numbers(self.collision.cause)}"
+        self._reported_count = self.collision.count
+        if not self._count:
+            return Status("external torque", STALE, "no states since the last report")
+        values = {"collisions": self.collision.count, "contacts": self.contact.count}
+        values["states without result"] = self._count - self._valid
+        if self._withheld:
+            values["wrenches with unobserved directions"] = self._withheld
+        if self._valid:
+            values["largest |r| [J^0.5/s]"] = f"{self._largest:.6g}"
+        if self.seen.valid:
+            values["|r| [J^0.5/s]"] = f"{self.seen.norm:.6g}"
+        if cause := self.collision.cause or self.contact.cause:
+            values["detectors"] = cause
+        if self._message:
+            return Status("external torque", WARN, self._message, values, is_logged=True)
+        lacking = self._robot.assembler.without_effort
+        problem = f"joints without effort: {counted(lacking)}" if lacking else ""
+        if not self._valid:
+            problem = problem or without_numbers(self.seen.reason)
+            return Status("external torque", WARN, problem, values)
+        message = "no collision" if self.is_judged else "observer runs without thresholds"
+        if self.contact.cause:
+            message = f"contact: {without_numbers(self.contact.cause)}"
+        if problem:
+            return Status("external torque", WARN, f"{message}; {problem}", values)
+        return Status("external torque", OK, message, values)
 
-class LoadReports(Watch):
-    """The load that the TorqueWatch of a robot estimates, if `load.link` is set."""
 
-    @property
-    def _load(self):
-        return self._robot.torque and self._robot.torque.load
+def _require_moved(model, parameter, links):
+    """Raise InputError unless joints of a model move all links."""
+    for link in links:
+        if link not in model.link_names or not model.placement_in_body(link)[0]:
+            raise InputError(
+                f"parameter '{parameter}' is '{link}'; expected a link of robot '{model.name}' "
+                "that a joint moves."
+            )
+
+
+class LoadWatch(Watch):
+    """A load estimator on the observer's results of the CollisionWatch, if `load.link` is set.
+
+    `link` is empty without it. `estimate` is the Load of the last state, `begins` whether `is_load`
+    begins there.
+    """
+
+    link, estimator, begins = "", None, False
+
+    def use(self, dynamics, observation, link):
+        """Restart with another model or other parameters."""
+        self.link, self.estimator = link, None
+        if link:
+            covariance = observation.covariance_of(dynamics.model.dof_names)
+            self.estimator = LoadEstimator(dynamics, link, observation.gain, covariance)
+        self.forget()
+
+    def use_gravity(self, dynamics):
+        """Use a model that differs in gravity alone, without a restart."""
+        if self.estimator:
+            self.estimator.use(dynamics)
+
+    def forget(self):
+        """See Watch."""
+        self.begins = False
+        if self.estimator:
+            self.estimator.reset()
+            self.estimate = self.estimator.last
+
+    def remove(self, time, state, seen, r, torque):
+        """Return r and m r of a RobotState, without the part of the load while there is one.
+
+        `seen` is the Disturbance. Without efforts the observer skips a state, and so does the
+        estimator.
+        """
+        if not self.estimator:
+            return r, torque
+        was_load = self.estimate.is_load
+        if state.effort is not None:
+            external = torque if seen.valid else None
+            self.estimate = self.estimator.update(time, state.position, state.velocity, external)
+        self.begins = self.estimate.is_load and not was_load
+        if seen.valid and self.estimate.is_load:
+            torque = torque - self.estimator.torque
+            r = self.estimator.dynamics.epsilon_from_tau(state.position, torque)
+        return r, torque
 
     def publish(self, moment, outputs):
         """See Watch."""
-        if not (load := self._load):
+        if not self.estimator:
             return
-        robot, state = self._robot, moment.state
-        payload = robot.model.payloads.get(load.link, NO_PAYLOAD)
+        robot, state, load = self._robot, moment.state, self.estimate
+        payload = robot.model.payloads.get(self.link, NO_PAYLOAD)
         outputs.publish_beside(
-            "load",
-            state.newest,
-            lambda: robot.encoder.load(load.link, load.estimate, payload, state),
+            "load", state.newest, lambda: robot.encoder.load(self.link, load, payload, state)
         )
-        if load.begins:
-            change = "Picked up" if load.estimate.mass > 0.0 else "Put down"
-            self._node.get_logger().info(shortened(f"{change}: {load.describe()}."))
+        if self.begins:
+            change = "Picked up" if load.mass > 0.0 else "Put down"
+            mass = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg"
+            text = shortened(f"{change}: load {mass} at '{self.link}'.")
+            self._node.get_logger().info(text)
 
     def report(self):
         """See Watch."""
-        return [self._load.report()] if self._load else []
+        if not self.estimator:
+            return []
+        load = self.estimate
+        if not load.valid:
+            return [Status("load", STALE, without_numbers(load.reason))]
+        values = {
+            "mass [kg]": f"{load.mass:.4g}",
+            "standard deviation of mass [kg]": f"{load.mass_deviation:.2g}",
+            "explained": f"{load.explained:.3f}",
+        }
+        if load.is_significant:
+            values["centre of mass [m]"] = " ".join(f"{x:.3f}" for x in load.center)
+        message = f"{'load' if load.is_load else 'no load'} at '{self.link}'"
+        return [Status("load", OK, message, values)]

@@ -88,7 +88,7 @@ class MarkerMaker:
         self._message = MarkerArray(markers=[*(marker for *_, marker in self._parts), *own])
 
     def message(self, s, state, watch=None):
-        """Return the markers of an evaluation (or an equivalent), its RobotState, and the TorqueWatch, if any."""
+        """Return the markers of an evaluation (or an equivalent), its RobotState, and the CollisionWatch, if any."""
         header = Header(stamp=to_time(state.newest), frame_id=self._model.root_link)
         for marker in self._message.markers:
             marker.header = header
@@ -154,9 +154,9 @@ class MarkerMaker:
     def _draw_contact(self, watch, placed, q):
         """Mark the touched link; return lines about external torque, none where it is not observed."""
         seen = watch.seen if watch and watch.seen.valid else None
-        touched = watch.touched if seen and (watch.is_collision or watch.is_contact) else None
+        touched = watch.touched if seen and (watch.collision.on or watch.contact.on) else None
         link = touched.link if touched else ""
-        marked = seen and watch.is_collision and (link or watch.covariance is None)
+        marked = seen and watch.collision.on and (link or watch.covariance is None)
         self._collision.action = Marker.ADD if marked else Marker.DELETE
         self._force.action = Marker.ADD if link else Marker.DELETE
         if seen is None:
@@ -174,7 +174,7 @@ class MarkerMaker:
                 0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link)
             )
             lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
-        return ["collision", *lines] if watch.is_collision else lines
+        return ["collision", *lines] if watch.collision.on else lines
 
     def _draw_force(self, X, q, torque, covariance, link):
         """Place the arrow of the force on a link at X, from the centre of mass; return its size in words."""

@@ -16,7 +16,7 @@ from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
-from diag_dynamics.nodes.monitor.external_torque import TorqueWatch
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.watches import WATCHES
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
@@ -105,9 +105,10 @@ class MonitoredRobot:
             s, _ = self.evaluate(state)
             self.friction_power(s)
             self.messages(tuple(EVALUATED), s)
-            if self.torque:
-                link = self.settings.values["load.link"]
-                TorqueWatch(self.dynamics, self.settings.observation, link).accept_state(state)
+            if self.settings.observation:
+                watch = CollisionWatch(self, None)
+                watch.configure(self.dynamics, self.settings)
+                watch.accept_state(state)
         self.forget()
 
     @property
@@ -117,8 +118,13 @@ class MonitoredRobot:
 
     @property
     def torque(self):
-        """The TorqueWatch, None without an observer."""
-        return self.watches[0].torque
+        """The CollisionWatch."""
+        return self.watches[0]
+
+    @property
+    def load(self):
+        """The LoadWatch."""
+        return self.watches[1]
 
     def use(self, model, settings, revision):
         """Put the same robot in force with other settings or another gravity or payload; `model` is as it shall be.
@@ -171,20 +177,20 @@ class MonitoredRobot:
     @property
     def judges_collisions(self):
         """Whether the last state had a result of the observer."""
-        return bool(self.torque) and self.torque.seen.valid
+        return self.torque.seen.valid
 
     @property
     def threshold_count(self):
         """Number of joints with a threshold of collisions."""
-        if not self.torque:
+        observation = self.settings.observation
+        if not observation:
             return 0
-        return int(np.isfinite(self.torque.alarming.collision_limits[:-2]).sum())
+        return int(np.isfinite(observation.collision.of_names(self.model.dof_names)[:-2]).sum())
 
     def use_gravity(self, gravity):
         """Turn gravity [m/s²] in the axes of the root link; neither watches nor messages restart."""
         self.dynamics = DiagonalDynamics(self.model.with_gravity(gravity))
-        if self.torque:
-            self.torque.use_gravity(self.dynamics)
+        self.torque.use_gravity(self.dynamics)
 
     def effort_problem(self, commands):
         """Return why the efforts of the last state are not measured; empty if they may be.

@@ -52,15 +52,18 @@ class Reaction:
                 self._request, self._fallback = self._controllers.requests()
 
     def accept_state(self, watch, received):
-        """React to the last state of a TorqueWatch, received at the steady time `received` [s]."""
-        begins = watch.contact_begins if self._on_contact else watch.begins
-        if begins and self._client:
+        """React to the last state of a CollisionWatch, received at the steady time `received` [s].
+
+        A further event within an alarm makes no call.
+        """
+        alarm = watch.contact if self._on_contact else watch.collision
+        if alarm.starts and self._client:
             self._call(received)
         if not (watch.seen.valid and watch.is_judged):
             self.end()
             return
         self._judged_at = received
-        self._publish(watch.is_collision)
+        self._publish(watch.collision.on)
 
     def end(self):
         """Publish the end of a collision that is not judged any more."""

@@ -113,12 +113,12 @@ class PayloadServices:
         return _required(self._current()).model
 
     def _watch(self):
-        torque = _required(self._current()).torque
-        if torque is None or torque.load is None:
+        load = _required(self._current()).load
+        if not load.estimator:
             raise InputError(
                 "parameter 'load.link' is ''; expected a link. Set it to have loads estimated."
             )
-        return torque.load
+        return load
 
     def accept(self):
         """Add the load to the payload of its link; return a message."""
@@ -139,9 +139,7 @@ class PayloadServices:
 
     def accept_automatically(self):
         """Add a load that begins to the payload, if `load.accept` says so."""
-        torque = self._current().torque
-        load = torque and torque.load
-        if not (load and load.begins and self._node.values["load.accept"] == "automatic"):
+        if not self._current().load.begins or self._node.values["load.accept"] == "manual":
             return
         message, fault = attempt(self.accept)
         if fault:

@@ -11,7 +11,7 @@ from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model.followers import loop_title
 from diag_dynamics.model.joint_types import places, single_joints
-from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadReports
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.watch import Watch
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status, problem_status
@@ -276,25 +276,18 @@ class LoopWatch(Watch):
             energies, now = self._balance.energies(state.position, state.velocity, rates)
         except (DiagDynamicsError, np.linalg.LinAlgError) as error:
             return problem_status("loops", [str(error)], "", {})._replace(level=ERROR)
-        measured = counted(
-            [name for name, rate in zip(now.names, rates, strict=True) if np.isfinite(rate)]
-        )
-        values = {"followers with measured rates": measured}
-        values |= {
-            f"energy that breaks '{name}' [J]": f"{energy:.4g}" for name, energy in energies.items()
-        }
-        titles = [loop_title(self._model, number) for number in range(len(self._model.loops))]
-        values |= {
-            f"singularity of {title}": f"{x:.3g}"
-            for title, x in zip(titles, now.singularity, strict=True)
-        }
-        singular = [
-            title for title, x in zip(titles, now.singularity, strict=True) if x < NEARLY_SINGULAR
-        ]
-        level, text = (
-            (WARN, f"nearly singular: {'; '.join(singular)}") if singular else (OK, "closed")
-        )
-        return Status("loops", level, text, values)
+        measured, singular = np.array(now.names)[np.isfinite(rates)].tolist(), []
+        values = {"followers with measured rates": counted(measured)}
+        for name, energy in energies.items():
+            values[f"energy that breaks '{name}' [J]"] = f"{energy:.4g}"
+        for number, singularity in enumerate(now.singularity):
+            title = loop_title(self._model, number)
+            values[f"singularity of {title}"] = f"{singularity:.3g}"
+            if singularity < NEARLY_SINGULAR:
+                singular.append(title)
+        if singular:
+            return Status("loops", WARN, f"nearly singular: {'; '.join(singular)}", values)
+        return Status("loops", OK, "closed", values)
 
 
 class StuckWatch(Watch):
@@ -314,5 +307,5 @@ class StuckWatch(Watch):
         return [problem_status("stuck sensors", [text] * bool(text), "none", {})]
 
 
-WATCHES = CollisionWatch, LoadReports, ContactLimitsWatch, EnergyWatch, LoopWatch, StuckWatch
+WATCHES = CollisionWatch, LoadWatch, ContactLimitsWatch, EnergyWatch, LoopWatch, StuckWatch
 """All watches in the order in which they accept a state: collisions first."""
