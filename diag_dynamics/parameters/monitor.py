@@ -30,16 +30,13 @@ from diag_dynamics.parameters.shared import ROBOT, payloads_of
 from diag_dynamics.parameters.spec import Spec, fixed, wrong
 from diag_dynamics.text import distinct
 
-_OF_EVERY_STATE = (
-    "total_joint_rates",
-    "working_moments",
-    "coriolis",
-    "kinetic_energy",
-    "state",
-    "external_torque",
-)
-
-_RATE_LIMITS = {
+RATES = {
+    "total_joint_rates": 0.0,
+    "working_moments": 0.0,
+    "coriolis": 0.0,
+    "kinetic_energy": 0.0,
+    "state": 0.0,
+    "external_torque": 0.0,
     "external_wrench": 250.0,
     "external_wrench_estimates": 250.0,
     "mass_matrix_factors": 50.0,
@@ -48,33 +45,35 @@ _RATE_LIMITS = {
     "markers": 20.0,
     "load": 20.0,
 }
-
-RATES = dict.fromkeys(_OF_EVERY_STATE, 0.0) | _RATE_LIMITS
 """Default maximum rate of each topic [Hz]; 0: every state."""
 
-_FIXED = {
-    "joint_names": Spec(
-        [""],
-        "Map names in joint_states to joints, each as name=joint, with one * in both or none: ur_*=*.",
+PARAMETERS = {
+    "robot_description": Spec(
+        "", f"{ROBOT}. Empty: the topic robot_description, also when it changes."
     ),
-    "odom_twist_frame": Spec(
-        "child",
-        "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.",
-        choices=("child", "header"),
+    **SHARED,
+    **fixed(
+        {
+            "joint_names": Spec(
+                [""],
+                "Map names in joint_states to joints, each as name=joint, with one * in both or none: ur_*=*.",
+            ),
+            "odom_twist_frame": Spec(
+                "child",
+                "Axes of the odometry twist: child_frame_id (REP 147) or frame_id.",
+                choices=("child", "header"),
+            ),
+            "gravity_frame": Spec(
+                "",
+                "Frame of tf whose z axis points up: its orientation turns gravity in the axes of "
+                "the root link. Empty: none.",
+            ),
+            "gravity_imu": Spec(
+                "",
+                "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none.",
+            ),
+        }
     ),
-}
-
-_GRAVITY = {
-    "gravity_frame": Spec(
-        "",
-        "Frame of tf whose z axis points up: its orientation turns gravity in the axes of the root link. Empty: none.",
-    ),
-    "gravity_imu": Spec(
-        "", "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none."
-    ),
-}
-
-_INPUTS = {
     "joint_timeout": Spec(
         [f"*={JOINT_TIMEOUT:g}"],
         "Maximum ages of joints' values relative to the newest joint, each as joint=time [s]; * for "
@@ -133,9 +132,14 @@ _INPUTS = {
         "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.",
         0.0,
     ),
-}
-
-_COLLISION = {
+    "energy.warn": Spec(
+        [""],
+        "Kinetic energy above which diagnostics warn, as total=energy, and energy shares of joints "
+        "as joint=energy [J]; * for all other joints. 0 disables.",
+    ),
+    "energy.error": Spec(
+        [""], "Energies above which diagnostics report an error, as those of energy.warn [J]."
+    ),
     "external_torque.gain": Spec(
         0.0, "Gain of the disturbance observer [1/s]; 0: no observer.", 0.0, 1e6
     ),
@@ -178,9 +182,6 @@ _COLLISION = {
     "contact.threshold": Spec(
         [""], "External torque of a contact, as collision.threshold and no higher. 0 disables."
     ),
-}
-
-_WRENCH = {
     "external_wrench.frames": Spec(
         [""],
         "Links at whose origin and in whose axes the external wrench is published; requires external_torque.gain.",
@@ -199,9 +200,6 @@ _WRENCH = {
         1e-6,
         1e6,
     ),
-}
-
-_LOAD = {
     "load.link": Spec(
         "",
         "Link whose loads are estimated and not reported as collisions; requires external_torque.covariance. Empty: none.",
@@ -211,48 +209,26 @@ _LOAD = {
         "What adds a load to the payload of its link: the service accept_payload, or each load by itself.",
         choices=("manual", "automatic"),
     ),
-}
-
-_DRIVER = {
-    "load.driver_topic": Spec(
-        "",
-        "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none.",
+    **fixed(
+        {
+            "load.driver_topic": Spec(
+                "",
+                "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none.",
+            ),
+            "reaction.service": Spec(
+                "",
+                "Service that the node calls at reaction.event, a std_srvs/Trigger, or a SwitchController "
+                "where it has controllers; empty: none. Not safety-rated.",
+            ),
+            "reaction.event": Spec(
+                "collision",
+                "Event whose beginning causes the call.",
+                choices=("collision", "contact"),
+            ),
+            "reaction.deactivate": Spec([""], "Controllers that the call deactivates."),
+            "reaction.activate": Spec([""], "Controllers that the call activates."),
+        }
     ),
-}
-
-_REACTION = {
-    "reaction.service": Spec(
-        "",
-        "Service that the node calls at reaction.event, a std_srvs/Trigger, or a SwitchController "
-        "where it has controllers; empty: none. Not safety-rated.",
-    ),
-    "reaction.event": Spec(
-        "collision", "Event whose beginning causes the call.", choices=("collision", "contact")
-    ),
-    "reaction.deactivate": Spec([""], "Controllers that the call deactivates."),
-    "reaction.activate": Spec([""], "Controllers that the call activates."),
-}
-
-PARAMETERS = {
-    "robot_description": Spec(
-        "", f"{ROBOT}. Empty: the topic robot_description, also when it changes."
-    ),
-    **SHARED,
-    **fixed(_FIXED | _GRAVITY),
-    **_INPUTS,
-    "energy.warn": Spec(
-        [""],
-        "Kinetic energy above which diagnostics warn, as total=energy, and energy shares of joints "
-        "as joint=energy [J]; * for all other joints. 0 disables.",
-    ),
-    "energy.error": Spec(
-        [""], "Energies above which diagnostics report an error, as those of energy.warn [J]."
-    ),
-    **_COLLISION,
-    **_WRENCH,
-    **_LOAD,
-    **fixed(_DRIVER),
-    **fixed(_REACTION),
     **CONTACT,
     "contact_limits.warn_at": Spec(
         0.8,
@@ -271,7 +247,7 @@ PARAMETERS = {
     ),
     "publish_friction": Spec(False, "Whether state and coriolis contain damping and friction."),
     "max_rate": Spec(
-        ["*=0", *(f"{topic}={rate:g}" for topic, rate in _RATE_LIMITS.items())],
+        ["*=0", *(f"{topic}={rate:g}" for topic, rate in RATES.items() if rate)],
         "Maximum rates of topics, each as topic=rate [Hz]; * for all others, without it their "
         "defaults; 0: every state.",
     ),
