@@ -116,23 +116,31 @@ class ControllerSwitch:
 
     def _differences(self):
         """Return the controllers that are not in the state of the request."""
-        differences = []
-        for name in self._deactivate:
-            if self._states.get(name) == ACTIVE:
-                differences.append(f"controller '{name}' is {ACTIVE}; expected inactive")
-        for name in self._activate:
-            state = self._states.get(name, NOT_LOADED)
-            if state != ACTIVE:
-                differences.append(f"controller '{name}' is {state}; expected {ACTIVE}")
+        differences = [
+            f"controller '{name}' is {ACTIVE}; expected inactive"
+            for name in self._deactivate
+            if self._states.get(name) == ACTIVE
+        ]
+        states = {name: self._states.get(name, NOT_LOADED) for name in self._activate}
+        differences += [
+            f"controller '{name}' is {state}; expected {ACTIVE}"
+            for name, state in states.items()
+            if state != ACTIVE
+        ]
         return "; ".join(differences)
 
     def problem(self):
         """Return why a request would fail by the last states; empty if it would not."""
         if self._states is None:
             return f"no response of '{self._name}' yet"
-        problems = []
-        for name in (*self._deactivate, *self._activate):
-            state = self._states.get(name, NOT_LOADED)
-            if state == NOT_LOADED or (state == UNCONFIGURED and name in self._activate):
-                problems.append(f"controller '{name}' is {state}")
+        problems = [
+            f"controller '{name}' is {NOT_LOADED}"
+            for name in (*self._deactivate, *self._activate)
+            if name not in self._states
+        ]
+        problems += [
+            f"controller '{name}' is {UNCONFIGURED}"
+            for name in self._activate
+            if self._states.get(name) == UNCONFIGURED
+        ]
         return "; ".join(problems)

@@ -14,6 +14,7 @@ from geometry_msgs.msg import Inertia, Vector3, WrenchStamped
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.msg import (
     ContactLimits,
@@ -28,6 +29,7 @@ from diag_dynamics.msg import (
     WorkingMoments,
 )
 from diag_dynamics.msg import Load as LoadMessage
+from diag_dynamics.sweeps import evaluation
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.fields import (
@@ -97,6 +99,7 @@ class MessageMaker:
         self._model, self._frame = model, model.root_link
         self._texts = {topic: texts_of(topic, model, revision) for topic in TOPICS}
         self._dofs = self._texts["external_torque"]
+        self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
         """Return a message about a RobotState.
@@ -138,7 +141,13 @@ class MessageMaker:
 
     def _values(self, topic, names, s, state):
         """Return values by field of these names, and in a state its oldest stamp."""
-        values = evaluated_fields(names, s, state, s.epsilon is not None, friction=s.friction)
+        others = {"friction": s.friction}
+        if topic == "kinetic_energy":
+            energies = others["link_energy"] = self._link_energy
+            robot, links = self._workspace.robot, self._model.links
+            if not evaluation.link_energy(robot, links, s.rows, energies):
+                raise InputError("velocity is too large: the kinetic energy of a link overflows.")
+        values = evaluated_fields(names, s, state, s.epsilon is not None, **others)
         if topic == "state":
             values |= zip(OLDEST, divmod(state.oldest, SECOND), strict=True)
         return values
