@@ -33,7 +33,9 @@ class Robot:
         self.make_oracle = Oracle if free else Coupled
         self.oracle = self.make_oracle(self.urdf)
         self.names = self.oracle.dof_names
-        self.samples = robots.samples(id, self.oracle)
+        bounds = 3.0 * np.array(self.effort_limits())  # below those of implausible efforts
+        samples = robots.samples(id, self.oracle)
+        self.samples = [s._replace(tau=np.clip(s.tau, -bounds, bounds)) for s in samples]
         self.root = next(
             link.get("name")
             for link in self.oracle.xml.findall("link")
@@ -42,6 +44,15 @@ class Robot:
         )
         rng = np.random.default_rng(len(self.names))
         self.shuffled = tuple(rng.permutation(self.names).tolist())
+
+    def effort_limits(self):
+        """Return the effort limit of each degree of freedom; inf without one."""
+        limits = {
+            joint.get("name"): float(joint.find("limit").get("effort") or 0.0) or np.inf
+            for joint in self.oracle.xml.findall("joint")
+            if joint.find("limit") is not None
+        }
+        return [limits.get(name, np.inf) for name in self.names]
 
     def changed(self, urdf=None, **options):
         """Return the same robot by another description of the same joints, or with options of the oracle."""
