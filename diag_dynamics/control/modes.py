@@ -408,7 +408,10 @@ class RegulationMode(JointMode):
         missing = np.maximum(friction / FRICTION_ERROR - tracking, 0.0)
         stiffness = min(largest / square, 1.0) * tracking
         stiffness += np.minimum(missing, remaining * inertia)
-        law.stiffness = np.where(np.isinf(self._chosen), stiffness, self._chosen)
+        adapted = np.where(np.isinf(self._chosen), stiffness, self._chosen)
+        if not np.array_equal(adapted, law.stiffness):
+            law.stiffness = adapted
+            self.forget_rate()  # V of the last state has the stiffness from before
 
     @property
     def _spring(self):

@@ -11,12 +11,12 @@ import time
 
 import numpy as np
 import pytest
-from diag_dynamics.model.catalog import find_urdf
 
 import diag_dynamics as dd
 import page_fixture
 import recorded_arm
 from browser import Tab, browser
+from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of

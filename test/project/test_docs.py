@@ -87,7 +87,7 @@ def keys_in(path):
 MONITOR = (
     "input_statistics",
     "watches",
-    "external_torque",
+    "collisions",
     "monitored_robot",
     "monitor",
     "reaction",

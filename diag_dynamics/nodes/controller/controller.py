@@ -57,6 +57,7 @@ from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, conne
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
+    OK,
     WARN,
     RepeatLimit,
     Status,
@@ -540,9 +541,13 @@ class ControllerNode(ManagedNode):
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
+            status = status._replace(is_logged=self._phase_is_logged())
             if not reason:
-                return status._replace(is_logged=self._phase_is_logged())
-            reason = f"{status.message}; {reason}"
+                return status
+            message = f"{status.message}; {reason}"
+            log = f"{status.log or status.message}; {reason}"
+            logged = status.is_logged or status.level == OK  # the reason has a line of its own
+            return status._replace(level=ERROR, message=message, log=log, is_logged=logged)
         if reason:
             return Status("control", ERROR, reason, values, is_logged=True)
         waiting = self.phase == INACTIVE and not self._loop

@@ -32,6 +32,7 @@ class LiveAlarm:
     def use(self, names, thresholds):
         """Restart with other thresholds."""
         self._detector = Detector(names, thresholds)
+        self._hold_off = round(1e9 * thresholds.hold_off)  # [ns]
         self.limits = self._detector.limits
         self.reset()
 
@@ -40,6 +41,7 @@ class LiveAlarm:
         self._detector.reset()
         self._alarms = Alarms(self._detector)
         self.on = self.begins = self.starts = False
+        self._last_on = None  # stamp of the last state with an alarm
         self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
 
     def accept_state(self, stamps, r, torque, valid, norm, touched):
@@ -50,7 +52,10 @@ class LiveAlarm:
         was_on = self.on
         judged = self._detector.judge(stamps, r, torque, np.array([valid]))
         self.on, self.begins = bool(judged.alarm[0]), bool(judged.begins[0])
-        self.starts = self.begins and not was_on
+        recent = self._last_on is not None and stamps[0] - self._last_on <= self._hold_off
+        self.starts = self.begins and not (was_on or recent)
+        if self.on:
+            self._last_on = stamps[0]
         self.joints = judged.joints[0]
         self.count += self.begins
         if not self.on:
@@ -90,14 +95,14 @@ class CollisionWatch(Watch):
             observation.contact.of_names(model.dof_names, "contact.threshold")
             observation.covariance_of(model.dof_names)
         options = observation, settings.inputs._replace(stuck_timeout=0.0), link
-        before, self._options = self._options, options
         if observation is None:
             self.observer = None
             self._robot.load.use(dynamics, observation, "")
             self.forget()
-        elif self.observer is None or self._dynamics is not dynamics or before != options:
+        elif self.observer is None or self._dynamics is not dynamics or self._options != options:
+            self._robot.load.use(dynamics, observation, link)  # raises InputError
             self._restart(dynamics, observation)
-            self._robot.load.use(dynamics, observation, link)
+        self._options = options
         if settings.frames:
             dynamics.compile("wrench")
         if observation and observation.covariance:
@@ -180,10 +185,15 @@ class CollisionWatch(Watch):
         if seen.valid:  # components that an unknown effort changes have no alarm
             r, torque = np.nan_to_num(seen.residual), np.nan_to_num(seen.external_torque)
         r, torque = self._robot.load.remove(time, state, seen, r, torque)
+        is_partial = seen.valid and not seen.is_whole
+        if is_partial:
+            torque = np.where(np.isnan(seen.external_torque), 0.0, torque)
         self.seen, self._touched = seen, None
         self._position, self.contact_torque = state.position, torque
         columns = state.position, state.velocity, r, torque
         r, torque = self._zone.lower(stamps, *(column[None] for column in columns))
+        if is_partial:
+            r = np.where(np.isnan(seen.residual), 0.0, r)
         for alarm in (self.collision, self.contact):
             alarm.accept_state(stamps, r, torque, seen.valid, seen.norm, self._touched_row)
         self._count, self._valid = self._count + 1, self._valid + seen.valid
@@ -283,10 +293,11 @@ class LoadWatch(Watch):
 
     def use(self, dynamics, observation, link):
         """Restart with another model or other parameters."""
-        self.link, self.estimator = link, None
+        estimator = None
         if link:
             covariance = observation.covariance_of(dynamics.model.dof_names)
-            self.estimator = LoadEstimator(dynamics, link, observation.gain, covariance)
+            estimator = LoadEstimator(dynamics, link, observation.gain, covariance)
+        self.link, self.estimator = link, estimator
         self.forget()
 
     def use_gravity(self, dynamics):

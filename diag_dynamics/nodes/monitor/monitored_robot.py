@@ -327,7 +327,7 @@ class MonitoredRobot:
 def joint_names_of(values):
     """Return the JointNames of the parameter `joint_names`; None without entries."""
     entries = assignments("joint_names", values["joint_names"], kind=str)
-    return JointNames(entries, "parameter 'joint_names'") if entries else None
+    return JointNames(entries) if entries else None
 
 
 def _without_rotors(dynamics):
