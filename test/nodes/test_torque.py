@@ -12,6 +12,7 @@ from rclpy.exceptions import ParameterException
 import diag_dynamics as dd
 from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import Thresholds
+from diag_dynamics.nodes.monitor.collisions import LiveAlarm
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
 from diag_dynamics.parameters.files import parameters_of
 from nodes import MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
@@ -379,3 +380,17 @@ def test_limits_of_contact(monitor, panda, tmp_path):
                 assert "'nobody'" in entries["contact limits"].message
             levels.append(entries["contact limits"].level)
     assert levels == [OK, OK, WARN, WARN, WARN, OK, *[ERROR] * 4, WARN, OK] and alarms == [2, 6]
+
+
+def test_a_rise_within_the_hold_off_starts_no_alarm():
+    """An arm that bounces off has one alarm with two events."""
+    alarm, starts = LiveAlarm(), []
+    alarm.use(["elbow"], Thresholds({"elbow": 10.0}, hold_off=1.0))
+    for k in range(3000):
+        time = 1e-3 * k
+        torque = 40.0 * (0.1 <= time < 0.2) + 25.0 * (0.6 <= time < 0.7) + 40.0 * (time >= 2.5)
+        row = np.array([[torque]])
+        alarm.accept_state(np.array([k * MS]), row, row, True, torque, lambda: None)
+        if alarm.starts:
+            starts.append(time)
+    assert starts == [0.1, 2.5]
