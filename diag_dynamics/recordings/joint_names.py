@@ -143,7 +143,7 @@ def _find_entries(names, joints):
         targets = {joint[::step]: joint for joint in joints}
         turned = {name[::step]: name for name in names}
         entries = {}
-        for old, new in {_heads(*pair) for pair in product(turned, targets)} - {None}:
+        for old, new in sorted({_heads(*pair) for pair in product(turned, targets)} - {None}):
             rests = [text[len(old) :] for text in turned if text.startswith(old)]
             fitting = [rest for rest in rests if new + rest in targets]
             mapped = tuple((turned[old + rest], targets[new + rest]) for rest in fitting)

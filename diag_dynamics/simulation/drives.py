@@ -136,21 +136,21 @@ class Pushes(_Inputs):
 
 
 class Sensors:
-    """Sensors of all joints; the same states give the same errors.
+    """Sensors of all joints; the same states and seed give the same errors.
 
     `noise` is the standard deviation of white noise on position [rad, m], velocity [rad/s, m/s]
     and effort [N m, N]. `delay` is the simulated time from a state to its publication [s].
     """
 
-    def __init__(self, noise=(0.0, 0.0, 0.0), delay=0.0):
+    def __init__(self, noise=(0.0, 0.0, 0.0), delay=0.0, seed=0):
         if len(noise) != 3 or min(noise) < 0.0:
             raise InputError(f"parameter 'sensor_noise' is {list(noise)}, expected 3 numbers >= 0.")
-        self._noise, self._delay = noise, delay
+        self._noise, self._delay, self._seed = noise, delay, seed
         self.restart()
 
     def restart(self):
         """Restart the sequence of errors, and drop delayed measurements."""
-        self._random = np.random.default_rng(0)
+        self._random = np.random.default_rng(self._seed)
         self.forget()
 
     def forget(self):

@@ -30,7 +30,10 @@ def build(folder):
         f"{Path(folder).name}-pages"
     )  # what Sphinx has read, for the next time
     options = ["-q", "-n", "-W", "-b", "html", "-c", str(HERE), "-d", str(kept)]
-    return main([*options, str(ROOT), str(folder)])
+    status = main([*options, str(ROOT), str(folder)])
+    if status == 0:
+        print(Path(folder, "index.html").resolve())
+    return status
 
 
 if __name__ == "__main__":
