@@ -33,7 +33,7 @@ class Thresholds:
     ----------
     limits : mapping
         |m r| by joint [N m, N], ``*`` for all other joints, ``total`` for ‖m r‖ of all joints [N m]
-        and ``norm`` for |r| [J^½/s]. What is missing, or inf, has no threshold.
+        and ``norm`` for |r| [J^½/s]. A missing entry, or inf, is no threshold.
     release : float
         Fraction of its threshold below which a detector releases.
     hold_off : float

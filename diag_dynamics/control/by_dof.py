@@ -52,7 +52,7 @@ def command_order(entries, names, complete=True):
 
 
 def require_same_joints(joints, executed, controller):
-    """Raise InputError if the order of commands differs from that which an effort controller executes."""
+    """Raise InputError if commands are in another order than those of the effort controller."""
     if list(joints) != list(executed):
         order = ", ".join(executed)
         raise InputError(

@@ -326,7 +326,7 @@ def _reject_unknown(
 
 
 def _reject_inflexible(name: str, description: Description) -> None:
-    """Reject a spring at what is no joint of one degree of freedom."""
+    """Reject a spring of a joint without exactly one degree of freedom."""
     if name not in description.joints:
         raise InputError(
             f"flexible_joints: '{name}' is no joint of robot '{description.name}', "

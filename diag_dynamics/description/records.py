@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Description of a robot as records: links, joints and loops, whatever file they come from."""
+"""Description of a robot as records: links, joints and loops of a URDF or an MJCF."""
 
 from __future__ import annotations
 

@@ -207,7 +207,7 @@ def parse_urdf(text: str, comments: bool = False) -> Any:
             )
     if robot is None:
         raise UrdfError("The URDF is not well-formed XML: it has no element.")
-    if robot.getroottree().docinfo.internalDTD is not None:  # whatever stood before it in the text
+    if robot.getroottree().docinfo.internalDTD is not None:  # also behind comments
         raise UrdfError(
             "The URDF has a DOCTYPE, which is not accepted: entities are never expanded."
         )
@@ -306,7 +306,7 @@ class _Reduced:
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
-        if kind == "planar" and copy.find("axis") is None:  # whatever the default of other joints
+        if kind == "planar" and copy.find("axis") is None:  # its default differs
             etree.SubElement(copy, "axis", xyz="0 0 1")
         self._element.append(copy)
 

@@ -104,7 +104,7 @@ class Top(Node):
         return any(robot.peaks for robot in self._robots.values())
 
     def accept_progress(self, text):
-        """Store what is compiled; any thread may call it."""
+        """Store the name of the function in compilation; any thread may call it."""
         self._progress = f" ({text})"
 
     def _find_robots(self):

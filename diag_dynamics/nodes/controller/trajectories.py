@@ -150,7 +150,7 @@ class Trajectories:
         )
 
     def publish_state(self, status):
-        """Publish the controller state of a ControllerStatus, if somebody receives it."""
+        """Publish the controller state of a ControllerStatus if the topic has a subscriber."""
         if not self.receivers:
             return
         message = JointTrajectoryControllerState(
