@@ -26,8 +26,6 @@ from controllers import (
     pose_of,
     trajectory,
 )
-from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.controller import received
 from nodes import UR5, S, nanoseconds, robot
 
 NAMES = robot(UR5).names
@@ -304,12 +302,3 @@ def test_deactivation_aborts_and_cleanup_removes_the_action(arm):
     assert handle.state == "aborted" and "deactivated" in handle.result().error_string
     assert action.send(to_goal()) is None and not action.destroyed
     assert arm.peer.transition(arm.name, "cleanup") and action.destroyed
-
-
-@pytest.mark.parametrize("stamp", [(-1, 0), (100, 1_000_000_000)], ids=["negative", "nanoseconds"])
-def test_stamp_that_is_no_time(stamp):
-    """A negative stamp would start at once, and nanoseconds of a second later than stated."""
-    message = trajectory([(1.0, GOAL)], NAMES)
-    message.header.stamp.sec, message.header.stamp.nanosec = stamp
-    with pytest.raises(InputError, match=r"trajectory\.header\.stamp is .* expected a time"):
-        received.trajectory(message, NAMES, START)
