@@ -9,17 +9,17 @@ import diag_dynamics as dd
 
 model = dd.load_robot("panda")
 dyn = dd.DiagonalDynamics(model)
-middle = np.clip(
-    model.neutral, 0.9 * model.lower + 0.1 * model.upper, 0.1 * model.lower + 0.9 * model.upper
-)
+middle = 0.5 * (model.lower + model.upper)
+amplitude = np.minimum(0.1, 0.4 * (model.upper - model.lower))  # the fingers have 0.04 m
 simulation = dd.Simulation(model, q=middle)
 law = dd.JointTracking(dyn, gain=20.0, convergence=5.0)
-limits = dd.Limits(dyn, energy_limit=0.5)
+limits = dd.Limits(dyn, energy_limit=0.1)  # [J]
 
 largest = 0.0
 for _ in range(2000):
     t = simulation.time
-    target, rate = middle + 0.1 * np.sin(2 * t), 0.2 * np.cos(2 * t) * np.ones(model.nv)
+    target = middle + amplitude * np.sin(2 * t)
+    rate = 2 * amplitude * np.cos(2 * t)
     command = law.command(simulation.q, simulation.qd, target, rate)
     limited = limits.filter(simulation.q, simulation.qd, command, simulation.step_size)
     simulation.advance(limited.effort)

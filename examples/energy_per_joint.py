@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kinetic energy of a moving arm, split by total joint rate and by link."""
+"""Kinetic energy of a moving arm, by joint and by link."""
 
 import diag_dynamics as dd
 
@@ -12,10 +12,8 @@ q = dict.fromkeys(model.dof_names, 0.1) | {"panda_joint4": -1.5}
 qd = dict.fromkeys(model.dof_names, 0.0) | {"panda_joint1": 1.0, "panda_joint2": -0.5}
 
 s = dyn.evaluate(q, qd)
+joint, link = s.energy_share.argmax(), s.link_energy.argmax()
 print(
-    f"K = {s.kinetic_energy:.4f} J; |νᵀC| = {abs(s.nu @ s.coriolis):.1e}: the Coriolis term does no work"
+    f"K = {s.kinetic_energy:.3f} J, most of it in {model.dof_names[joint]} "
+    f"({s.energy_share[joint]:.3f} J) and in {model.link_names[link]} ({s.link_energy[link]:.3f} J)"
 )
-for name, share in zip(model.dof_names, s.energy_share, strict=True):
-    print(f"  {name:22}{share:8.4f} J  {100 * share / s.kinetic_energy:5.1f} %")
-heaviest = max(zip(s.link_energy, model.link_names, strict=True))
-print(f"most of it moves with the link {heaviest[1]}: {heaviest[0]:.4f} J")

@@ -13,8 +13,11 @@ q, qd, tau = model.random(2), np.ones(model.nv), np.arange(model.nv, dtype=float
 
 f, M = dyn.factors(q), dyn.mass_matrix(q)
 s = dyn.evaluate(q, qd, tau)
-print("|M − m mᵀ|           ", np.abs(M - f.m @ f.m.T).max())
-print("|M − unit D unitᵀ|   ", np.abs(M - f.unit @ np.diag(f.D) @ f.unit.T).max())
-print("|ℓ m − 1|            ", np.abs(f.l @ f.m - np.eye(model.nv)).max())
-print("|ν − mᵀq̇|            ", np.abs(s.nu - f.m.T @ qd).max())
-print("|ν̇ + C + ε_g − ε|    ", np.abs(s.nu_dot + s.coriolis + s.gravity - s.epsilon).max())
+residuals = {
+    "M − m mᵀ": M - f.m @ f.m.T,
+    "M − unit D unitᵀ": M - f.unit @ np.diag(f.D) @ f.unit.T,
+    "ℓ m − 1": f.l @ f.m - np.eye(model.nv),
+    "ν − mᵀq̇": s.nu - f.m.T @ qd,
+    "ν̇ + C + ε_g − ε": s.nu_dot + s.coriolis + s.gravity - s.epsilon,
+}
+print("; ".join(f"|{name}| {np.abs(residual).max():.1e}" for name, residual in residuals.items()))

@@ -14,7 +14,8 @@ amplitude = np.array([8.0, 6.0, 5.0, 4.0, 1.0, 1.0, 0.5, 0.0])  # of efforts [N 
 frequency = np.array([2.1, 2.6, 3.3, 2.9, 4.0, 5.0, 6.0, 0.0])  # [rad/s]
 
 # A recording; here of a simulated arm that something pushes for a while, written as a table.
-simulation, rows = dd.Simulation(model, q=[0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]), []
+simulation = dd.Simulation(model, q=[0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02])
+rows = []
 for k in range(6000):
     q, qd, time = simulation.q, simulation.qd, 1e-3 * k
     swing = amplitude * np.sin(frequency * time)
@@ -31,13 +32,9 @@ names = [
 np.savetxt("swing.csv", rows, delimiter=",", header=",".join(names), comments="")
 recording = dd.read_recording("swing.csv", model)
 
-try:
-    dd.plot.energy(recording).figure.savefig("energy.png")
-    dd.plot.balance(recording).savefig("balance.png")
-    dd.plot.external_torque(recording, {"*": 3.0}).savefig("external_torque.png")
-    dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000]).figure.savefig(
-        "ellipsoid.png"
-    )
-    print(recording, "as energy.png, balance.png, external_torque.png, ellipsoid.png")
-except dd.InputError as error:  # without matplotlib
-    print(error)
+dd.plot.energy(recording).figure.savefig("energy.png")
+dd.plot.balance(recording).savefig("balance.png")
+dd.plot.external_torque(recording, {"*": 3.0}).savefig("external_torque.png")
+push = dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000])
+push.figure.savefig("ellipsoid.png")
+print(recording, "as energy.png, balance.png, external_torque.png, ellipsoid.png")

@@ -7,9 +7,6 @@ import diag_dynamics as dd
 
 model = dd.load_robot("panda")
 simulation = dd.Simulation(model)
-for _ in range(10):
-    simulation.advance(steps=100)
-    print(
-        f"{simulation.time:.1f} s  q₂ = {simulation.q[1]:+.3f} rad  K = {0.5 * simulation.nu @ simulation.nu:7.3f} J"
-    )
-print(simulation.audit)
+simulation.advance(steps=1000)
+K = 0.5 * simulation.nu @ simulation.nu
+print(f"{simulation.time:.1f} s: q = {simulation.q.round(3)}, K = {K:.3f} J; {simulation.audit}")
