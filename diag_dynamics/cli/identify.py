@@ -14,7 +14,7 @@ from diag_dynamics.description.text import read_text
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.report import write_report
-from diag_dynamics.identification.result import without_impossible_links
+from diag_dynamics.identification.result import require_masses
 from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
 from diag_dynamics.recordings.balance import MIN_EXPLAINED
@@ -87,43 +87,38 @@ def run(chosen):
         )
         steps = [name.strip() for name in chosen.what.split(",")]
         result = identify(loaded, model, steps, reference=unloaded or None)
-        shared = _write_parameters(chosen, result, parameters.get("parameters_file"), robot)
+        _write_parameters(chosen, result, parameters.get("parameters_file"), robot)
         if chosen.report:
             write_report(chosen.report, result)
         quality = result.quality
-        write(quality | {"shared": shared})
+        write(quality)
     if not chosen.quiet and chosen.json != "-":
         print("\n".join(map(plain, format_summary(result))))
-        _report_outputs(chosen, shared)
+        _report_outputs(chosen)
     share = quality["explained"][1]
     is_good = bool(quality["taken"]) if share is None else share >= MIN_EXPLAINED
     return DONE if is_good and quality["efforts_judged"] else DOUBTFUL
 
 
 def _write_parameters(chosen, result, earlier, robot):
-    """Write parameters and URDF; return the links that share a payload in the latter."""
+    """Write parameters and URDF."""
     parameters = result.parameters
     if earlier:  # the model has them
         parameters = Parameters.load(earlier).merged_with(parameters)
     if chosen.output:
         parameters.save(chosen.output)
     if not chosen.write_urdf:
-        return []
+        return
+    require_masses(result.model, parameters.payloads)
     source = robot
     if source is None:
         source = open_source(chosen.recording[0], chosen.columns, chosen.topic).description()
-    possible, shared = without_impossible_links(result.model, parameters)
-    text = urdf_with(read_text(source), possible)
+    text = urdf_with(read_text(source), parameters)
     write_text(chosen.write_urdf, f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
-    return shared
 
 
-def _report_outputs(chosen, shared):
+def _report_outputs(chosen):
     common.report_written(chosen.output, chosen.write_urdf, chosen.report, chosen.json)
-    if shared:
-        text = f"In {chosen.write_urdf} the links {', '.join(shared)} share their remaining inertia"
-        reason = "no single link has the mass that the payload subtracts"
-        print(plain(f"{text}: {reason}."), file=sys.stderr)
     if not chosen.output:
         print("The parameters were not saved. Give -o ARM.yaml.", file=sys.stderr)
 

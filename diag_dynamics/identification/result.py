@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.regressors import FRICTION, LOAD, PARAMETERS, ROOT
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
@@ -120,15 +120,14 @@ def deviations_of(layout, free, fit, fits):
     return {name: numbers for name, numbers in deviations.items() if numbers}
 
 
-def _split_body(model, body, whole, written=None):
-    """Return inertias of a body's links, given the body's; payloads in `written` become part of the links."""
+def _split_body(model, body, whole):
+    """Return inertias of a body's links, given the body's."""
     links, names, parts, places = {}, [], [], []
     for record in model.links[model.links["body"] == body]:
         link = model.link_names[record["index"]]
         _, placement = model.placement_in_body(link)
         carried = _carried(model.payloads.get(link), placement)
         own, whole = inertias.parameters_of_record(record) - carried, whole - carried
-        own = own - _carried((written or {}).get(link), placement)
         if own[0] > 0.0:
             names.append(link)
             parts.append(inertias.floored(own))
@@ -149,36 +148,15 @@ def _carried(payload, placement):
     )
 
 
-def without_impossible_links(model, parameters):
-    """Return parameters for a URDF whose links are all physical, and the names of changed links.
-
-    Where a payload subtracts more than its link has, the links that move with it share the rest.
-    """
-    records = {model.link_names[record["index"]]: record for record in model.links}
-    links, payloads, shared = dict(parameters.links), dict(parameters.payloads), []
-    for link, payload in parameters.payloads.items():
-        if link not in records or link not in payloads:
-            continue
-        body, (_, placement) = records[link]["body"], model.placement_in_body(link)
-        parameters_now = inertias.parameters_of_record(records[link]) - _carried(
-            model.payloads.get(link), placement
-        )
-        before = parameters_now - _carried(payload, placement)
-        whole = sum(
-            inertias.parameters_of_record(one) for one in records.values() if one["body"] == body
-        )
-        if (
-            not inertias.is_physical(parameters_now)
-            and inertias.is_physical(before)
-            and inertias.is_physical(whole)
-        ):
-            divided = _split_body(model, body, whole, payloads)
-            links |= divided
-            shared += divided
-            payloads = {
-                name: one for name, one in payloads.items() if records[name]["body"] != body
-            }
-    return replace(parameters, links=links, payloads=payloads), shared
+def require_masses(model, payloads):
+    """Reject payloads that leave their links a negative mass, which a URDF cannot have."""
+    for record in model.links:
+        link, mass = model.link_names[record["index"]], float(record["mass"])
+        if mass < 0.0 and link in payloads:
+            raise InputError(
+                f"payload of '{link}' is {payloads[link].mass:.3g} kg, which leaves {mass:.3g} kg; "
+                "expected a mass >= 0 for --write-urdf. Use -o ARM.yaml."
+            )
 
 
 def payload_certainty(layout, fit, fits):
