@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import DiagDynamicsError, InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.dataset import MAX_VALUES, Dataset, list_recordings
 from diag_dynamics.identification.fit import Carrier, ConvergenceError
 from diag_dynamics.identification.gains import (
@@ -37,7 +37,6 @@ from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import PAYLOAD, STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
-from diag_dynamics.recordings.data_checks import end_links
 from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.recording import Recording
 
@@ -49,7 +48,6 @@ MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = (
     12,
     1.0,
 )  # of cross-validation, and their length if more: six time constants [s]
-UNASKED_GAIN = 0.3  # gain from which an unasked payload is named
 
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
 """Velocity [rad/s], time above it each way [s], and range [rad] of a joint that moves enough."""
@@ -127,10 +125,8 @@ def identify(
             "Load the model without flexible_joints."
         )
     require_single_joints(model)
-    links = asked or end_links(model)
-    payloads = [Carrier(link, *model.placement_in_body(link)) for link in links]
-    data = FitData(model, payloads, recordings, reference, "gains" in names, asked)
-    payload = payloads[0] if asked else None
+    payload = next((Carrier(link, *model.placement_in_body(link)) for link in asked), None)
+    data = FitData(model, payload, recordings, reference, "gains" in names, asked)
     try:
         selection = Selection(model, steps, payload, data)
     except ConvergenceError as error:
@@ -148,8 +144,6 @@ def identify(
     parameters = parameters_of(selection.layout, last.x, free, _origin(model, data, quality))
     if data.gains is not None:
         parameters = parameters.with_effort_scale(effort_scale(model, data.gains[0]))
-    if not asked and "inertias" not in selection.taken:
-        quality["warnings"] += _warn_of_payload(selection, payloads)
     return Identification(model.with_parameters(parameters), parameters, quality, curves)
 
 
@@ -168,8 +162,8 @@ class FitData:
     that have efforts there (bool).
     """
 
-    def __init__(self, model, payloads, recordings, reference, with_gains, masses):
-        self.regressors = Regressors(model, [payload.body for payload in payloads])
+    def __init__(self, model, payload, recordings, reference, with_gains, masses):
+        self.regressors = Regressors(model, [payload.body] if payload else [])
         loaded = list_recordings("recordings", recordings)
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
@@ -298,24 +292,6 @@ def _in_order(datasets):
         for one in sorted(datasets, key=lambda one: one.key)
         for segment in one.segments
     ]
-
-
-def _warn_of_payload(selection, payloads):
-    """Return a warning of the payload at an end of the robot that would explain much of the residual that is left."""
-    best, warnings = (1.0 - UNASKED_GAIN) * selection.score, []
-    for payload in payloads:
-        try:
-            mass, score = selection.with_payload(payload)
-        except DiagDynamicsError:
-            continue
-        if score < best:
-            best = score
-            warnings = [
-                f"a payload of {mass:+.2g} kg at '{payload.link}' would reduce the held-out residual by "
-                f"{1.0 - best / selection.score:.0%}. If the robot carries or lacks a tool there, add payload:{payload.link} "
-                "to what, otherwise inertias"
-            ]
-    return warnings
 
 
 def _origin(model, data, quality):

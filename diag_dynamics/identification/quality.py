@@ -282,7 +282,8 @@ def _warnings(quality, without_reference, nothing):
         )
     if share[1] is not None and share[1] < MIN_EXPLAINED and not nothing:
         warnings.append(
-            f"the identified model explains {share[1]:.2f} of the variance of dK/dt; expected at least {MIN_EXPLAINED:g}"
+            f"the identified model explains {share[1]:.2f} of the variance of dK/dt; expected at least "
+            f"{MIN_EXPLAINED:g}. If the robot carries or lacks a tool, add payload:LINK to what"
         )
     if nothing:
         warnings.append(

@@ -173,16 +173,6 @@ class Selection:
             masses.append((float(fit.x[mass]), float(np.sqrt(variance))))
         return masses
 
-    def with_payload(self, payload):
-        """Return mass and score of a payload that is fitted beside the steps that were taken."""
-        trial = copy.copy(self)
-        trial.layout = Layout(self._model, self._data.regressors, payload)
-        trial.layout.without_rotors = self.layout.without_rotors
-        if self.layout.without_rotors:
-            trial.layout.known[trial.layout.own(ROTOR)] = 0.0
-        trial.fits, trial.squares = trial.cross_validate(trial.free(self.taken))
-        return trial.fits[:, trial.layout.robot].mean(), trial.score
-
     def named(self, steps):
         """Return names of steps, gains and the payload first."""
         first = ["gains"] * (self._data.gains is not None) + [
