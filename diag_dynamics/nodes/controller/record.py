@@ -39,7 +39,7 @@ class Record:
         self.counts, self._told = Counter(), Counter()
         self._last_refusal = self._last_hold = ""
         self._largest_gap, self._smallest_scale = 0.0, 1.0
-        self._link_above = ""  # whose contact energy was the last one above its limit
+        self._worst_contact = 0.0, ""  # largest energy above its limit [J], and its link
         self.begin()
 
     def begin(self):
@@ -69,7 +69,7 @@ class Record:
         seen = loop.limits.contact and loop.limits.contact.seen
         if seen and sent.command and seen.energy > seen.limit * ROUNDING:
             self.counts[_ABOVE] += 1
-            self._link_above = seen.link
+            self._worst_contact = max(self._worst_contact, (seen.energy - seen.limit, seen.link))
 
     def take_recent(self):
         """Return the counts since the last call."""
@@ -108,11 +108,13 @@ class Record:
             **values,
         }
         if recent[_ABOVE]:
-            above = f"{_ABOVE} at '{self._link_above}' (external push, or effort limits)"
+            link = self._worst_contact[1]
+            above = f"{_ABOVE} at '{link}' (external push, or effort limits)"
             problems = [*problems, above]
         if recent["stalls"]:
             problems = ["gaps between commands beyond max_state_age", *problems]
         self._largest_gap, self._smallest_scale = 0.0, 1.0
+        self._worst_contact = 0.0, ""
         good = "limited" if recent["commands limited"] else "within limits"
         return problem_status("commands", problems, good, values)
 
