@@ -84,6 +84,22 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     assert monitor.next_report().entries[TORQUE].level == WARN
 
 
+@pytest.mark.parametrize(
+    "monitor", [{"collision.threshold": ["total=5", "norm=5"]}], indirect=True
+)
+def test_an_unknown_effort_with_a_load(monitor):
+    """The joint without effort gets no torque of the load: no collision, but a push is one."""
+    feed(monitor, map(LOADED, range(900)))
+    assert monitor.load.messages[-1].is_load
+    unknown = np.where(np.arange(len(NAMES)) == NAMES.index("panda_joint2"), np.nan, 0.0)
+    push = 30.0 * (np.array(NAMES) == "panda_joint4")
+    for count, force, collides in ((60, 0.0, False), (30, push, True)):
+        states = [LOADED(900 + k) for k in range(count)]
+        messages = feed(monitor, [(q, qd, tau - force + unknown) for q, qd, tau in states])
+        assert any(message.collision for message in messages) == collides
+        assert messages[-1].valid and np.isnan(messages[-1].external_torque[1])
+
+
 @pytest.mark.full
 def test_accept_and_reset(monitor):
     """After acceptance the model explains the efforts; put down, the load is negative; reset restores."""
