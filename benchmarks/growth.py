@@ -35,7 +35,6 @@ def calls(dyn):
         "m_rate_transposed_times": lambda: dyn.m_rate_transposed_times(q, qd, tau),
         "coriolis_bracket_times": lambda: dyn.coriolis_bracket_times(q, qd, tau),
         "coriolis_matrix_times": lambda: dyn.coriolis_matrix_times(q, qd, tau),
-        "mass_matrix_rate_times": lambda: dyn.mass_matrix_rate_times(q, qd, tau),
         "log_det_rate": lambda: dyn.log_det_rate(q, qd),
         "wrench_factor": lambda: dyn.wrench_factor(q, tip),
     }

@@ -41,7 +41,6 @@ METHODS = {
     derivatives.coriolis_bracket_times: "coriolis_bracket_times",
     derivatives.coriolis_matrix_times: "coriolis_matrix_times",
     derivatives.mass_matrix_rate: "mass_matrix_rate",
-    derivatives.mass_matrix_rate_times: "mass_matrix_rate_times",
     derivatives.articulated_inertias: "log_det log_det_rate",
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
     kinematics.jacobian: "jacobian",

@@ -419,11 +419,6 @@ class DiagonalDynamics:
         self._caller.check(status, at)
         return M_rate
 
-    def mass_matrix_rate_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
-        """Return Ṁx [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N) (Identity 6.3)."""
-        at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.mass_matrix_rate_times, at)
-
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
         D, _ = self._caller.articulated_inertias(self._arguments.one(q, qd=self._zero))

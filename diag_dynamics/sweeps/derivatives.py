@@ -79,42 +79,6 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     return 0 if joints.are_finite(flat(M_rate)) else -1
 
 
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def mass_matrix_rate_times(robot, q, qd, x, result):
-    """Ṁx: the rate of the momenta M x while x is constant, in an outward and an inward sweep."""
-    bodies, _, work, _ = ws.opened(robot)
-    status = _initialize(bodies, q, qd, work)
-    if status != 0:
-        return status
-    if not joints.are_finite(x):
-        return -1
-    joints.set_base_at_rest(work)
-    for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
-        _propagate_rates(bodies, i, qd, x, work)
-        records.set_force(w.y, joints.momentum(body, records.motion_of(w.W)))
-        records.set_force(w.z, joints.momentum(body, records.motion_of(w.W_rate)))
-    ws.clear(result)
-    for i in range(len(bodies) - 1, 0, -1):
-        body, w = bodies[i], work[i]
-        h, rate = records.force_of(w.y), records.force_of(w.z)
-        result[body.dof] += w.multiplier * sp.along(body.direction, rate)
-        result[body.dof] += w.multiplier_rate * sp.along(body.direction, h)
-        if body.armature != 0.0:
-            first = joints.turning(bodies, i)
-            spin, changing = (
-                joints.joint_rate(bodies, first, x, work),
-                joints.ratio_rate(bodies, first, x, work),
-            )
-            result[body.dof] += body.armature * (w.multiplier_rate * spin + w.multiplier * changing)
-        if body.parent > 0:
-            records.add_to_force(
-                work[body.parent].z, groups.rate_inboard(bodies, i, qd, work, h, rate)
-            )
-            records.add_to_force(work[body.parent].y, joints.force_inboard(body, w, h))
-    return 0 if joints.are_finite(result) else -1
-
-
 @nk.kernel
 def _two_velocity_force(body, V, W):
     """b_x = ½[W ×* IV + V ×* IW + I(V × W)], bilinear, V ×* IV where W is V."""

@@ -156,7 +156,7 @@ def partials(c: Case) -> np.ndarray:
 def test_lagrange_equations(c):
     """(2.1): C(θ, θ') = M'θ' − ½ θ'*M_θθ' and Mθ'' + C = T, gravity aside; C is coriolis_torque."""
     unit = c.unit
-    first = c.dyn.mass_matrix_rate_times(c.t.q, c.t.qd, c.t.qd)
+    first = c.dyn.mass_matrix_rate(c.t.q, c.t.qd) @ c.t.qd
     second = 0.5 * np.einsum("j,ijk,k->i", c.t.qd, partials(c), c.t.qd)
     scale = norm(first / unit) + norm(second / unit) + norm(c.t.qd) * norm(c.t.nu)
     for bias in (c.dyn.coriolis_torque(c.t.q, c.t.qd), c.t.c):

@@ -120,12 +120,8 @@ def everything(dyn, sample) -> dict:
         **{name: getattr(dyn, name)(q, tau) for name in ("epsilon_from_tau", "tau_from_epsilon")},
         **{name: getattr(dyn, name)(q, qd) for name in ("nu_from_qd", "qd_from_nu")},
         **{
-            name: getattr(dyn, name)(q, qd, qdd)
-            for name in ("m_rate_transposed_times", "coriolis_bracket_times")
-        },
-        **{
-            name: getattr(dyn, name)(q, qd, qdd)
-            for name in ("mass_matrix_rate_times", "coriolis_matrix_times")
+            f"{name}_times": getattr(dyn, f"{name}_times")(q, qd, qdd)
+            for name in ("m_rate_transposed", "coriolis_bracket", "coriolis_matrix")
         },
         "momentum": np.concatenate(dyn.momentum(q, qd)),
         "forward_dynamics": dyn.forward_dynamics(q, qd, tau),
