@@ -53,7 +53,7 @@ class InertiaWarning(ModelWarning):
 
 
 class LoopWarning(ModelWarning):
-    """A closed loop is nearly singular for its independent joints, or at the start for a motor."""
+    """A closed loop or a ball joint is nearly singular, or the start is a dead point of a motor."""
 
 
 class LoopError(UrdfError):

@@ -549,7 +549,7 @@ def diagnostic_tables(node):
 
 def checks_table(_):
     """Table of the checks of `diag-dynamics inspect`: the first sentence of each docstring."""
-    rows = [("`loading`", "errors of the library")]
+    rows = [("`loading`", "errors, and warnings about the start of loops and ball joints")]
     for check in (*OF_XML, *OF_MOTION):
         finds = check.__doc__.split("\n\n")[0].removeprefix("Find ").removesuffix(".")
         rows.append((f"`{check.__name__}`", cell(" ".join(finds.split()))))

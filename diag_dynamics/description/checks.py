@@ -49,6 +49,7 @@ LINKS = {
         "Correct the inertia in the URDF.",
     ),
     "rejected": Check("error", "", "{}", ""),
+    "start": Check("warning", "", "{}", ""),
     "omitted": Check(
         "note",
         "",
@@ -329,12 +330,12 @@ def warn_of_inertias(description: Description, ignored: Sequence[str]) -> None:
             )
 
 
-_handler: ContextVar[Callable[[str], object] | None] = ContextVar("handler", default=None)
+_handler: ContextVar[Callable[[ModelWarning], object] | None] = ContextVar("handler", default=None)
 
 
 @contextmanager
-def handle_warnings(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call `handler` with the text of each ModelWarning in this context.
+def handle_warnings(handler: Callable[[ModelWarning], object]) -> Iterator[None]:
+    """Call `handler` with each ModelWarning in this context.
 
     Python's warnings are shared by threads.
     """
@@ -348,6 +349,6 @@ def handle_warnings(handler: Callable[[str], object]) -> Iterator[None]:
 def warn(text: str, category: type[ModelWarning] = ModelWarning, stacklevel: int = 3) -> None:
     """Warn of a robot's file by the function of :func:`handle_warnings`, or by Python's own warning."""
     if handler := _handler.get():
-        handler(text)
+        handler(category(text))
     else:
         warnings.warn(text, category, stacklevel=stacklevel)

@@ -237,7 +237,8 @@ def _reject_unsupported(c: _Compiled) -> None:
     ):
         if which:
             raise UnsupportedError(
-                f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported."
+                f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported. "
+                "Set its armature to zero in the file."
             )
     coupled = set[int]()
     for e in c.equalities:

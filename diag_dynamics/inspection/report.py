@@ -172,8 +172,11 @@ def _load(
     model, rows = None, list[Any]()
     for _ in range(3):
         try:
-            with handle_warnings(lambda text: None):  # possible_inertias reports them
+            warnings: list[exceptions.ModelWarning] = []  # checks of the XML repeat most of them
+            with handle_warnings(warnings.append):
                 model = load(**options)
+            of_start = [x for x in warnings if isinstance(x, exceptions.LoopWarning)]
+            rows += [("start", None, 0.0, str(warning)) for warning in of_start]
             return model, Motion(model) if model.nv else None, rows
         except exceptions.MasslessLinkError as error:
             D = zip(error.joints, error.articulated_inertia, strict=True)

@@ -23,7 +23,7 @@ from diag_dynamics.description.parameters import Parameters, read_parameters, wi
 from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.description.urdf import MAX_JOINTS, describe_urdf
-from diag_dynamics.exceptions import InertiaWarning, InputError
+from diag_dynamics.exceptions import InertiaWarning, InputError, LoopWarning
 from diag_dynamics.model.flexible_links import read_flexible_links, with_flexible_links
 from diag_dynamics.model.options import (
     MAX_COUPLED,
@@ -212,6 +212,7 @@ def _warn_of_balls(model: RobotModel) -> None:
             f"ball joint '{name}' of robot '{model.name}' is at {np.degrees(angle):.3g}° about "
             "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
             "its body in the file.",
+            LoopWarning,
             stacklevel=5,
         )
 
@@ -271,7 +272,10 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     Warns
     -----
     ModelWarning
-        Forces are omitted, or the start is within 10° of the singularity of a ball joint's hinges.
+        Forces are omitted.
+    LoopWarning
+        The start is within 10° of the singularity of a ball joint's hinges. `inspect` and `analyse`
+        name these, too; nodes do not read an MJCF.
     """
     for name in OPTIONS:
         if name in options:

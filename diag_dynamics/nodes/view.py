@@ -317,7 +317,7 @@ class RobotSubscription:
         source = (
             description if values["robot_description"] else description.encode(errors="replace")
         )
-        with handle_warnings(lambda text: None):  # the monitor logs them
+        with handle_warnings(lambda warning: None):  # the monitor logs them
             text, difference = read_text(source), ""
             try:
                 model = model_of(text, values)

@@ -410,7 +410,7 @@ def with_tendon(attributes, kind="fixed"):
 
 
 UNSUPPORTED = {
-    "ball": (OTHER, '<joint name="other" type="ball" armature="0.1"/>', "joint 'other'"),
+    "ball": (OTHER, '<joint name="other" type="ball" armature="0.1"/>', "joint 'other' .* to zero"),
     "one joint twice": (END, f"<equality>{TWICE}</equality>{END}", "equality 'e2'"),
     "equality of a tendon": (
         END,

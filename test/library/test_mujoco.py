@@ -13,6 +13,7 @@ from test_loops import ratios
 
 import diag_dynamics as dd
 from accuracy import assert_close
+from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.recordings.quality import Quality
 from engines import SCENES, Mujoco, by_mujoco, by_pinocchio, distance, ours, scene
 from examples import some_of
@@ -187,13 +188,18 @@ fromto="0 0 0 .4 0 0"/></body></body><body name="rocker" pos=".4 0 0"><joint nam
 
 
 @pytest.mark.parametrize(("angle", "is_near"), [(1.45, True), (1.35, False)])
-def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near):
+def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near, tmp_path):
     """The rod of a parallelogram stays level while the crank turns."""
-    start = {"motor": -angle, "rod_y": angle, "rocker": -angle}
+    loops = [{"name": "bar", "start": {"motor": -angle, "rod_y": angle, "rocker": -angle}}]
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
+        dd.load_mjcf(PARALLEL, loops=loops)
     assert ["singular at ±90°" in str(one.message) for one in caught] == [True] * is_near
+    path = tmp_path / "parallel.xml"
+    path.write_text(PARALLEL)
+    report = inspect_robot(path, loops=loops)
+    assert report.checks["loading"] == ("warning" if is_near else "ok")
+    assert ["singular at ±90°" in finding.what for finding in report.findings] == [True] * is_near
 
 
 def test_recording_near_the_singularity_of_hinges():

@@ -84,8 +84,8 @@ def load_robot(node, description, values):
         node.get_logger().info(shortened(text))
     with handle_warnings(warnings.append):
         model = model_of(description, values)
-    for text in warnings[:MAX_WARNINGS]:
-        node.get_logger().warning(shortened(text))
+    for warning in warnings[:MAX_WARNINGS]:
+        node.get_logger().warning(str(warning))
     if len(warnings) > MAX_WARNINGS:
         node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more warnings about this robot.")
     return model
