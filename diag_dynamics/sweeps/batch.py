@@ -7,7 +7,8 @@ Each body has a row of memory, records.LANES, in which the numbers of WIDTH stat
 other. The loop over the states in a step reads and writes the row of its body alone, at distances
 that the compiler knows: LLVM makes vector instructions of it. Loops of their own copy the parent's
 motion and add to its inertias and forces. The steps are those of one state, and no operation is
-reordered: results have the bits of single calls. Groups are eliminated state by state.
+reordered: results have the bits of single calls, except those of closed loops, whose closing starts
+at the last state. Groups are eliminated state by state.
 
 Each entry returns `end`, or the first of WIDTH states of which at least one failed: results end
 there.
