@@ -13,7 +13,6 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.optional import require
 from diag_dynamics.sweeps import evaluation
 from diag_dynamics.sweeps import workspace as ws
 
@@ -201,12 +200,6 @@ class Evaluation:
         """Return all quantities by name; None for absent ones."""
         return {name: getattr(self, name) for name in NAMES}
 
-    def to_frame(self) -> Any:
-        """Return the arrays of shape (nv,) as a pandas DataFrame, one row per degree of freedom."""
-        values = {name: getattr(self, name) for name in NAMES if name != "link_energy"}
-        columns = {name: value for name, value in values.items() if np.ndim(value)}
-        return require("pandas", "to_frame").DataFrame(columns, index=list(self._model.dof_names))
-
     def __repr__(self) -> str:
         with np.printoptions(precision=6, threshold=60, linewidth=10**6):
             lines = [f"  {name}={self._text(name)}," for name in NAMES]
@@ -325,22 +318,6 @@ class BatchEvaluation(Evaluation):
         rows[ws.NU_DOT], rows[ws.XI_DOT] = rates(rows, external, friction)
         return evaluation_of(self._model, state, self._with_tau, external, friction)
 
-    def to_frame(self) -> Any:
-        """Return all quantities as a pandas DataFrame with a row for each state.
-
-        Columns have two levels: quantity, and degree of freedom or link.
-        """
-        columns = {}
-        for name, value in self.to_dict().items():
-            if np.ndim(value) == 1:
-                columns[name, ""] = value
-            elif value is not None:
-                labels = self._model.link_names if name == "link_energy" else self._model.dof_names
-                columns |= {(name, label): value[:, k] for k, label in enumerate(labels)}
-        frame = require("pandas", "to_frame").DataFrame(columns)
-        frame.columns.names = ["quantity", "of"]
-        return frame
-
     def __reduce__(self) -> tuple[Any, ...]:
         terms = self._with_tau, self._external, self._friction
         return type(self), (self._model, self._parts, *terms)
@@ -389,10 +366,6 @@ class Factors(NamedTuple):
     l: Array  # noqa: E741  # the name in the paper
     unit: Array
     D: Array
-
-    def to_dict(self) -> dict[str, Array]:
-        """Return all factors by name."""
-        return self._asdict()
 
     def __repr__(self) -> str:
         return f"<Factors of M: shape {self.m.shape}>"

@@ -76,7 +76,6 @@ def test_results_are_read_only(dyn):
         assert all(f"{name}=" in repr(result) for name in result.to_dict())
     factors = dyn.factors(dyn.model.neutral)
     assert not any(array.flags.writeable for array in factors)
-    assert factors.to_dict()["unit"] is factors.unit
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -129,20 +128,6 @@ def test_indices_and_slices(dyn):
         batch[COUNT]
     with pytest.raises(dd.InputError, match="'nu'"):
         batch["nu"]
-
-
-def test_frames(dyn):
-    import pandas
-
-    batch = every_kind(dyn)["batch"]
-    frame, table = batch[0].to_frame(), batch.to_frame()
-    assert list(frame.index) == list(dyn.model.dof_names) and "external" in frame
-    np.testing.assert_array_equal(frame["nu"], batch.nu[0])
-    assert isinstance(table, pandas.DataFrame) and len(table) == COUNT
-    np.testing.assert_array_equal(table["nu", dyn.model.dof_names[-1]], batch.nu[:, -1])
-    np.testing.assert_array_equal(table["kinetic_energy", ""], batch.kinetic_energy)
-    np.testing.assert_array_equal(table["link_energy"], batch.link_energy)
-    assert "epsilon" not in dyn.evaluate(*state(dyn)[:2]).to_frame()
 
 
 def test_robot_without_joints():
