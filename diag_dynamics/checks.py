@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, TypeVar
@@ -133,14 +132,11 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
 
     Values of other types are returned unchanged.
     """
-    if isinstance(value, Mapping):
-        entries = dict(value)
-    elif has_names(value):
-        labels = value.columns if is_pandas(value, "DataFrame") else value.index
-        if labels.has_duplicates:
-            twice = ", ".join(map(str, labels[labels.duplicated()]))
+    if has_names(value):
+        labels, entries = list(value.keys()), dict(value.items())
+        if len(entries) < len(labels):
+            twice = next(label for label in labels if labels.count(label) > 1)
             raise InputError(f"{name} has a name twice: {twice}.")
-        entries = dict(value.items())
     elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries, expected none.")
     else:
@@ -160,17 +156,11 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
 
 
 def has_names(value: Any) -> bool:
-    """Return whether a value is a Series or DataFrame of pandas with names, not numbered from 0."""
-    if is_pandas(value, "Series"):
-        return not is_pandas(value.index, "RangeIndex")
-    return is_pandas(value, "DataFrame") and not is_pandas(value.columns, "RangeIndex")
-
-
-def is_pandas(value: Any, kind: str) -> bool:
-    """Return whether a value is of a class of pandas, which need not be installed."""
-    pandas = sys.modules.get("pandas")
-    # While another thread imports pandas, the module has no classes yet.
-    return isinstance(value, getattr(pandas, kind, ()))
+    """Return whether a value is by name: a dict, a Series, or a DataFrame; not one numbered from 0."""
+    if isinstance(value, Mapping):
+        return True
+    labels = value.keys() if hasattr(value, "keys") else ()
+    return list(labels) != list(range(len(labels)))
 
 
 def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) -> Array:
