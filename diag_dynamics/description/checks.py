@@ -306,7 +306,8 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
     "ignored rotor": Check(
         "warning",
         "",
-        "the rotor inertia of {} is ignored: it is not that of one actuator at one moving joint",
+        "the rotor inertia of {} is ignored: expected one of one joint of one degree of freedom "
+        "and one gear ratio",
         "Give the armature of each joint.",
     ),
 }
