@@ -28,11 +28,11 @@ from diag_dynamics.recordings.findings import (
     Finding,
     explain_missing_efforts,
     no_states_error,
+    require_plausible,
     word_for_missing,
 )
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.units import refuse_units
 from diag_dynamics.recordings.velocities import find_delay
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
@@ -233,7 +233,7 @@ class Dataset:
                 self.origin |= {"states": count, "end": float(piece.t[-1])}
             while sum(map(len, parts)) > limit:
                 parts, step = [States.concatenate(parts)[1::2]], 2 * step
-        refuse_units(findings)
+        require_plausible(findings)
         if not count:
             raise no_states_error(name, findings)
         missing = word_for_missing(self._counts)

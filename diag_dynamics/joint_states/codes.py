@@ -37,12 +37,6 @@ FOREIGN, FOLLOWERS_ONLY, INCOMPLETE, AWAITING_VELOCITY, BEFORE_ODOMETRY = range(
 LAYOUT_ERRORS = (DUPLICATE_NAME, WRONG_LENGTH)
 """Codes whose texts depend on names and lengths alone."""
 
-IMPLAUSIBLE = (
-    POSITION_BOUND,
-    VELOCITY_BOUND,
-    FAST_STEP,
-)  # codes with the cause "implausible value"
-
 TIME_JUMPED, MOVED, IMPLAUSIBLE_EFFORT, DISAGREES = 1, 2, 4, 8
 """Events of a message, whatever comes of it."""
 

@@ -15,9 +15,9 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.findings import require_plausible
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
-from diag_dynamics.recordings.units import refuse_units
 
 
 def calibrate(
@@ -109,7 +109,7 @@ def calibrate(
                 lowered = zone.lower(stamps, batch.position, batch.velocity, *columns, batch.jumped)
                 residuals.add_states(stamps, *lowered, observed.valid, observed.external_torque)
                 first += len(stamps)
-        refuse_units(findings)
+        require_plausible(findings)
         if not with_efforts:
             require_efforts(states > 0, counts)
         if (fault := motion.fault()) and not fault.light:

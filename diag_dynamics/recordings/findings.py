@@ -8,13 +8,16 @@ from shlex import quote
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.codes import CAUSES, INTERLEAVED
-from diag_dynamics.recordings.intake import IMPLAUSIBLE
+from diag_dynamics.joint_states.codes import CAUSES, FAST_STEP, INTERLEAVED
 from diag_dynamics.recordings.joint_names import JointNames, complete_maps
-from diag_dynamics.recordings.units import MIN_REJECTED, UNITS
 from diag_dynamics.text import MAX_NAMES, listed
 
-SECOND_SOURCE = f"rejected: {CAUSES[INTERLEAVED]}"
+SECOND_SOURCE, IMPLAUSIBLE = (f"rejected: {CAUSES[code]}" for code in (INTERLEAVED, FAST_STEP))
+MIN_REJECTED = 0.5  # fraction of messages with implausible values from which a unit is wrong
+SCALES = {"beyond_limits": "position: deg", "beyond_velocity": "velocity: deg/s"}
+"""Scales of degrees by the parameters that reject these."""
+
+REMEDY = " in a column map (docs/recordings.md); messages must have radians (REP 103)"
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
 OTHER_TOPICS = (
     "(--topic reads several)"  # in the note about topics of joint states that are not read
@@ -70,36 +73,45 @@ def explain_missing_efforts(counts, joints=()):
 
 def no_states_error(path, findings):
     """Return the InputError about a recording without a valid state, with its main findings."""
-    found = sorted((one for one in findings if one.cause != NOTE), key=lambda one: -one.count)
-    what = "; ".join(map(str, found[:3])) or "it has no messages"
-    topics = "".join(
-        f" {one.text}" for one in findings if one.cause == NOTE and OTHER_TOPICS in one.text
-    )
-    return InputError(f"'{path}' contains no valid state: {what.removesuffix('.')}.{topics}")
+    losses = [finding for finding in findings if finding.cause != NOTE]
+    losses.sort(key=lambda finding: -finding.count)
+    causes = "; ".join(map(str, losses[:3])) or "it has no messages"
+    topics = "".join(f" {finding.text}" for finding in findings if OTHER_TOPICS in finding.text)
+    return InputError(f"'{path}' contains no valid state: {causes.removesuffix('.')}.{topics}")
 
 
 def collect_findings(intake, source):
     """Return what an Intake and a source of messages say of a recording: a list of Finding, losses first, notes last."""
     counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
-    found, rejected, units = [], counts[f"rejected: {IMPLAUSIBLE}"], intake.units.text()
-    if units and rejected > MIN_REJECTED * counts["received"]:
-        found.append(Finding(UNITS, rejected, units))
-    found += [Finding("unread", 1, f"{one.file}, {one.where}: {one.what}") for one in source.unread]
-    first = {one.cause: one.text for one in reversed(intake.rejections)}
+    findings = [
+        Finding("unread", 1, f"{part.file}, {part.where}: {part.what}") for part in source.unread
+    ]
+    first = {rejection.cause: rejection.text for rejection in reversed(intake.rejections)}
+    texts = " ".join(rejection.text for rejection in intake.rejections)
+    scale = ", ".join(unit for parameter, unit in SCALES.items() if parameter in texts)
+    if scale and counts[IMPLAUSIBLE] > MIN_REJECTED * counts["received"]:
+        first[IMPLAUSIBLE] += f". If they are degrees, set scale: {{{scale}}}{REMEDY}"
     if SECOND_SOURCE in first:
         accepted, rejections = counts["published"], counts[SECOND_SOURCE]
         first[SECOND_SOURCE] += f" ({accepted} states accepted, {rejections} messages rejected)"
-    causes = dict.fromkeys(one.cause for one in intake.rejections)
-    found += [Finding(cause, counts[cause], first[cause]) for cause in causes]
+    causes = dict.fromkeys(rejection.cause for rejection in intake.rejections)
+    findings += [Finding(cause, counts[cause], first[cause]) for cause in causes]
     texts = intake.assembler.last_texts | _name_texts(intake, counts)
-    found += [
+    findings += [
         Finding(cause, counts[cause], TEXTS[cause] or texts[cause])
         for cause in TEXTS
         if counts[cause]
     ]
     for text, number in intake.assembler.stuck.items():
-        found.append(Finding("stuck values", number, text.removeprefix("stuck values: ")))
-    return found + [Finding(NOTE, 1, note) for note in source.notes]
+        findings.append(Finding("stuck values", number, text.removeprefix("stuck values: ")))
+    return findings + [Finding(NOTE, 1, note) for note in source.notes]
+
+
+def require_plausible(findings):
+    """Reject a recording of which most values are implausible, by an InputError."""
+    for finding in findings:
+        if finding.text.endswith(REMEDY):
+            raise InputError(f"{finding.text}.")
 
 
 def _name_texts(intake, counts):

@@ -16,7 +16,6 @@ from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.units import RejectedUnits
 from diag_dynamics.wire.definitions import read_message
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
@@ -73,7 +72,6 @@ class Intake:
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
         self._counts, self.rejections = Counter(), []
         self._links = LinkPositions(model)
-        self.units = RejectedUnits(model, map_name or str)
         self._moved = False  # whether positions jumped since the last state
         self._nothing = States.empty(model.nq, model.nv)
 
@@ -109,7 +107,6 @@ class Intake:
         rejected = assembled.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
         for k, (cause, text) in sorted(rejected.items()):
             self._reject(int(now[k]), f"rejected: {cause}", text)
-        self.units.read(parts, np.isin(code, codes.IMPLAUSIBLE))
         made = code == codes.STATE
         self._counts["published"] += int(made.sum())
         moved = self._moved_at(assembled.outcome["events"] & codes.MOVED > 0, made)

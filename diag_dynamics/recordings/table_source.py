@@ -10,14 +10,16 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
+from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.model.joint_types import single_joints
+from diag_dynamics.model.joint_types import single_joints, sliding_dofs
 from diag_dynamics.recordings.intake import Batch
 from diag_dynamics.recordings.tables import is_dataset, open_reader, open_table
 from diag_dynamics.recordings.tables.template import write_template
-from diag_dynamics.recordings.units import excess_as_radians
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
+SLACK = 0.2  # distance beyond a limit that casts no doubt on a unit [rad]
+MAX_BEYOND = 0.01  # fraction of rows beyond a limit that casts none
 
 
 class TableSource:
@@ -101,7 +103,7 @@ class TableSource:
         pieces, names = list(table.pieces()), [map_name(name) for name in table.joints]
         stamps = np.concatenate([np.zeros(0, np.int64), *(piece.stamp for piece in pieces)])
         position = np.concatenate([np.zeros((0, len(names))), *(x.position for x in pieces)])
-        if excess := excess_as_radians(model, names, stamps, position):
+        if excess := _excess_as_radians(model, names, stamps, position):
             raise InputError(
                 f"'{self._path}': the unit of positions is not stated, and as radians {excess}. "
                 "State it in a column map: `scale: {position: deg}`, or `scale: {position: rad}`."
@@ -185,3 +187,24 @@ def _names(table):
         return
     for columns in table.pieces():
         yield filter(None, columns.names.flat)
+
+
+def _excess_as_radians(model, names, stamps, position):
+    """Return how positions (T, n) of joints exceed limits of the robot as radians; or an empty text.
+
+    `stamps` are in ns.
+    """
+    joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))
+    for name, q in zip(names, position.T, strict=True):
+        if name not in joints.names or slides[name]:
+            continue
+        j = joints.names.index(name)
+        lower, upper, fastest = joints.lower[j], joints.upper[j], joints.velocity[j]
+        beyond = (q < lower - SLACK) | (q > upper + SLACK)
+        if name not in joints.continuous and beyond.mean() > MAX_BEYOND:
+            largest = q[np.argmax(beyond * np.abs(q))]
+            return f"'{name}' would be at {largest:.4g} rad, outside of {lower:.4g} … {upper:.4g}"
+        speed = np.abs(np.diff(q)) * SECOND / np.diff(stamps)
+        if fastest > 0.0 and np.mean(speed > fastest) > MAX_BEYOND:
+            return f"'{name}' would move at {speed.max():.4g} rad/s, beyond {fastest:.4g}"
+    return ""
