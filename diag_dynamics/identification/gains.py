@@ -14,6 +14,7 @@ from diag_dynamics.recordings.data_checks import (
     COLUMNS,
     DAMPING,
     ERRORS,
+    GRAVITY,
     INERTIAL,
     EffortRelation,
     jackknife,
@@ -66,7 +67,7 @@ def _products(model, dataset, link, mass):
         products = products + columns.transpose(0, 2, 1) @ columns
     units = np.eye(products.shape[-1])
     loads = units[COLUMNS:-1]
-    base = model.gravity @ units[:3] + units[INERTIAL] + mass * loads[-1]
+    base = units[GRAVITY] + units[INERTIAL] + mass * loads[-1]
     moves = mass * (loads[:-1] - loads[-1]) / CENTRES.max()
     return remaining(products, np.vstack([base, moves, units[-1]]), units[DAMPING:COLUMNS])
 

@@ -3,10 +3,10 @@
 
 """Checks of recorded data: efforts that nothing measured, and hypotheses about efforts by what each leaves.
 
-Smoothed efforts are compared with columns: torques of gravity along each axis, of inertia and of
-point masses at the robot's ends. What friction, an offset and a rotor explain is removed from all
-of them first. A hypothesis is a sum of columns. It is judged by the fraction of the squared efforts
-that it leaves, and by what an unknown payload would leave.
+Smoothed efforts are compared with columns: torques of gravity, of inertia and of point masses at the
+robot's ends. What friction, an offset and a rotor explain is removed from all of them first. A
+hypothesis is a sum of columns. It is judged by the fraction of the squared efforts that it leaves,
+and by what an unknown payload would leave.
 """
 
 from __future__ import annotations
@@ -48,10 +48,9 @@ the residual, geometric mean over joints, from which efforts are late."""
 CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
 """Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
 
-INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(3, 9)
-"""Columns of torque: of gravity along each axis of the base by 1 m/s² (0 to 2), of inertia, and of
-what resists: rate, its sign, a constant, and the acceleration. Point masses and efforts follow
-them."""
+GRAVITY, INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(7)
+"""Columns of torque: of gravity, of inertia, and of what resists: rate, its sign, a constant, and
+the acceleration. Point masses and efforts follow them."""
 
 BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
 """Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard error."""
@@ -71,7 +70,6 @@ difference."""
 MAX_UNLOADED = 0.02  # fraction of the efforts' squares that a payload may leave
 CENTRES = 0.1 * np.eye(4, 3)  # of point masses in axes of the links at the robot's ends [m]
 MAX_ENDS = 3
-TURNED, FULL = 15.0, (0.7, 1.4)  # angle of gravity [°], and its size over the model's
 OTHER_SIGN = -1.6, -0.4  # factors of an effort of the other sign
 LIGHT, VERY_LIGHT = 0.5, 0.2
 """Torque of a joint over that of a joint with a right effort, below which a small factor, or a
@@ -80,19 +78,10 @@ large one and one of the other sign, may be the model's fault."""
 EXCHANGE = 4.0  # factor by which an exchange of two joints reduces the square that is left
 SINGULAR = 1e-9  # fraction of a column's square below which it depends on others
 
-UNITS = {
-    1e3: "mN m, mA or ‰",
-    1e2: "N cm or %",
-    10.2: "kgf cm",
-    0.102: "kgf m",
-    8.85: "lbf in",
-    141.6: "ozf in",
-}
-"""Names of units by their factors to N m."""
-
-UNIT_ERROR = 1.15  # factor up to which one is that of a unit
-SIGN = "efforts of all joints seem to have the opposite sign (effort_scale: '*=-1')"
-CEILING = ", or gravity points the other way, as for a robot on a ceiling (parameter gravity)"
+SIGN = (
+    "efforts of all joints seem to have the opposite sign (effort_scale: '*=-1'), or gravity "
+    "points the other way, as for a robot on a ceiling (parameter gravity)"
+)
 
 
 class EffortRange:
@@ -294,7 +283,6 @@ class EffortRelation:
 
     def __init__(self, model, links=()):
         self._model, self._dynamics = model, DiagonalDynamics(model)
-        self._pulls = [DiagonalDynamics(model.with_gravity(axis)) for axis in np.eye(3)]
         self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
         self._loaded = [
             DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
@@ -307,18 +295,17 @@ class EffortRelation:
         self._low, self._high = np.full((2, model.nv), [[np.inf], [-np.inf]])
 
     def columns(self, t, q, qd, tau):
-        """Return columns of states without gaps at even times, (nv, T, 8 and more), and smoothed efforts there, (T, nv)."""
+        """Return columns of states without gaps at even times, (nv, T, 6 and more), and smoothed efforts there, (T, nv)."""
         q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
         self._low = np.minimum(self._low, q.min(axis=0))
         self._high = np.maximum(self._high, q.max(axis=0))
-        pulls = np.stack([dynamics.gravity_torque(q) for dynamics in self._pulls])
-        torque = self._dynamics.inverse_dynamics(q, qd, qdd)
-        inertial = torque - np.tensordot(self._model.gravity, pulls, 1)
+        pull = self._dynamics.gravity_torque(q)
+        inertial = self._dynamics.inverse_dynamics(q, qd, qdd) - pull
         turned = np.tanh(qd / max(self._model.friction_velocity, 1e-9))
         unloaded = self._bare.inverse_dynamics(q, qd, qdd) if self._loaded else 0.0
         loads = [dynamics.inverse_dynamics(q, qd, qdd) - unloaded for dynamics in self._loaded]
         resistance = qd, turned, np.ones_like(qd), qdd
-        columns = np.stack([*pulls, inertial, *resistance, *loads], axis=-1)
+        columns = np.stack([pull, inertial, *resistance, *loads], axis=-1)
         return columns.transpose(1, 0, 2), tau
 
     def add_run(self, t, q, qd, tau):
@@ -344,7 +331,7 @@ class EffortRelation:
         model, count = self._model, max(self._rows, 1)
         whole, columns = self._blocks.sum(axis=0), np.eye(self._blocks.shape[-1])
         samples = np.concatenate([whole[None], whole - self._blocks])
-        pull, inertia = np.append(model.gravity, np.zeros(len(columns) - 3)), columns[INERTIAL]
+        pull, inertia = columns[GRAVITY], columns[INERTIAL]
         rest, offset = columns[DAMPING:COLUMNS], columns[[OFFSET]]
         signals = np.delete(columns, np.arange(DAMPING, COLUMNS), axis=0)
         moved = self._high - self._low > PUSHED
@@ -464,10 +451,13 @@ class Hypotheses:
         columns = np.eye(products.shape[-1])
         free = remaining(products, columns[count:], columns[:count])
         self._noise = self._share(free[:, self._joints, self._joints, self._joints])
-        self.plain = np.append(np.append(model.gravity, 1.0), np.zeros(len(self._own[0]) - 4))
+        self.plain = 1.0 * (np.arange(len(self._own[0])) <= INERTIAL)
         self._misfit = self._left(self.plain)
-        self.base = self._fitted(np.arange(4, len(self.plain)))
-        loads, reach = self.base[4:], np.linalg.norm(model.bodies["translation"], axis=1).sum()
+        self.base = self._with_best_payload()
+        loads, reach = (
+            self.base[INERTIAL + 1 :],
+            np.linalg.norm(model.bodies["translation"], axis=1).sum(),
+        )
         masses = loads.reshape(-1, len(CENTRES))
         moment = np.linalg.norm(masses @ CENTRES, axis=1).sum()
         is_possible = np.abs(masses.sum(axis=1)).sum() <= model.total_mass
@@ -479,8 +469,9 @@ class Hypotheses:
         """Return fractions of the efforts' squares, given squares of all states and without each block, (S, nv)."""
         return squares @ self._weight / self._whole
 
-    def _fitted(self, places):
-        """Return the plain sum with the best multiples of some columns."""
+    def _with_best_payload(self):
+        """Return the plain sum with the best multiples of point masses."""
+        places = np.arange(INERTIAL + 1, len(self.plain))
         inner = np.einsum("k,kij->ij", self._weight, self._inner[0])
         missing = self._weight @ (self._own - self._inner[0] @ self.plain)
         scale = 1.0 / np.sqrt(np.maximum(np.diag(inner)[places], 1e-300))
@@ -515,15 +506,14 @@ class Hypotheses:
             and left[0] <= ALIKE * (loaded + slight)
         ]
         least = min((left for left, _ in accepted), default=0.0)
-        texts = [text for left, text in accepted if left <= ALIKE * (least + slight)]
-        return SIGN + CEILING if texts[:1] == [SIGN] and len(texts) > 1 else "".join(texts[:1])
+        texts = (text for left, text in accepted if left <= ALIKE * (least + slight))
+        return next(texts, "")
 
     def fault(self):
         """Return the text of the best of all hypotheses; empty if fewer than two joints move."""
         if np.count_nonzero(self._weight) < min(2, self._model.nv):
             return ""
-        hypotheses = self.scale(), self.direction(), self.order(), self.nothing()
-        return self.best(self.without_gravity(), *hypotheses)
+        return self.best(self.without_gravity(), self.scale(), self.order(), self.nothing())
 
     def nothing(self):
         """Explain the efforts by friction and noise alone."""
@@ -542,15 +532,10 @@ class Hypotheses:
         sign = " and the opposite sign" if factor < 0.0 else ""
         if LIMITS[0] < -factor < LIMITS[1]:
             return left, SIGN
-        names = (
-            name
-            for unit_factor, name in UNITS.items()
-            if 1.0 / UNIT_ERROR < abs(factor) / unit_factor < UNIT_ERROR
-        )
-        unit = next((f", as in {name}" for name in names), "")
         return left, (
-            f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times the model torque{unit} "
-            f"(effort_scale: '*={1.0 / factor:.3g}', or by joint from diag-dynamics identify --what gains,friction)"
+            f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times "
+            f"the model torque (effort_scale: '*={1.0 / factor:.3g}', or by joint from "
+            "diag-dynamics identify --what gains,friction)"
         )
 
     def without_gravity(self):
@@ -559,23 +544,6 @@ class Hypotheses:
         text = "gravity seems to be missing in the efforts (effort_includes_gravity: '*=false')"
         is_followed = left[0] + self._noise[0] < 1.0 - MAX_LEFT
         return left, text if is_followed else f"{text}, or efforts do not follow the motion"
-
-    def direction(self):
-        """Explain the efforts by another direction of gravity, the best one."""
-        columns = self._fitted(np.arange(3))
-        vector, gravity = columns[:3], self._model.gravity
-        size, full = np.linalg.norm(vector), np.linalg.norm(gravity)
-        if not full or not FULL[0] < size / full < FULL[1]:
-            return None
-        angle = np.degrees(np.arccos(np.clip(vector @ gravity / (size * full), -1.0, 1.0)))
-        if angle < TURNED:
-            return None
-        where = "on a ceiling" if angle > 150.0 else "on a wall" if angle > 60.0 else "on a slope"
-        numbers = ", ".join(f"{x:.3g}" for x in np.round(vector, 1) + 0.0)
-        return self._left(columns), (
-            f"gravity seems to point along [{numbers}] m/s² in the base, {angle:.0f}° from the "
-            f"model's, as for a robot {where} (parameter gravity)"
-        )
 
     def order(self):
         """Explain the efforts by another order; an exchange of two joints has to reduce the rest by EXCHANGE."""
