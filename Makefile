@@ -27,7 +27,7 @@ setup-tests:  ## setup plus the packages for tests, lint and benchmarks
 
 demo:  ## show a simulated robot in terminal and browser; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
 	@DIAG_DYNAMICS_COMPILE=OFF scripts/setup
-	@$(in_env) scripts/demo --compile-rest $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
+	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
 	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
 
 demo-control: setup  ## push a controlled arm: detected, kinetic energy bounded; writes a plot; ARGS=<file>

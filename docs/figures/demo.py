@@ -7,6 +7,9 @@ python docs/figures/demo.py
 """
 
 import io
+import os
+import signal
+import threading
 from functools import partial
 from pathlib import Path
 
@@ -31,6 +34,7 @@ class RecordedLive(Live):
 
 
 if __name__ == "__main__":
-    demo.has_screen = top.has_screen = lambda: True
+    demo.Console = top.Console = partial(Console, force_interactive=True)
     top.Live = partial(RecordedLive, console=Console(file=io.StringIO(), force_terminal=True))
-    demo.main(["demo", "--duration", "18"])
+    threading.Timer(18.0, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    demo.main(["demo"])

@@ -19,6 +19,7 @@ from processes import Process
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
 TOP = Path(__file__).resolve().parents[2] / "scripts" / "top"
+STATE = "/one/diag_dynamics/state"
 
 
 def command(*arguments):
@@ -39,7 +40,7 @@ def test_a_reader_that_goes_away():
 def test_top_in_a_terminal(peer, tmp_path):
     """A state is on the screen of tmux, which may be resized; Ctrl-C ends it with status 0 and gives the screen back."""
     assert shutil.which("tmux"), "the test of a terminal needs tmux"
-    states = peer.publisher(DiagonalizedState, "/one/diag_dynamics/state")
+    states = peer.publisher(DiagonalizedState, STATE)
     state = DiagonalizedState(
         dof_names=["elbow"], nu=[2.0], velocity=[1.0], coriolis=[0.0], kinetic_energy=2.0
     )
@@ -60,7 +61,7 @@ def test_top_in_a_terminal(peer, tmp_path):
 
         peer.wait_until(shown, what)
 
-    top = f"trap : INT; {shlex.join([sys.executable, str(TOP)])}; echo status $?; exec cat"
+    top = f"trap : INT; {shlex.join([sys.executable, str(TOP), STATE])}; echo status $?; exec cat"
     tmux("new-session", "-d", "-x", "80", "-y", "24", top)
     try:
         wait_until(lambda shown: "2.00 J" in shown and "elbow" in shown, "a state")

@@ -48,8 +48,10 @@ def demo(folder, *arguments, **environment):
 
 
 def test_without_a_terminal(tmp_path):
-    """A line a second until the time is over; no colours, and no file stays."""
-    with demo(tmp_path, "--duration", "6") as process:
+    """A line a second until a signal; no colours, and no file stays."""
+    with demo(tmp_path) as process:
+        process.wait_for(lambda output: output.count("peak energy") > 3, "some lines")
+        process.signal(signal.SIGINT)
         assert process.wait() == 0, process.tail()
         said = process.output
         assert "Open http://127.0.0.1:" in said and "\x1b" not in said and "Traceback" not in said
