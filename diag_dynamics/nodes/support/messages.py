@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From results to messages and from requests to vectors. Dense numbers go through array('d'), the fast legal way."""
+"""From results to messages. Dense numbers go through array('d'), the fast legal way."""
 
 import math
-import struct
 from array import array
 from functools import reduce
 
@@ -30,11 +29,8 @@ from diag_dynamics.msg import (
 )
 from diag_dynamics.msg import Load as LoadMessage
 from diag_dynamics.sweeps import evaluation
-from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.fields import (
-    FLAGS,
-    QUANTITIES,
     evaluated_fields,
     flags_of,
     matrix_fields,
@@ -43,7 +39,7 @@ from diag_dynamics.wire.fields import (
 )
 
 MAX_LAYOUTS = 64
-"""Layouts of messages that are kept: with efforts or without, with friction or without, of points of contact."""
+"""Layouts that are kept: with efforts or without, with friction or without, of contact points."""
 
 
 def doubles(values):
@@ -77,19 +73,10 @@ EVALUATED = {
 TOPICS = *EVALUATED, *MATRICES, "external_torque"
 """Topics whose fields recordings have, too."""
 
-SAME = "nu", "xi", "epsilon", "kappa", "coriolis", "coriolis_unnormalized", "gravity"
-SAME += "energy_share", "articulated_inertia", "kinetic_energy"
-ROWS = {field: getattr(ws, field.upper()) for field in SAME}
-ROWS |= {field: getattr(ws, name.upper()) for field, name in QUANTITIES.items()}
-ROWS |= {"position": ws.POSITIONS, "velocity": ws.RATES}
-"""Rows of an Evaluation's memory that fields of these messages are read from."""
 
-SECONDS = struct.Struct("<iI")
-"""A builtin_interfaces/Time."""
-
-
-OLDEST = "oldest_stamp.sec", "oldest_stamp.nanosec"
-"""Fields of the oldest contribution to a state."""
+def _stamp(field, nanoseconds):
+    """Return the values of a builtin_interfaces/Time by path."""
+    return dict(zip((f"{field}.sec", f"{field}.nanosec"), divmod(nanoseconds, SECOND), strict=True))
 
 
 class MessageMaker:
@@ -99,6 +86,11 @@ class MessageMaker:
         self._model, self._frame = model, model.root_link
         self._texts = {topic: texts_of(topic, model, revision) for topic in TOPICS}
         self._dofs = self._texts["external_torque"]
+        self._names = {
+            topic: kind.get_fields_and_field_types().keys()
+            - {*self._texts[topic], "header", "oldest_stamp"}
+            for topic, kind in EVALUATED.items()
+        }
         self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
@@ -119,8 +111,11 @@ class MessageMaker:
             What tells apart messages of this topic that have other texts, or other fields that are
             empty.
         """
+        values = values | _stamp("header.stamp", state.newest)
+        return self._encode(topic, kind, texts, values, shape)
+
+    def _encode(self, topic, kind, texts, values, shape):
         message = kind(**({"header": Header(frame_id=self._frame)} | texts))
-        message.header.stamp = to_time(state.newest)
         for path, value in values.items():
             *parts, field = path.split(".")
             if isinstance(value, np.ndarray):
@@ -132,25 +127,18 @@ class MessageMaker:
         return message
 
     def evaluated(self, topic, s, state):
-        """Return a message of :data:`EVALUATED` about an Evaluation and the RobotState that it is of."""
-        kind, texts, with_effort = EVALUATED[topic], self._texts[topic], s.epsilon is not None
-        names = kind.get_fields_and_field_types()
-        names = [name for name in names if name not in (*texts, "header", "oldest_stamp")]
-        values = self._values(topic, names, s, state)
-        return self.make(topic, kind, state, texts, values, (with_effort, s.friction is not None))
-
-    def _values(self, topic, names, s, state):
-        """Return values by field of these names, and in a state its oldest stamp."""
-        others = {"friction": s.friction}
+        """Return a message of :data:`EVALUATED` about an Evaluation and its RobotState."""
+        kind, texts, others = EVALUATED[topic], self._texts[topic], {"friction": s.friction}
         if topic == "kinetic_energy":
             energies = others["link_energy"] = self._link_energy
             robot, links = self._workspace.robot, self._model.links
             if not evaluation.link_energy(robot, links, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
-        values = evaluated_fields(names, s, state, s.epsilon is not None, **others)
+        with_effort = s.epsilon is not None
+        values = evaluated_fields(self._names[topic], s, state, with_effort, **others)
         if topic == "state":
-            values |= zip(OLDEST, divmod(state.oldest, SECOND), strict=True)
-        return values
+            values |= _stamp("oldest_stamp", state.oldest)
+        return self.make(topic, kind, state, texts, values, (with_effort, s.friction is not None))
 
     def matrix(self, topic, dynamics, state, with_inverse=False):
         """Return a message of topics.MATRICES at a RobotState: m, D, perhaps ℓ; or M, c, g."""
@@ -239,7 +227,7 @@ def _wrench_values(wrench):
 
 
 class BytesMaker(MessageMaker):
-    """Makes the same messages as bytes: each is laid out once by rclpy, then only its numbers are written.
+    """Makes the same messages as bytes: rclpy lays each out once, then its numbers are replaced.
 
     Should rclpy serialize a message otherwise than :class:`Template` does, the message itself is
     returned.
@@ -254,85 +242,30 @@ class BytesMaker(MessageMaker):
         super().__init__(model, revision)
         self._layouts, self.unlike = {}, set()
 
-    def make(self, topic, kind, state, texts, values, shape=()):
-        """Return the bytes of a message about a RobotState."""
-        layout = self._layouts.get((topic, shape))
-        if layout is None:
-            message = super().make(topic, kind, state, texts, values)
-            if (template := self._template(topic, message)) is None:
+    def _encode(self, topic, kind, texts, values, shape):
+        if (topic, shape) not in self._layouts:
+            message = super()._encode(topic, kind, texts, values, shape)
+            if topic in self.unlike or not self._lay_out((topic, shape), message, values):
+                self.unlike.add(topic)
                 return message
-            layout = self._keep((topic, shape), template, values)
-        for field, view in layout.views:
+        template, views = self._layouts[topic, shape]
+        for field, view in views:
             view[...] = values[field]
-        return layout.stamped(state)
+        return template.encoded()
 
-    def evaluated(self, topic, s, state):
-        """Return the bytes of a message about an Evaluation and the RobotState that it is of."""
-        layout = self._layouts.get((topic, (s.epsilon is not None, s.friction is not None)))
-        if layout is None:
-            return super().evaluated(topic, s, state)
-        layout.template.doubles[layout.target] = s.rows.take(layout.source)
-        for place, flag in layout.flags:
-            layout.template.data[place] = getattr(state, flag)
-        if layout.beside:
-            values = self._values(topic, layout.names, s, state)
-            for field, view in layout.beside.items():
-                view[...] = values[field]
-        return layout.stamped(state)
-
-    def _template(self, topic, message):
-        """Return the template of a message; None if rclpy makes other bytes."""
-        template = None if topic in self.unlike else Template(message)
-        if template and not template.holds(serialize_message(message)):
-            self.unlike.add(topic)
-            return None
-        return template
-
-    def _keep(self, key, template, values):
+    def _lay_out(self, key, message, values):
+        """Store the template of a message; return whether rclpy makes the same bytes."""
+        template = Template(message)
+        if not template.holds(serialize_message(message)):
+            return False
         if len(self._layouts) >= MAX_LAYOUTS:
             self._layouts.clear()
-        model, places = self._model, {}
-        for field in ROWS.keys() & values.keys() if key[0] in EVALUATED else ():
-            count = model.nq if field == "position" else model.nv
-            places[field] = ROWS[field], slice(count) if np.ndim(values[field]) else 0
-        self._layouts[key] = _Layout(template, values, places, (ws.N_ROWS, max(model.nq, 1)))
-        return self._layouts[key]
-
-
-class _Layout:
-    """The bytes of a message, and views of its fields in the shape of their values.
-
-    Fields with `places` in the rows of an Evaluation, whose shape follows, are at `target` among
-    the doubles of the message and at `source` among those of the rows. `beside` are the other
-    fields that change, `flags` those of the state.
-    """
-
-    def __init__(self, template, values, places, shape):
-        self.template, self._stamp = template, template.place("header.stamp.sec")
-        numbers = {
-            field: view for field, view in template.numbers.items() if values.get(field) is not None
-        }
-        self.views = [
-            (field, view.reshape(np.shape(values[field]) or 1)) for field, view in numbers.items()
-        ]
-        self.flags = [(template.place(flag), flag) for flag in FLAGS if flag in numbers]
-        places = {field: place for field, place in places.items() if field in numbers}
-        self.beside = {
-            field: view for field, view in self.views if field not in places and view.dtype != bool
-        }
-        self.names = [name for name in self.beside if name not in OLDEST]
-        rows, at = np.arange(math.prod(shape)).reshape(shape), np.arange(len(template.data)) // 8
-        target = [
-            at[: view.nbytes : 8] + template.place(field) // 8
-            for field, view in numbers.items()
-            if field in places
-        ]
-        self.source = np.concatenate(
-            [np.ravel(rows[places[field]]) for field in numbers if field in places] or [at[:0]]
+        self._layouts[key] = (
+            template,
+            [
+                (field, view.reshape(np.shape(values[field]) or 1))
+                for field, view in template.numbers.items()
+                if values.get(field) is not None
+            ],
         )
-        self.target = np.concatenate(target or [at[:0]])
-
-    def stamped(self, state):
-        """Return the bytes with the stamp of a RobotState."""
-        SECONDS.pack_into(self.template.data, self._stamp, *divmod(state.newest, SECOND))
-        return self.template.encoded()
+        return True
