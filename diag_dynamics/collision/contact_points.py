@@ -23,7 +23,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import contacts
-from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_yaml
 
 Geometry = Literal["frames", "primitives", "meshes"]
@@ -51,10 +50,8 @@ class ContactPoint:
         0.0,
         0.0,
     )  #: in the link's axes [m], shape (3,) or (number, 3)
-    direction: PointLike | None = (
-        None  #: of contact, shape (3,); by default that of the motion of each point
-    )
-    frame: Literal["link", "root"] = "link"  #: axes of the direction
+    direction: PointLike | None = None
+    """Of contact in the link's axes, shape (3,); by default that of the motion of each point."""
 
 
 @dataclass(frozen=True)
@@ -124,18 +121,23 @@ class ContactLimits:
         links = mapping("links", self.links).items()
         put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
         points = mapping("points", self.points).items()
-        put("points", {str(name): dict(mapping(f"point '{name}'", of)) for name, of in points})
+        known = "link", "xyz", "direction", "regions"
+        put(
+            "points",
+            {
+                str(name): dict(mapping(f"point '{name}'", of, known, ["link"]))
+                for name, of in points
+            },
+        )
         for name, point in self.points.items():
-            _require_known(f"point '{name}'", point, ("link", "xyz", "direction", "regions"))
-            if "link" not in point:
-                raise InputError(f"point '{name}' has no link.")
             self._known(f"point '{name}'", point.get("regions", ()))
 
     def _known(self, where: str, names: object) -> tuple[str, ...]:
         """Return names of regions as a tuple."""
         if isinstance(names, str) or not isinstance(names, Sequence):
             raise InputError(f"{where} is {names!r}, expected a list of body regions.")
-        _require_known(where, names, tuple(self.regions))
+        for name in names:
+            choice(where, name, self.regions)
         return tuple(names)
 
     def of(self, point: ContactPoint) -> tuple[str, ...]:
@@ -167,9 +169,8 @@ class ContactLimits:
     def load(cls, path: str | os.PathLike[str]) -> ContactLimits:
         """Read a YAML file of these fields; see config/contact_limits.example.yaml."""
         what = f"contact limits '{os.fspath(path)}'"
-        content = mapping(what, read_yaml(path, what))
+        content = mapping(what, read_yaml(path, what), tuple(cls.__dataclass_fields__))
         try:
-            _require_known("the file", content, tuple(cls.__dataclass_fields__))
             return cls(**{name: value for name, value in content.items() if value is not None})
         except InputError as error:
             raise InputError(f"{what}: {error}") from None
@@ -189,7 +190,6 @@ class ContactPoints:
     regions: tuple[tuple[str, ...], ...]  #: body regions of each entry
     points: tuple[Array, ...]  #: of each entry, in the link's axes [m], shape (number, 3)
     limited: Any  #: array of bool: whether an entry has a limit
-    directed: Any  #: array of bool: whether an entry has a direction other than that of its motion
     region_names: tuple[str, ...]  #: body regions of all entries, by row of the table
     count: int  #: number of points of all entries
     table: int  #: address of the table for sweeps; valid as long as this object
@@ -222,7 +222,11 @@ class ContactPoints:
             if point.name in kept:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
-            own, (kind, direction) = _rows(point), _direction(point, placement)
+            own, direction = _rows(point), np.zeros(3)
+            if point.direction is not None:
+                direction = placement[:3, :3] @ unit(
+                    f"direction of '{point.name}'", point.direction
+                )
             if body == 0:
                 continue
             own.flags.writeable = False
@@ -233,9 +237,7 @@ class ContactPoints:
                 region + len(limits.of(point)),
             )
             rows.append(own @ placement[:3, :3].T + placement[:3, 3])
-            entries.append(
-                (body, first, first + len(own), first_region, region, kind, tuple(direction))
-            )
+            entries.append((body, first, first + len(own), first_region, region, tuple(direction)))
         self.names, columns = (
             tuple(kept),
             zip(*kept.values(), strict=True) if kept else ((), (), ()),
@@ -247,8 +249,7 @@ class ContactPoints:
         near = [known[name] for name in self.region_names]
         limited = [any(known[name].is_limited for name in names) for names in self.regions]
         self.limited = np.array(limited, dtype=bool)
-        self.directed = table["kind"] != contacts.ALONG_MOTION
-        self.limited.flags.writeable = self.directed.flags.writeable = False
+        self.limited.flags.writeable = False
         base, _ = model.placement_in_body(model.root_link)  # whose axes are the root link's
         self._table = Addresses(
             contacts.CONTACTS,
@@ -283,33 +284,14 @@ def _rows(point: ContactPoint) -> Array:
     raise InputError(f"points of '{point.name}' are {point.points!r}, expected {expected}.")
 
 
-def _direction(point: ContactPoint, placement: Array) -> tuple[int, Array]:
-    """Return the kind of an entry's direction, and a unit vector along it in the axes of that kind."""
-    choice("frame", point.frame, ("link", "root"))
-    if point.direction is None:
-        return contacts.ALONG_MOTION, np.zeros(3)
-    u = unit(f"direction of '{point.name}'", point.direction)
-    return (
-        (contacts.IN_ROOT, u)
-        if point.frame == "root"
-        else (contacts.IN_BODY, placement[:3, :3] @ u)
-    )
-
-
 def _region(name: object, given: object) -> BodyRegion:
     if isinstance(given, BodyRegion):
         return given
-    numbers = dict(mapping(f"region '{name}'", given))
-    _require_known(f"region '{name}'", numbers, ("mass", "stiffness", "force", "energy"))
+    fields = "mass", "stiffness", "force", "energy"
+    numbers = dict(mapping(f"region '{name}'", given, fields))
     if numbers.get("mass") == "clamped":
         numbers["mass"] = math.inf
     try:
         return BodyRegion(**numbers)
     except InputError as error:
         raise InputError(f"region '{name}': {error}") from None
-
-
-def _require_known(where: str, names: Iterable[Any], known: Sequence[str]) -> None:
-    for name in names:
-        if name not in known:
-            raise InputError(f"{where} has {name!r}, expected one of {listed(known)}.")

@@ -24,9 +24,6 @@ from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
 from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
 
-ALONG_MOTION, IN_BODY, IN_ROOT = range(3)
-"""Directions of an entry: that of each point's own motion, or a given one in the axes of its body or of the results."""
-
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
 """Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to allowed speed."""
 
@@ -37,8 +34,7 @@ CONTACT_ENTRY = np.dtype(
         ("end", "i8"),
         ("first_region", "i8"),  # likewise
         ("end_region", "i8"),
-        ("kind", "i8"),  # ALONG_MOTION, IN_BODY or IN_ROOT
-        ("direction", "f8", 3),
+        ("direction", "f8", 3),  # in the axes of the body; zero for that of each point's motion
     ],
     align=True,
 )
@@ -99,9 +95,8 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
 def _contact(at, entry, w, X, result):
     """The worst point of an entry and its contact quantities; X is the placement of its body in the axes of results."""
     V, Y, R = records.motion_of(w.V), mobility_of(w), X.rotation
-    given = records.vector_of(entry.direction)
-    if entry.kind == IN_ROOT:
-        given = sp.apply_transposed(R, given)
+    direction = records.vector_of(entry.direction)
+    is_given = sp.dot(direction, direction) > 0.0
     scale_of_V, scale_of_w = sp.dot(V.linear, V.linear), sp.dot(V.angular, V.angular)
     best, strongest = -1, -1.0
     ws.clear(result)
@@ -109,9 +104,9 @@ def _contact(at, entry, w, X, result):
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
         v = sp.add(V.linear, sp.cross(V.angular, r))
-        u, square = given, sp.dot(v, v)
+        u, square = direction, sp.dot(v, v)
         moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r))
-        if entry.kind == ALONG_MOTION:
+        if not is_given:
             if not moves:
                 continue
             u = sp.scale(v, 1.0 / math.sqrt(square))
