@@ -35,14 +35,10 @@ _CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (
 
 
 class LinkGeometry(NamedTuple):
-    """Points of all links of a robot that have any, and by link where they come from."""
+    """Points of all links of a robot, and why shapes of a link do not count."""
 
     points: tuple[ContactPoint, ...]  #: one for each link, of the link's name
-    source: dict[str, str]  #: ``collision``, ``visual`` or ``frames``
-    grown: dict[
-        str, float
-    ]  #: maximum relative distance of points outside of the shapes; 0 for their own corners
-    left_out: dict[str, str]  #: why shapes of a link do not count
+    left_out: dict[str, str]  #: reasons by link
 
 
 def link_geometry(
@@ -65,19 +61,17 @@ def link_geometry(
     choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))
     elements, meshes = link_elements(urdf), Meshes(folder_of(urdf))
-    points, source, grown = [], dict[str, str](), dict[str, float]()
-    left_out: dict[str, str] = {}
+    points, left_out = [], dict[str, str]()
     for link in model.link_names:
         if model.placement_in_body(link)[0] == 0:
             continue
-        found, source[link], grown[link] = None, "frames", 0.0
+        around = np.array([np.zeros(3), *_frames_of(model, link)])
         for role in ("collision", "visual") if geometry != "frames" and link in elements else ():
             try:
                 every = shapes_of(elements[link], role)
                 shapes = [s for s in every if s.kind != "mesh" or geometry == "meshes"]
                 if shapes:
-                    found, grown[link] = _points_around(shapes, meshes, most)
-                    source[link] = role
+                    around = _points_around(shapes, meshes, most)
                     left_out.pop(link, None)
                     break
                 if every:
@@ -86,25 +80,20 @@ def link_geometry(
                     )
             except UrdfError as error:
                 left_out.setdefault(link, str(error))
-        if found is None:
-            found = np.array([np.zeros(3), *_frames_of(model, link)])
-        points.append(ContactPoint(link, link, found))
-    return LinkGeometry(tuple(points), source, grown, left_out)
+        points.append(ContactPoint(link, link, around))
+    return LinkGeometry(tuple(points), left_out)
 
 
 _Hull = tuple[Array, float, Array]
 """Centres (number, 3) and radius [m] of balls in a link's axes, and normals of the faces of their convex hull."""
 
 
-def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> tuple[Array, float]:
-    """Return points whose hull holds shapes, and more between them, in the link's axes; and their relative distance."""
+def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
+    """Return points whose hull holds shapes, and more between them, in the link's axes."""
     hulls = [_hull(shape, meshes) for shape in shapes]
     dense = np.concatenate([_directions(DENSE), *(normals for _, _, normals in hulls)])
     support = np.einsum("nk,nk->n", _support_points(hulls, dense), dense)
     corners = np.unique(np.concatenate([centres for centres, _, _ in hulls]), axis=0)
-    outside = (
-        1.0 / math.cos(math.pi / SIDES) - 1.0 if any(s.kind == "cylinder" for s in shapes) else 0.0
-    )
     if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
         corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
@@ -113,14 +102,14 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> tuple[Arra
             held > 1e-9 * reach.max()
         )  # in other directions there is nothing that could lie outside
         factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
-        corners, outside = centre + factor * (corners - centre), factor - 1.0
+        corners = centre + factor * (corners - centre)
     centre, rays = corners.mean(axis=0), _directions(most - len(corners))
     ahead = rays @ dense.T
     with np.errstate(divide="ignore"):
         way = np.where(
             ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf
         ).min(axis=1)
-    return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays]), outside
+    return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays])
 
 
 def _hull(shape: Shape, meshes: Meshes) -> _Hull:
