@@ -39,6 +39,7 @@ MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
+MIN_PLAUSIBLE = 0.5  # fraction of states without implausible efforts
 MOVING, MIN_MOVING, MIN_CHANGED = (
     0.05,
     100,
@@ -256,7 +257,8 @@ class Dataset:
         """Return segments of usable states, and add findings on the others."""
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
-        if not finite.any():
+        fewest = MIN_PLAUSIBLE if self._counts.get("implausible effort") else 0.0
+        if finite.mean() <= fewest:
             raise self._no_efforts(self._lacking)
         fast = _find_fast(model, states.velocity, finite)
         rows = np.flatnonzero(finite & ~fast)
@@ -265,8 +267,6 @@ class Dataset:
         segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
         left = len(rows) - sum(len(segment.t) for segment in segments)
         if not segments:
-            if self._counts.get("implausible effort"):
-                raise self._no_efforts()
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )

@@ -331,6 +331,10 @@ FAULTS = {
         "efforts of lift are missing or implausible throughout",
     ),
     "raw units": (lambda t, q, qd, tau: (t, q, qd, 20.0 * tau), "--what gains,friction"),
+    "raw units beyond limits": (
+        lambda t, q, qd, tau: (t, q, qd, 50.0 * tau),
+        "no plausible efforts of lift: those",
+    ),
     "velocities in degrees": (
         lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau),
         "joint 'elbow'",
