@@ -17,7 +17,7 @@ from typing import Any
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
 from diag_dynamics.description.records import Description
 from diag_dynamics.description.text import read_text
-from diag_dynamics.description.urdf import MAX_JOINTS, describe_urdf, parse_urdf
+from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
 
@@ -120,11 +120,11 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
     return " ".join([path, *(shlex.quote(f"{name}:={value}") for name, value in values.items())])
 
 
-def describe(source: Any, max_joints: int = MAX_JOINTS) -> Description:
+def describe(source: Any) -> Description:
     """Return the description of a robot by a source of :func:`load_urdf`, or by the path of an MJCF."""
     if is_mjcf(source):
-        return read_mjcf(source, max_joints)
-    return describe_urdf(read_text(source), max_joints)
+        return read_mjcf(source)
+    return describe_urdf(read_text(source))
 
 
 def link_elements(source: Any) -> dict[str, Any]:

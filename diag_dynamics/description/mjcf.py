@@ -26,7 +26,7 @@ from diag_dynamics.description.records import (
     Mimic,
     translation,
 )
-from diag_dynamics.description.urdf import MAX_JOINTS, checked_joint, reject_large
+from diag_dynamics.description.urdf import checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
@@ -52,10 +52,10 @@ def is_mjcf(source: object) -> TypeGuard[str | os.PathLike[str]]:
         return False
 
 
-def read_mjcf(source: str | os.PathLike[str], max_joints: int = MAX_JOINTS) -> Description:
+def read_mjcf(source: str | os.PathLike[str]) -> Description:
     """Compile an MJCF, and describe it; see :func:`load_mjcf`, also for its errors."""
     c = _Compiled(source)
-    reject_large("MJCF", len(c.joints), len(c.bodies), max_joints)
+    reject_large("MJCF", len(c.joints), len(c.bodies))
     _reject_unsupported(c)
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1

@@ -41,7 +41,7 @@ from diag_dynamics.description.transmissions import driven_joints, reflected_ine
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.text import listed
 
-MAX_JOINTS = 2000  # largest number of joints, by default; the largest public robots have some 200
+MAX_JOINTS = 2000  # largest number of joints; the largest public robots have some 200
 
 ROOTS = {  # root elements of files that are no URDF: their kind, and what to do
     "mujoco": "an MJCF of MuJoCo. Load it with load_mjcf",
@@ -75,19 +75,19 @@ JOINT = {
 READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
-def describe_urdf(text: str, max_joints: int = MAX_JOINTS) -> Description:
+def describe_urdf(text: str) -> Description:
     """Return the description of the text of a URDF, and warn of its probable mistakes."""
     element = parse_urdf(text)
-    description, remarks = read_urdf(element, max_joints)
+    description, remarks = read_urdf(element)
     warn_of_remarks(description.name, [*remarks_of(element), *remarks])
     return description
 
 
-def read_urdf(element: Any, max_joints: int = MAX_JOINTS) -> tuple[Description, list[Remark]]:
+def read_urdf(element: Any) -> tuple[Description, list[Remark]]:
     """Return the description of a parsed <robot> element, and remarks on transmissions that are ignored."""
     loops, curves = loops_of(element), curves_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
-    reject_large("URDF", joint_count, link_count, max_joints)
+    reject_large("URDF", joint_count, link_count)
     _reject_loops(element)
     name = _expanded(element.get("name"), "The robot's name") or "robot"
     reduced = _Reduced()
@@ -118,12 +118,12 @@ def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:
     return reduced.read({})
 
 
-def reject_large(kind: str, joint_count: int, link_count: int, max_joints: int) -> None:
+def reject_large(kind: str, joint_count: int, link_count: int) -> None:
     """Reject a robot that would take too long to load."""
-    if max(joint_count, link_count - 1) > max_joints:
+    if max(joint_count, link_count - 1) > MAX_JOINTS:
         raise UrdfError(
             f"The {kind} has {joint_count} joints and {link_count} links, and no more than "
-            f"{max_joints} joints are accepted: see max_joints."
+            f"{MAX_JOINTS} joints are accepted."
         )
 
 

@@ -12,7 +12,7 @@ from typing import IO, Any, Literal
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import choice, not_negative, whole
+from diag_dynamics.checks import choice, not_negative
 from diag_dynamics.description.catalog import robot_path
 from diag_dynamics.description.checks import warn, warn_of_inertias
 from diag_dynamics.description.geometry import estimated
@@ -22,11 +22,10 @@ from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.text import folder_of, read_text
-from diag_dynamics.description.urdf import MAX_JOINTS, describe_urdf
+from diag_dynamics.description.urdf import describe_urdf
 from diag_dynamics.exceptions import InertiaWarning, InputError, LoopWarning
 from diag_dynamics.model.flexible_links import read_flexible_links, with_flexible_links
 from diag_dynamics.model.options import (
-    MAX_COUPLED,
     Options,
     checked_gravity,
     checked_locked,
@@ -56,8 +55,6 @@ def load_urdf(
     locked_joints: Mapping[str, float] | None = None,
     armature: Mapping[str, float] | float | None = None,
     payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
-    max_joints: int = MAX_JOINTS,
-    max_coupled: int = MAX_COUPLED,
     friction_velocity: float | None = None,
     xacro_args: Mapping[str, Any] | None = None,
     estimate_inertias: float | None = None,
@@ -91,9 +88,6 @@ def load_urdf(
         transmissions.
     payloads : dict
         :class:`Payload`, or a tuple of its fields, by link name.
-    max_joints, max_coupled : int
-        Maximum number of joints, fixed ones included, and of bodies of a coupled group. Loading
-        takes time in proportion to the former, an evaluation as the cube of the latter.
     friction_velocity : float
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s]; 0 for f sign(q̇). By default that of
         `parameters`, or 5e-3.
@@ -133,7 +127,7 @@ def load_urdf(
     if estimate_inertias is not None:
         estimates = estimated(text, estimate_inertias, folder)
         text = estimates.text
-    description = describe_urdf(text, whole("max_joints", max_joints))
+    description = describe_urdf(text)
     if estimates:
         names = tuple(estimate.link for estimate in estimates.estimates)
         description = description._replace(estimated_links=names)
@@ -148,7 +142,6 @@ def load_urdf(
         locked_joints=locked_joints,
         armature=armature,
         payloads=payloads,
-        max_coupled=max_coupled,
         friction_velocity=friction_velocity,
         parameters=parameters,
         loops=loops,
@@ -164,7 +157,6 @@ def build_described(
     locked_joints: Mapping[str, float] | None = None,
     armature: Mapping[str, float] | float | None = None,
     payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
-    max_coupled: int = MAX_COUPLED,
     friction_velocity: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
     loops: Couplings = None,
@@ -193,7 +185,6 @@ def build_described(
         massless=massless,
         locked={**description.locked, **locked},
         payloads=checked_payloads({} if payloads is None else payloads, description),
-        max_coupled=whole("max_coupled", max_coupled),
         flexible_links=flexible,
     )
     model = build(description, options, beside)
@@ -282,5 +273,4 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
             raise InputError(
                 f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
             )
-    max_joints = whole("max_joints", options.pop("max_joints", MAX_JOINTS))
-    return build_described(read_mjcf(source, max_joints), **options)
+    return build_described(read_mjcf(source), **options)

@@ -18,7 +18,7 @@ from diag_dynamics.model.loops import close, resolve_curves
 from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.tree import Tree
 
-MAX_COUPLED = 1000  # largest number of bodies in a coupled group, by default
+MAX_COUPLED = 1000  # largest number of bodies in a coupled group
 LARGEST_GRAVITY = 1000.0  # maximum of a component [m/s²]: a value in mm/s² is beyond it
 
 
@@ -34,7 +34,6 @@ class Options(NamedTuple):
     massless: str
     locked: Mapping[str, float]
     payloads: Mapping[str, Payload]
-    max_coupled: int
     flexible_links: Flexible
     held: Mapping[str, float] = {}
 
@@ -101,12 +100,11 @@ def tree_of(description: Description, options: Options) -> Tree:
         mimics = coupled.mimics
     tree = Tree(description, options.floating_base, locked, mimics, coupled)
     for group, size in zip(tree.groups, tree.group_sizes, strict=True):
-        if size > options.max_coupled:
+        if size > MAX_COUPLED:
             raise MimicJointError(
                 f"robot '{description.name}' has a group of {len(group)} coupled joints, "
                 f"'{group[0]}' to '{group[-1]}', of {size} bodies, and no more than "
-                f"{options.max_coupled} are accepted. Raise max_coupled, or take every joint as "
-                "independent (mimic: free).",
+                f"{MAX_COUPLED} are accepted. Take every joint as independent (mimic: free).",
                 group,
             )
     return tree

@@ -349,8 +349,6 @@ BAD_OPTIONS = [
     ({"payloads": {"upper": (-1.0,)}}, "mass on link 'upper' is -1.0"),
     ({"payloads": {"upper": (1.0, (0, 1e200, 0))}}, "com on link 'upper' is (0, 1e+200, 0)"),
     ({"payloads": {"upper": (1.0, (0, 0, 0), LARGE)}}, "±1e+09"),
-    ({"max_joints": 2.5}, "max_joints is"),
-    ({"max_coupled": 0}, "max_coupled is"),
 ]
 
 
@@ -392,7 +390,7 @@ SHAPES = {
 }
 
 
-def count_lines(text, **options):
+def count_lines(text):
     """Count the lines of the package that loading executes, and calls of other functions."""
     count = 0
 
@@ -404,7 +402,7 @@ def count_lines(text, **options):
     before = sys.gettrace()
     sys.settrace(trace)
     try:
-        dd.load_urdf(text, **options)
+        dd.load_urdf(text)
     finally:
         sys.settrace(before)
     return count
@@ -414,7 +412,7 @@ def count_lines(text, **options):
 def test_loading_takes_linear_time(shape):
     """Twice the joints, twice the lines; the compiled evaluation of a group is not counted."""
     sizes = [shortened(60, 20) * 2**k for k in range(3)]
-    counts = [count_lines(grown(n, **SHAPES[shape]), max_coupled=sizes[-1]) for n in sizes]
+    counts = [count_lines(grown(n, **SHAPES[shape])) for n in sizes]
     assert all(more < 2.3 * less for less, more in pairwise(counts)), counts
 
 
@@ -432,33 +430,23 @@ def forbid(monkeypatch):
 def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
     """An evaluation takes time as the cube of a group's size."""
     forbid(loader, "massless_freedoms")
-    for bound, options in ((MAX_COUPLED, {}), (10, {"max_coupled": 10})):
-        with pytest.raises(
-            dd.MimicJointError, match=rf"of {bound + 1} bodies.*no more than {bound} .*max_coupled"
-        ):
-            dd.load_urdf(grown(bound + 1, **SHAPES[shape]), **options)
+    size = MAX_COUPLED + 1
+    with pytest.raises(
+        dd.MimicJointError, match=rf"of {size} bodies.*no more than {MAX_COUPLED} .*mimic: free"
+    ):
+        dd.load_urdf(grown(size, **SHAPES[shape]))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])
 def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
     forbid(urdf, "_Reduced")
     with pytest.raises(
-        dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} .*max_joints"
+        dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} joints"
     ):
         dd.load_urdf(grown(MAX_JOINTS + 1, kind=kind))
-    with pytest.raises(dd.UrdfError, match=r"0 joints and 5 links, and no more than 3 joints"):
-        dd.load_urdf(description("scattered", *map(link, "abcde")), max_joints=3)
-
-
-def test_bounds_are_options():
-    """A model that is made of another one keeps its bounds."""
-    assert (
-        dd.load_urdf(grown(MAX_COUPLED + 20, **CHAIN_OF_SOURCES), max_coupled=MAX_COUPLED + 20).nv
-        == 1
-    )
-    assert dd.load_urdf(grown(5), max_joints=5).nv == 5
-    model = dd.load_urdf(grown(6, **PAIRS), max_coupled=2).with_locked_joints({"j0": 0.1})
-    assert model.nv == 2 and model._options.max_coupled == 2
+    count = MAX_JOINTS + 2
+    with pytest.raises(dd.UrdfError, match=rf"0 joints and {count} links, and no more than"):
+        dd.load_urdf(description("scattered", *(link(f"l{k}") for k in range(count))))
 
 
 # --- yourdfpy
