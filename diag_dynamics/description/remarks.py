@@ -148,4 +148,4 @@ def warn_of_remarks(robot: str, remarks: Iterable[Remark]) -> None:
         texts[MAX_MISTAKES:] = [more_text]
     if texts:
         text = f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}"
-        warn(text, stacklevel=5)
+        warn(text, stacklevel=6)

@@ -251,7 +251,7 @@ def expanded(source: Any, arguments: Any) -> Any:
         used = ", ".join(sorted(mappings.used)) or "none"
         listed = ", ".join(map(repr, unused))
         warn(
-            f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=4
+            f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=6
         )
     return document.toxml()
 

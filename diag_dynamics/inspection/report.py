@@ -25,7 +25,6 @@ from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
 from diag_dynamics.model import RobotModel, load_urdf
-from diag_dynamics.model.loading import build_described
 
 SEVERITIES = ("ok", "note", "warning", "error")
 """In ascending order: what may be intended, what is very likely a mistake of the URDF, and what
@@ -125,7 +124,7 @@ def inspect_robot(
             raise InputError(
                 "floating_base is True; expected False: the MJCF has no free body, or several."
             )
-        urdf, load = Urdf(description), partial(build_described, description)
+        urdf, load = Urdf(description), partial(load_urdf, description)
     else:
         text = read_text(source, xacro_args)
         urdf = Urdf(text, folder)

@@ -35,21 +35,19 @@ from diag_dynamics.model.robot import RobotModel, build
 
 Couplings = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
 
-OPTIONS = (
-    "gravity",
-    "floating_base",
-    "armature",
-    "estimate_inertias",
-)  # of load_urdf, which an MJCF has itself
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+# Options of load_urdf that an MJCF has itself, or that belong to the text of a URDF
+OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias", "xacro_args")
 
 NEAR_SINGULAR = np.sin(np.radians(10.0))
 """Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
 
 
 def load_urdf(
-    source: str | bytes | os.PathLike[str] | IO[Any],
+    source: str | bytes | os.PathLike[str] | IO[Any] | Description,
     floating_base: bool = False,
-    gravity: VectorLike = (0.0, 0.0, -9.81),
+    gravity: VectorLike | None = None,
     mimic: Literal["embed", "free", "lock"] = "embed",
     massless: Literal["error", "lock"] = "error",
     locked_joints: Mapping[str, float] | None = None,
@@ -65,14 +63,15 @@ def load_urdf(
 
     Parameters
     ----------
-    source : str, bytes, os.PathLike or file
+    source : str, bytes, os.PathLike, file or Description
         Path of a URDF file, an open one, or XML text. The package `xacro`, if installed, expands a
         file whose name ends with .xacro; its arguments may follow the path: ``"arm.urdf.xacro
-        prefix:=left_"``.
+        prefix:=left_"``. A description has been read already.
     floating_base : bool
         Whether the root link moves freely.
     gravity : array_like, shape (3,)
-        See :class:`RobotModel`; within ±1000 m/s².
+        See :class:`RobotModel`; within ±1000 m/s². By default that of an MJCF, or 9.81 m/s² against
+        z.
     mimic : {"embed", "free", "lock"}
         Treatment of mimic joints: couple them to their leaders, exactly; treat them as independent;
         or lock them at the positions that belong to leaders at zero, or at their locked positions.
@@ -122,52 +121,11 @@ def load_urdf(
         The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid
         body, or was estimated.
     """
-    folder, text = folder_of(source), read_text(source, xacro_args)
-    estimates = None
-    if estimate_inertias is not None:
-        estimates = estimated(text, estimate_inertias, folder)
-        text = estimates.text
-    description = describe_urdf(text)
-    if estimates:
-        names = tuple(estimate.link for estimate in estimates.estimates)
-        description = description._replace(estimated_links=names)
-        if estimates.warning:
-            warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning)
-    return build_described(
-        description,
-        floating_base=bool(floating_base),
-        gravity=gravity,
-        mimic=mimic,
-        massless=massless,
-        locked_joints=locked_joints,
-        armature=armature,
-        payloads=payloads,
-        friction_velocity=friction_velocity,
-        parameters=parameters,
-        loops=loops,
-    )
-
-
-def build_described(
-    description: Description,
-    floating_base: bool = False,
-    gravity: VectorLike | None = None,
-    mimic: str = "embed",
-    massless: str = "error",
-    locked_joints: Mapping[str, float] | None = None,
-    armature: Mapping[str, float] | float | None = None,
-    payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
-    friction_velocity: float | None = None,
-    parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
-    loops: Couplings = None,
-) -> RobotModel:
-    """Build the model of a description, which states the base and gravity that are not given.
-
-    See :func:`load_urdf`.
-    """
+    description = _described(source, xacro_args, estimate_inertias)
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    g = checked_gravity(description.gravity if gravity is None else gravity)
+    if gravity is None:
+        gravity = STANDARD_GRAVITY if description.gravity is None else description.gravity
     description = with_couplings(description, loops)
     beside = Parameters() if parameters is None else read_parameters(parameters)
     description = with_parameters(description, beside)
@@ -180,7 +138,7 @@ def build_described(
     locked = checked_locked({} if locked_joints is None else locked_joints, description)
     options = Options(
         floating_base=bool(floating_base or description.floating_base),
-        gravity=g,
+        gravity=checked_gravity(gravity),
         mimic=mimic,
         massless=massless,
         locked={**description.locked, **locked},
@@ -194,6 +152,25 @@ def build_described(
         text += f"{'; '.join(description.omitted)}. M, C, ν and K do not depend on these."
         warn(text, stacklevel=4)
     return model
+
+
+def _described(
+    source: str | bytes | os.PathLike[str] | IO[Any] | Description,
+    xacro_args: Mapping[str, Any] | None,
+    density: float | None,
+) -> Description:
+    """Return the description of a URDF, with inertias estimated at a density if there is one."""
+    if isinstance(source, Description):
+        return source
+    folder, text = folder_of(source), read_text(source, xacro_args)
+    if density is None:
+        return describe_urdf(text)
+    estimates = estimated(text, density, folder)
+    description = describe_urdf(estimates.text)
+    if estimates.warning:
+        warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning, stacklevel=4)
+    links = tuple(estimate.link for estimate in estimates.estimates)
+    return description._replace(estimated_links=links)
 
 
 def _warn_of_balls(model: RobotModel) -> None:
@@ -273,4 +250,4 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
             raise InputError(
                 f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
             )
-    return build_described(read_mjcf(source), **options)
+    return load_urdf(read_mjcf(source), **options)

@@ -6,8 +6,8 @@
 from diag_dynamics.description.catalog import describe
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.model import load_urdf
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.model.loading import build_described
 from diag_dynamics.parameters.shared import PARAMETERS, payloads_of
 
 
@@ -49,7 +49,7 @@ def model_of(description, values, recorded=None):
         raise InputError(f"{what}; expected names of joints, because no recording is read here.")
     if described.gravity is not None and list(gravity) == PARAMETERS["gravity"].default:
         gravity = described.gravity
-    model = build_described(
+    model = load_urdf(
         described,
         floating_base=bool(floating_base or described.floating_base),
         gravity=gravity,
