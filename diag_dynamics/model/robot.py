@@ -146,74 +146,68 @@ class RobotModel:
         bodies, links = tree.records(options.payloads)
         coupled = tree.coupled
         groups = coupled.groups if coupled else []
-        self.name: str = description.name
-        self.dof_names: tuple[str, ...] = tree.dof_names
-        self.coordinate_names: tuple[str, ...] = tree.coordinate_names
-        self.joint_names: tuple[str, ...] = tuple(joint.name for joint in tree.joints)
-        self.fixed_joints: tuple[str, ...] = tuple(
-            n for n, j in joints.items() if j.type == "fixed"
-        )
-        self.mimic_joints: tuple[str, ...] = tuple(
+        self.name = description.name
+        self.dof_names = tree.dof_names
+        self.coordinate_names = tree.coordinate_names
+        self.joint_names = tuple(joint.name for joint in tree.joints)
+        self.fixed_joints = tuple(n for n, j in joints.items() if j.type == "fixed")
+        self.mimic_joints = tuple(
             name
             for name, joint in joints.items()
             if joint.mimic is not None and joint.type != "fixed" and name not in curves
         )
-        self.continuous_joints: tuple[str, ...] = tuple(
+        self.continuous_joints = tuple(
             name for name, joint in joints.items() if joint.type == "continuous"
         )
-        self.link_names: tuple[str, ...] = tuple(link.name for link, _, _ in tree.links)
-        self.root_link: str = description.root
-        self.floating_base: bool = tree.floating_base
-        self.gravity: Array = options.gravity
-        self.lower: Array = tree.limits("lower")
-        self.upper: Array = tree.limits("upper")
-        self.velocity_limit: Array = tree.per_dof("velocity")
-        self.effort_limit: Array = tree.per_dof("effort")
-        self.damping: Array = tree.reflected("damping", 2)
-        self.friction: Array = tree.reflected("friction", 1)
-        self.effort_offset: Array = tree.reflected("effort_offset")
-        self.load_friction: Array = tree.reflected("load_friction", 0.0)
-        self.root_friction: Array = tree.reflected("root_friction", 1.5)
-        self.effort_scale: Mapping[str, float] = MappingProxyType(
+        self.link_names = tuple(link.name for link, _, _ in tree.links)
+        self.root_link = description.root
+        self.floating_base = tree.floating_base
+        self.gravity = options.gravity
+        self.lower = tree.limits("lower")
+        self.upper = tree.limits("upper")
+        self.velocity_limit = tree.per_dof("velocity")
+        self.effort_limit = tree.per_dof("effort")
+        self.damping = tree.reflected("damping", 2)
+        self.friction = tree.reflected("friction", 1)
+        self.effort_offset = tree.reflected("effort_offset")
+        self.load_friction = tree.reflected("load_friction", 0.0)
+        self.root_friction = tree.reflected("root_friction", 1.5)
+        self.effort_scale = MappingProxyType(
             {
                 name: joint.effort_scale
                 for name, joint in joints.items()
                 if joint.effort_scale is not None
             }
         )
-        self.couplings: Mapping[str, Coupling] = MappingProxyType(dict(description.couplings))
-        self.flexible_joints: Mapping[str, FlexibleJoint] = MappingProxyType(springs)
-        self.motor_efforts: bool = description.motor_efforts
+        self.couplings = MappingProxyType(dict(description.couplings))
+        self.flexible_joints = MappingProxyType(springs)
+        self.motor_efforts = description.motor_efforts
         if self.motor_efforts and not self.couplings:
             raise InputError(
                 "parameters: motor_efforts is true, but couplings are missing. Give both."
             )
-        self.motor_rates: Array = motor_rates(self.couplings, tree.dof_names)
-        self.friction_velocity: float = description.friction_velocity
-        self.mimics: Mapping[str, Mimic] = MappingProxyType(dict(tree.mimics))
-        self.followers: Mapping[str, tuple[str, ...]] = MappingProxyType(
-            coupled.followers if coupled else {}
-        )
-        self.loops: tuple[tuple[Loop, ...], ...] = tuple(tuple(group.loops) for group in groups)
-        self.loop_joints: tuple[tuple[str, ...], ...] = tuple(
+        self.motor_rates = motor_rates(self.couplings, tree.dof_names)
+        self.friction_velocity = description.friction_velocity
+        self.mimics = MappingProxyType(dict(tree.mimics))
+        self.followers = MappingProxyType(coupled.followers if coupled else {})
+        self.loops = tuple(tuple(group.loops) for group in groups)
+        self.loop_joints = tuple(
             tuple(name for name in tree.moving if name in group.joints) for group in groups
         )
-        self.coupling_tables: CouplingTables | None = coupling_tables(tree, coupled)
-        self.flexible_links: Mapping[str, FlexibleLink] = MappingProxyType(
-            options.flexible_links.links
-        )
-        self.follower_damping: Array = tree.of_followers("damping")
-        self.follower_friction: Array = tree.of_followers("friction")
+        self.coupling_tables = coupling_tables(tree, coupled)
+        self.flexible_links = MappingProxyType(options.flexible_links.links)
+        self.follower_damping = tree.of_followers("damping")
+        self.follower_friction = tree.of_followers("friction")
         reject_friction(tree, self.followers)
-        self.coupled_groups: tuple[tuple[str, ...], ...] = tuple(tree.groups)
-        self.locked_joints: Mapping[str, float] = MappingProxyType(dict(tree.locked))
-        self.payloads: Mapping[str, Payload] = MappingProxyType(dict(options.payloads))
+        self.coupled_groups = tuple(tree.groups)
+        self.locked_joints = MappingProxyType(dict(tree.locked))
+        self.payloads = MappingProxyType(dict(options.payloads))
         self.total_mass = float(links["mass"].sum())
-        self.estimated_links: tuple[str, ...] = description.estimated_links
-        self.omitted: tuple[str, ...] = description.omitted
-        self.orientations: tuple[int, ...] = tree.orientations
-        self.bodies: npt.NDArray[np.void] = bodies
-        self.links: npt.NDArray[np.void] = links
+        self.estimated_links = description.estimated_links
+        self.omitted = description.omitted
+        self.orientations = tree.orientations
+        self.bodies = bodies
+        self.links = links
         self._tree, self._options = tree, options
         if self.followers:
             more = limit_by_followers(self, tree.moving, self.lower, self.upper)
