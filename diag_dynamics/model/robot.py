@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
@@ -28,12 +27,9 @@ from diag_dynamics.description.records import (
     Coupling,
     Description,
     FlexibleJoint,
-    Loop,
-    Mimic,
-    Payload,
 )
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
-from diag_dynamics.model.flexible_links import Flexible, FlexibleLink, modal_effort
+from diag_dynamics.model.flexible_links import Flexible, modal_effort
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle
 from diag_dynamics.model.loops import coupling_tables
@@ -42,7 +38,6 @@ from diag_dynamics.model.options import Options, checked_gravity, checked_locked
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.rigid_body import RigidBody, symmetric
 from diag_dynamics.sweeps import joints, kinematics
-from diag_dynamics.sweeps.couplings import CouplingTables
 from diag_dynamics.sweeps.memory import Workspace
 
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
