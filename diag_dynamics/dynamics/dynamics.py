@@ -636,9 +636,10 @@ class DiagonalDynamics:
         """Return the link that external torque τ̂ points to, and its probability.
 
         The evidence for link k is N(τ̂; 0, Σ + J_kᵀQ_kJ_k), averaged over magnitudes F. Q_k is the
-        covariance of a force F of random direction at a random point of the link: of a box in the
-        link's axes around its origin, the joints and links on it and its centre of mass, with 5 cm
-        on all sides. Without knowledge of τ̂ all links are equally probable.
+        covariance of a force F of random direction at a random point. With probability ½ it is in
+        a box in the link's axes around its origin, the joints and links on it and its centre of
+        mass, with 5 cm on all sides, else within 5 cm of its origin. All links are equally probable
+        without τ̂.
 
         Parameters
         ----------

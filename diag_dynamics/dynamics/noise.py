@@ -65,21 +65,22 @@ def candidates(
     W, bodies = whitening(model, covariance), model.bodies
     numbers = 1 + np.flatnonzero(bodies["rank"][1:] == bodies["dofs"][1:] - 1)
     links = tuple(model.link_names[k] for k in bodies["link"][numbers])
-    records = np.zeros(len(numbers), external.CANDIDATE)
-    for record, number, link in zip(records, numbers, links, strict=True):
+    records = np.zeros((len(numbers), 2), external.CANDIDATE)
+    for pair, number, link in zip(records, numbers, links, strict=True):
         X = model.placement_in_body(link)[1]
         R, t = X[:3, :3], X[:3, 3]
         points = (_points(model, int(number)) - t) @ R
-        low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
-        square = (high - low) ** 2 / 12.0  # second moments about the centre
-        record["body"], record["point"] = number, R @ (low + high) / 2.0 + t
-        record["spread"] = (np.sqrt((square.sum() - square) / 3.0)[:, None] * R.T).ravel()
+        whole = points.min(axis=0), points.max(axis=0)
+        for record, (low, high) in zip(pair, (whole, (np.zeros(3), np.zeros(3))), strict=True):
+            square = (high - low + 2.0 * MARGIN) ** 2 / 12.0  # second moments about the centre
+            record["body"], record["point"] = number, R @ (low + high) / 2.0 + t
+            record["spread"] = (np.sqrt((square.sum() - square) / 3.0)[:, None] * R.T).ravel()
     # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.
     part = 2.0 / (9.0 * model.nv)
     threshold = model.nv * max(1.0 - part + z * part**0.5, 0.0) ** 3
     table = Addresses(
         external.CANDIDATES,
-        bodies=records,
+        bodies=records.ravel(),
         forces=np.square(magnitudes),
         threshold=threshold,
         whitening=W,

@@ -74,7 +74,7 @@ CANDIDATE = np.dtype([("body", "i8"), ("point", "f8", 3), ("spread", "f8", 9)], 
 
 CANDIDATES = Table(
     "Candidates",
-    bodies=array(CANDIDATE),
+    bodies=array(CANDIDATE),  # two of each link: its box, and points near its origin
     forces=array(float),  # squares of the magnitudes F
     threshold=float,  # χ² below which nothing is touched
     whitening=array(float, 2),  # W
@@ -135,9 +135,9 @@ def _evidence(at, candidate, bodies, work, memory):
             B[_packed(i, j)] = _dot(rows[i], rows[j])
     largest, total = -math.inf, 0.0
     for f in range(len(at.forces)):
-        one = _log_ratio(at.forces[f], B, b, L, z)
-        total = total * math.exp(min(largest - one, 0.0)) + math.exp(min(one - largest, 0.0))
-        largest = max(largest, one)
+        ratio = _log_ratio(at.forces[f], B, b, L, z)
+        total = total * math.exp(min(largest - ratio, 0.0)) + math.exp(min(ratio - largest, 0.0))
+        largest = max(largest, ratio)
     return largest + math.log(total)
 
 
@@ -164,7 +164,9 @@ def touched_link(robot, candidates, q, tau, result):
         return status
     largest, total = -math.inf, 0.0
     for k in range(len(probability)):
-        probability[k] = _evidence(at, at.bodies[k], bodies, work, memory)
+        box = _evidence(at, at.bodies[2 * k], bodies, work, memory)
+        origin = _evidence(at, at.bodies[2 * k + 1], bodies, work, memory)
+        probability[k] = max(box, origin) + math.log1p(math.exp(-abs(box - origin)))
         largest = max(largest, probability[k])
     for k in range(len(probability)):
         probability[k] = math.exp(probability[k] - largest)

@@ -279,15 +279,16 @@ def posterior(case, tau, forces):
     node = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # exact for the squares of a uniform distribution
     evidence = {}
     for link, (low, high) in candidates(case.model, case.oracle).items():
-        J, parts = case.J(link), []
-        for corner in itertools.product(node, repeat=3):
-            r = 0.5 * (low + high) + 0.5 * (high - low) * corner
-            A = np.vstack([np.eye(3), pin.skew(r)])
-            parts.append(J.T @ A @ A.T @ J / 3.0)
-        logs = []
-        for F in forces:
-            C = case.covariance + F**2 * np.mean(parts, axis=0)
-            logs.append(-0.5 * np.linalg.slogdet(C)[1] - 0.5 * tau @ np.linalg.solve(C, tau))
+        J, logs = case.J(link), []
+        near = np.full(3, 0.05)
+        for middle, half in ((0.5 * (low + high), 0.5 * (high - low)), (0.0 * near, near)):
+            parts = []
+            for corner in itertools.product(node, repeat=3):
+                A = np.vstack([np.eye(3), pin.skew(middle + half * corner)])
+                parts.append(J.T @ A @ A.T @ J / 3.0)
+            for F in forces:
+                C = case.covariance + F**2 * np.mean(parts, axis=0)
+                logs.append(-0.5 * np.linalg.slogdet(C)[1] - 0.5 * tau @ np.linalg.solve(C, tau))
         evidence[link] = np.logaddexp.reduce(logs)
     logs = np.array(list(evidence.values()))
     p = np.exp(logs - logs.max())
@@ -317,6 +318,37 @@ def test_probability_of_each_link(case):
             np.testing.assert_allclose(found.probability[own], p, rtol=1e-6, atol=1e-9)
             assert found.confidence == found.probability.max()
             assert found.link == found.links[found.probability.argmax()]
+
+
+@pytest.mark.parametrize("near_origin", [False, True], ids=["along the link", "near its origin"])
+@pytest.mark.parametrize("robot", [ARM, UR5], ids=["panda", "ur5"])
+def test_the_confidence_is_the_share_that_is_right(robot, near_origin):
+    """Forces of 8 to 40 N at poses, links and points at random; in each tenth with 400 or more."""
+    model = dd.load_urdf(robot.urdf, mimic=robot.mimic, **robot.options)
+    dyn, oracle = dd.DiagonalDynamics(model), oracle_of(robot, model.dof_names)
+    rng, count = np.random.default_rng(2), 5_000
+    boxes = list(candidates(model, oracle).items())
+    deviation = 0.003 * model.effort_limit + 0.05
+    Q = np.array([model.random(seed) for seed in range(count)])
+    TAU = deviation * rng.normal(size=(count, model.nv))
+    touched = rng.integers(len(boxes), size=count)
+    for q, tau, number in zip(Q, TAU, touched, strict=True):
+        link, (low, high) = boxes[number]
+        tip = np.where(np.abs(low) > np.abs(high), low + 0.05, high - 0.05)
+        direction, force = rng.normal(size=(2, 3))
+        direction *= 0.05 / np.linalg.norm(direction)
+        force *= rng.uniform(8.0, 40.0) / np.linalg.norm(force)
+        point = direction if near_origin else rng.uniform() * tip + direction
+        tau += jacobian(oracle, q, link, point)[:3].T @ force
+    result = dyn.touched_link(Q, TAU, np.diag(deviation**2))
+    is_right = result.link == np.array([boxes[number][0] for number in touched])
+    tenth = np.floor(10.0 * result.confidence)[result.link != ""]
+    checked = [k for k in range(10) if (tenth == k).sum() >= 400]
+    assert checked
+    for k in checked:
+        rows = np.floor(10.0 * result.confidence) == k
+        chance = 0.5 / np.sqrt(rows.sum())
+        assert abs(result.confidence[rows].mean() - is_right[rows].mean()) < 0.05 + chance
 
 
 def test_noise_alone_touches_no_link():
