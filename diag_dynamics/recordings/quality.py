@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Quality of recorded data: rate, gaps, repeated and clipped values, velocities that are not those of the positions."""
+"""Quality of recorded data: rate, gaps, repeats, velocities that are not those of the positions."""
 
 from collections import Counter
 
@@ -19,23 +19,14 @@ from diag_dynamics.recordings.velocities import (
     position_changes,
     position_ratios,
 )
-from diag_dynamics.recordings.windows import WindowIntegrals, column_counts, column_maxima
+from diag_dynamics.recordings.windows import WindowIntegrals
 
-GAP_PERIODS = 3.0  # interval in periods from which it is a gap, to 2 %
-MIN_INTERVAL, BINS, BIN_WIDTH = (
-    1e-7,
-    2001,
-    np.log(1e10) / 2000,
-)  # logarithmic bins of intervals: first one [s]
-MIDDLES = MIN_INTERVAL * np.exp((np.arange(BINS) + 0.5) * BIN_WIDTH)
+GAP_PERIODS = 3.0  # interval in periods above which it is a gap
+RESOLUTION = 100  # of intervals [ns]
 
 MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
 """Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a joint at rest [rad, m]."""
 
-CLIPPED_STATES, CLIPPED_SHARE = (
-    20,
-    1e-3,
-)  # states, and fraction of all, at the largest value that is a bound
 MAX_ERROR_LEFT = (
     0.8  # fraction of the velocity error without the delay up to which there is a delay
 )
@@ -60,12 +51,7 @@ class Quality:
         )
         self._windows, self._last = WindowIntegrals(WINDOW), None
         self._relation = VelocityRelation(count)
-        self._largest = {
-            name: np.zeros((2, count)) for name in ("velocity", "effort")
-        }  # and how often
-        self._intervals = np.zeros(
-            (3, BINS)
-        )  # number, sums of distances from MIDDLES, and of their squares
+        self._intervals = Counter()  # numbers of intervals by their lengths [RESOLUTION]
         self._sample = []
         self._longest = 0.0, None
         counts = "repeated_states", "repeated_stamps", "without_effort"
@@ -84,14 +70,6 @@ class Quality:
             states.stamp[0] if self.begin is None else self.begin,
             states.stamp[-1],
         )
-        for name, (largest, number) in self._largest.items():
-            values = np.abs(getattr(states, name)[:, self._v])
-            top = np.maximum(column_maxima(values), 0.0)
-            count = column_counts(values == top)
-            self._largest[name][:] = (
-                np.maximum(largest, top),
-                number * (largest >= top) + count * (top >= largest),
-            )
         if self._count < SAMPLE:
             self._sample.append(states[: SAMPLE - self._count])
         self._count += len(states)
@@ -111,11 +89,9 @@ class Quality:
         self._longest = max(
             self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda gap: gap[0]
         )
-        forward = forward * 1e-9
-        bins = np.clip(np.log(forward / MIN_INTERVAL) / BIN_WIDTH, 0, BINS - 1).astype(int)
-        apart = forward - MIDDLES[bins]
-        for row, weights in zip(self._intervals, (None, apart, apart * apart), strict=True):
-            row += np.bincount(bins, weights, minlength=BINS)
+        rounded = np.maximum(np.round(forward / RESOLUTION), 1.0)
+        lengths, numbers = np.unique(rounded, return_counts=True)
+        self._intervals.update(dict(zip(lengths.tolist(), numbers.tolist(), strict=True)))
 
     def _compare(self, states):
         """Compare neighbours, and positions with velocities over windows."""
@@ -142,19 +118,14 @@ class Quality:
 
     def _regularity(self):
         """Return period and root mean square deviation of intervals [s], and number of gaps."""
-        number, apart, squares = self._intervals
-        if not number.any():
+        if not self._intervals:
             return None, None, 0
-        k = int(np.searchsorted(np.cumsum(number), number.sum() / 2))
-        period = float(MIDDLES[k] + apart[k] / number[k])  # mean of the median's bin
-        first = 1 + int(np.searchsorted(MIDDLES, GAP_PERIODS * period))
-        off = MIDDLES[:first] - period
-        total = (squares[:first] + 2.0 * off * apart[:first] + off**2 * number[:first]).sum()
-        return (
-            period,
-            float(np.sqrt(max(total, 0.0) / number[:first].sum())),
-            int(number[first:].sum()),
-        )
+        lengths, numbers = np.transpose(sorted(self._intervals.items()))
+        seconds = lengths * RESOLUTION / SECOND
+        period = seconds[np.searchsorted(np.cumsum(numbers), numbers.sum() / 2)]
+        regular = seconds <= GAP_PERIODS * period
+        variance = np.average((seconds[regular] - period) ** 2, weights=numbers[regular])
+        return float(period), float(np.sqrt(variance)), int(numbers[~regular].sum())
 
     def report(self):
         """Return numbers of all states, a dict with those of joints in `joints`; times [s], stamps [ns]; and warnings."""
@@ -190,16 +161,11 @@ class Quality:
         ]
 
     def _report_joint(self, j):
-        relation, largest = self._relation, self._largest.items()
-        often = max(CLIPPED_STATES, CLIPPED_SHARE * self._count)
+        relation = self._relation
         return {
             "velocity_error": _known(relation.error[j]),
             "velocity_delay": _known(relation.delay[j]),
             "velocity_error_without_delay": _known(relation.error_without_delay[j]),
-            **{f"largest_{name}": float(values[0, j]) for name, values in largest},
-            "clipped": [
-                name for name, (value, number) in largest if value[j] > 0.0 and number[j] >= often
-            ],
         }
 
     def _warnings(self, report):
@@ -220,10 +186,6 @@ class Quality:
             error = joint["velocity_error"] or 0.0
             apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
-            for quantity in joint["clipped"]:
-                warnings[
-                    f"joint '{name}': {quantity} is clipped at {joint[f'largest_{quantity}']:.6g}"
-                ] = True
         late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
         warnings |= {
             f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate

@@ -17,11 +17,6 @@ def column_maxima(values):
     )  # fast along long rows
 
 
-def column_counts(flags):
-    """Return how many rows are true in each column, shape (n,)."""
-    return np.array([np.count_nonzero(column) for column in flags.T])
-
-
 class Samples(NamedTuple):
     """States with efforts in a batch; of several states with one stamp the first one is the sample."""
 

@@ -314,7 +314,6 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
         and whole["balance"]["windows"] > 4
         and whole["quality"]["repeated_stamps"] == 1
     )
-    assert whole["quality"]["joints"]["shoulder_pan_joint"]["clipped"] == ["effort"]
 
 
 def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
@@ -574,18 +573,13 @@ def test_quality_of_good_data(analysed, motion):
     """Steps of an encoder are no disagreement."""
     t, q, qd, tau = motion
     report = analysed(*motion)[0]["quality"]
-    for name, values in (("largest_velocity", qd), ("largest_effort", tau)):
-        assert [one[name] for one in report["joints"].values()] == np.abs(values).max(
-            axis=0
-        ).tolist()
-    assert report["rate"] == pytest.approx(500.0, rel=0.02) and report["jitter"] < 2e-5
+    assert report["rate"] == pytest.approx(500.0, rel=1e-4) and report["jitter"] < 1e-7
     assert report["gaps"] == report["repeated_states"] == report["without_effort"] == 0
-    assert all(
-        one["velocity_error"] < 1e-3 and not one["clipped"] for one in report["joints"].values()
-    )
+    assert all(joint["velocity_error"] < 1e-3 for joint in report["joints"].values())
     report = analysed(t, np.round(q / 1e-4) * 1e-4, qd, tau)[0]["quality"]
-    moving = [one for one in report["joints"].values() if one["largest_velocity"] > 0.2]
-    assert moving and all(one["velocity_error"] < 0.05 for one in moving)
+    errors = np.array([joint["velocity_error"] for joint in report["joints"].values()])
+    moving = np.abs(qd).max(axis=0) > 0.2
+    assert moving.any() and (errors[moving] < 0.05).all()
 
 
 def test_wrapped_positions_of_a_continuous_joint(tmp_path):
@@ -634,20 +628,17 @@ def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
     assert max(errors.values()) < 0.05, errors
 
 
-def test_gaps_repeats_and_bounds(analysed, ur5, motion):
+def test_gaps_and_repeats(analysed, motion):
     t, q, qd, tau = (x.copy() for x in motion)
     t[1500:] += 0.05
     q[100:160], qd[100:160], tau[100:160] = q[99], qd[99], tau[99]
     q[159, 5] += 1e-9
-    tau[:, 0] = np.clip(tau[:, 0], -3.0, 3.0)
     summary, *_ = analysed(t, q, qd, tau)
     report = summary["quality"]
     assert report["gaps"] == 1 and report["repeated_states"] == 59
     assert report["longest_gap"] == pytest.approx(0.052, abs=1e-6)
     assert report["longest_gap_at"] == pytest.approx(t[1499], abs=1e-6)
-    clipped = {name: one["clipped"] for name, one in report["joints"].items() if one["clipped"]}
-    assert clipped == {ur5.dof_names[0]: ["effort"]}
-    assert all(word in " ".join(summary["warnings"]) for word in ("clipped", "1 gap, ", "repeat"))
+    assert all(word in " ".join(summary["warnings"]) for word in ("1 gap, ", "repeat"))
     summary, *_ = analysed(np.round(t, 1), q, qd, tau)
     assert summary["quality"]["repeated_stamps"] > 0.9 * len(t)
     assert any("times with too few digits" in text for text in summary["warnings"])
