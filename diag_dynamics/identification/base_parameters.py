@@ -58,7 +58,7 @@ class BaseParameters:
         self.matrix[:, :count] = by_link @ np.linalg.pinv(self._placed)
 
     def describe(self, fit, fits, free, sums):
-        """Return values, standard deviations and excitation as plain values.
+        """Return values and standard deviations as plain values.
 
         The first deviation is that of the fit, the larger of noise and of `fits` without each
         block, None unless inertias are `free`; `from_data` is that of the data alone, with friction
@@ -74,26 +74,23 @@ class BaseParameters:
         deviations = (
             np.sqrt(np.maximum(np.maximum(noise, 0.0), changing)) if fitted else [None] * len(E)
         )
-        singular, from_data = self._excitation(sums, fit.x, free)
         values = [np.where(np.abs(E @ x) < ZERO, 0.0, E @ x) for x in (robot, start)]
+        from_data = self._deviations(sums, fit.x, free)
         rows = zip(self.combinations, *values, deviations, from_data, strict=True)
-        return {
-            "singular_values": singular.tolist(),
-            "condition": float(singular[0] / singular[singular**2 > RANK].min())
-            if len(singular)
-            else None,
-            "parameters": [
-                {"name": name, "value": float(value), "model": float(model)}
-                | {
-                    "deviation": None if deviation is None else float(deviation),
-                    "from_data": float(data) if data else None,
-                }
-                for name, value, model, deviation, data in rows
-            ],
-        }
+        parameters = [
+            {
+                "name": name,
+                "value": float(value),
+                "model": float(model),
+                "deviation": None if deviation is None else float(deviation),
+                "from_data": float(data) if data else None,
+            }
+            for name, value, model, deviation, data in rows
+        ]
+        return {"parameters": parameters}
 
-    def _excitation(self, sums, x, free):
-        """Return singular values of kept columns of unit length without friction, and deviations from the data alone."""
+    def _deviations(self, sums, x, free):
+        """Return standard deviations from the data alone, with friction unknown; 0 if unknown."""
         layout, count = self._layout, PARAMETERS * len(self._layout.bodies)
         variance = np.maximum(layout.mean_squares([(sums, True)], x), 1e-300)
         A, _ = layout.regressors.weighted(sums, variance)
@@ -110,7 +107,7 @@ class BaseParameters:
         shown = values > RANK
         variances = (axes[:, shown] ** 2 / values[shown]).sum(axis=1) * units**2
         hidden = (axes[:, ~shown] ** 2).sum(axis=1) > SMALL
-        return np.sqrt(np.maximum(values, 0.0))[::-1], np.where(hidden, 0.0, np.sqrt(variances))
+        return np.where(hidden, 0.0, np.sqrt(variances))
 
 
 def _link_axes(layout):
@@ -128,9 +125,6 @@ def _link_axes(layout):
 
 
 def _name(row, column, symbols):
-    """Return a combination in words: the kept symbol, then the others with their coefficients."""
-    text = symbols[column]
-    for k in np.flatnonzero(row):
-        size = "" if abs(abs(row[k]) - 1.0) < SMALL else f"{abs(row[k]):.4g} "
-        text += f" {'-' if row[k] < 0.0 else '+'} {size}{symbols[k]}" if k != column else ""
-    return text
+    """Return a combination: the symbol of its column, then others with their coefficients."""
+    others = [f"{row[k]:+.4g} {symbols[k]}" for k in np.flatnonzero(row) if k != column]
+    return " ".join([symbols[column], *others])

@@ -199,7 +199,6 @@ def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
     assert found.quality["taken"] == ["friction"]
     described = found.quality["base_parameters"]
     require_hidden(described)
-    assert described["singular_values"][-1] < 1e-4 and 1.0 < described["condition"] < 1e4
     curves = found.curves
     for k, error in enumerate(
         (curves.error_before, curves.error_after)
