@@ -41,11 +41,13 @@ def add_arguments(parser):
         )
     parser.add_argument("--joints", help="joints that move, separated by commas (default: all)")
     common.add_entries(
-        parser, "--range", "JOINT=LOWER:UPPER", "range of a joint's position [rad, m]"
+        parser,
+        "--range",
+        "JOINT=LOWER:UPPER",
+        "range of a joint's position [rad, m]; * for all joints without limits in the file",
     )
-    text = "limit of a joint without one in its file [{}]; * for all such joints"
-    common.add_entries(parser, "--velocity-limit", "JOINT=LIMIT", text.format("rad/s, m/s"))
-    common.add_entries(parser, "--position-limit", "JOINT=LOWER:UPPER", text.format("rad, m"))
+    text = "limit of a joint without one in its file [rad/s, m/s]; * for all such joints"
+    common.add_entries(parser, "--velocity-limit", "JOINT=LIMIT", text)
     common.add_parameters(parser)
     parser.add_argument(
         "-o", "--output", metavar="OUT.json", help="times, positions, velocities, efforts"
@@ -68,9 +70,8 @@ def run(chosen):
             model,
             chosen.what.split(","),
             joints=None if chosen.joints is None else chosen.joints.split(","),
-            ranges=_parse_bounds("--range", chosen.range),
+            ranges=_parse_ranges(chosen.range),
             velocity_limits=assignments("--velocity-limit", chosen.velocity_limit),
-            position_limits=_parse_bounds("--position-limit", chosen.position_limit),
             progress=lambda trial, condition: progress.show(
                 f"{trial} of {chosen.trials}, condition {condition:.3g}"
             ),
@@ -85,17 +86,16 @@ def run(chosen):
     return common.DONE
 
 
-def _parse_bounds(option, entries):
-    """Return lower and upper bound by joint of the entries of an option."""
-    bounds = {}
-    for name, text in assignments(option, entries, str).items():
+def _parse_ranges(entries):
+    """Return lower and upper bound by joint of the entries of --range."""
+    ranges = {}
+    for name, text in assignments("--range", entries, str).items():
         try:
             lower, upper = map(float, text.split(":"))
         except ValueError:
-            expected = "expected JOINT=LOWER:UPPER"
-            raise InputError(f"{option} has '{name}={text}'; {expected}.") from None
-        bounds[name] = lower, upper
-    return bounds
+            raise InputError(f"--range has '{name}={text}'; expected JOINT=LOWER:UPPER.") from None
+        ranges[name] = lower, upper
+    return ranges
 
 
 def _summary(model, trajectory):

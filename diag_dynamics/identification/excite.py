@@ -31,11 +31,11 @@ MAX_VELOCITY, MAX_POSITION = (
     1000.0,
 )  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
 CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
-MIN_TRAVEL, MIN_SPEED = 1e-3, 1e-3  # below these a joint stands still [rad, m; rad/s, m/s]
+MIN_TRAVEL = 1e-3  # below this a joint stands still [rad, m]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
 LACKS = {
     "Velocity": "expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT (velocity_limits).",
-    "Position": "expected lower < upper. Give --position-limit JOINT=LOWER:UPPER (position_limits).",
+    "Position": "expected lower < upper. Give --range JOINT=LOWER:UPPER (ranges).",
 }
 
 
@@ -105,7 +105,6 @@ def excite(
     joints: Sequence[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     velocity_limits: Mapping[str, float] | None = None,
-    position_limits: Mapping[str, tuple[float, float]] | None = None,
     velocity: float = 0.5,
     effort: float = 0.7,
     margin: float = 0.05,
@@ -132,11 +131,11 @@ def excite(
     joints : sequence of str, optional
         Joints that move, by default all; the others rest in the middle of their range.
     ranges : mapping, optional
-        Lower and upper bound of a joint's position [rad, m], by name, within its limits.
-    velocity_limits, position_limits : mapping, optional
-        Limits [rad/s, m/s], and lower and upper limits [rad, m], by name, of joints for which the
-        model has none: zero, negative, infinite or absent. ``*`` stands for all joints that lack
-        one.
+        Lower and upper bound of a joint's position [rad, m], by name, within its limits. A joint
+        for which the model has no limits requires a range. ``*`` stands for all such joints.
+    velocity_limits : mapping, optional
+        Limits [rad/s, m/s] by name, required of joints for which the model has none: zero,
+        negative, infinite or absent. ``*`` stands for all such joints.
     velocity, effort : float
         Fractions of the limits of velocity and effort. A joint without an effort limit has no
         bound.
@@ -193,9 +192,7 @@ def excite(
             f"rate is {rate_text} 1/s; expected at least {bound} 1/s. Increase rate or period."
         )
     ranges = dict(ranges or {})
-    fastest, low, high = _find_limits(
-        model, moving, velocity_limits or {}, {**(position_limits or {}), **ranges}
-    )
+    fastest, low, high = _find_limits(model, moving, velocity_limits or {}, ranges)
     free = np.where(np.isin(names, list(ranges)), 0.0, margin) * (high - low)
     time = np.arange(round(duration * rate) + 1) / rate
     series = _Series(
@@ -206,11 +203,11 @@ def excite(
         series, np.random.default_rng(seed), whole("trials", trials), progress
     )
     q, qd, qdd, tau = series.motion(best)
-    travel, speed = np.ptp(q, axis=0), abs(qd).max(axis=0)
-    for k in np.flatnonzero(moving & ((travel < MIN_TRAVEL) | (speed < MIN_SPEED))):
+    travel = np.ptp(q, axis=0)
+    for k in np.flatnonzero(moving & (travel < MIN_TRAVEL)):
         raise InputError(
-            f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m at {speed[k]:.2g} rad/s or m/s at "
-            "most. Widen its limits or its range, or remove it from joints."
+            f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m. Widen its "
+            "limits or its range, or remove it from joints."
         )
     return Excitation(names, time, q, qd, qdd, tau, period, condition, wanted)
 
@@ -278,7 +275,11 @@ def _search(series, rng, trials, progress):
         if progress:
             progress(trial + 1, value)
     if best is None:
-        raise InputError(series.refusal())
+        raise InputError(
+            "no trajectory within the limits of effort makes all unknowns of what observable. "
+            "Increase period, effort or trials, narrow the ranges, move more joints, or choose "
+            "fewer unknowns."
+        )
     return best, float(value)
 
 
@@ -294,7 +295,6 @@ class _Series:
         )
         self._fastest, self._low, self._high, effort = limits
         self._limit = effort * model.effort_bound
-        self._worst = np.full(model.nv, np.inf)  # smallest fraction of the effort that trials need
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
         # Velocities a cos wt + b sin wt and their slopes begin at zero: two coefficients fewer.
         held = np.zeros((2, 2 * HARMONICS))
@@ -353,9 +353,7 @@ class _Series:
     def condition(self, genes):
         """Return the condition number; inf where an effort does not suffice."""
         motion = self.motion(genes)
-        part = abs(motion[-1]).max(axis=0) / self._limit
-        if (part > 1.0).any():
-            self._worst = np.minimum(self._worst, part)
+        if (abs(motion[-1]) > self._limit).any():
             return np.inf
         scaled = self._scale[:, None] * self._information(*motion) * self._scale
         values = np.linalg.eigvalsh(self._basis.T @ scaled @ self._basis)
@@ -366,16 +364,6 @@ class _Series:
         sums = self._regressors.sum_segment(self._time, q, qd, tau)
         A, _ = self._regressors.weighted(sums, np.maximum(tau.var(axis=0), 1e-12))
         return A[np.ix_(self._columns, self._columns)]
-
-    def refusal(self):
-        """Return why no trajectory is possible."""
-        needed = np.where(np.isinf(self._worst), 0.0, self._worst)
-        if not needed.any():
-            return "no trajectory makes all unknowns of what observable. Move more joints, or choose fewer unknowns."
-        return (
-            f"joint '{self._model.dof_names[needed.argmax()]}' needs {needed.max():.2g} times its allowed effort. Increase "
-            "period or effort, or narrow the ranges."
-        )
 
 
 def _bases(time, w, free):
