@@ -72,33 +72,20 @@ def example_urdfs() -> dict[str, Path]:
 
 
 def find_urdf(robot: str) -> Path:
-    """Return the path of a URDF, given as a path, or as the name of a file (``panda``) or a part of one path only."""
+    """Return the path of a URDF: the path itself, or an example robot's key or file name (``ur5``)."""
     if os.path.isfile(path := os.path.expanduser(robot)):
         return Path(path).resolve()
     urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
-    is_path = robot.startswith(("/", ".", "~")) or robot.endswith((".urdf", ".xml", ".xacro"))
-    if name in urdfs:
-        return urdfs[name]
-    partial = [] if is_path else [key for key in urdfs if name.lower() in key.lower()]
-    exact, in_file = (
-        [key for key in urdfs if Path(key).name == one] for one in (name, f"{name}_robot")
-    )
-    for keys in (exact or in_file, partial):  # ur5 is in ur5_robot.urdf
-        if len(keys) == 1:
-            return urdfs[keys[0]]
-    if is_path:
-        raise InputError(f"robot '{robot}': no such file.")
-    if partial:
-        raise InputError(f"robot '{robot}' could be any of: {', '.join(partial)}.")
-    robots = (
-        f"one of the {len(urdfs)} example robots"
-        if len(urdfs) > 1
-        else f"the example robot {''.join(urdfs)}"
-    )
-    raise InputError(
-        f"robot '{robot}' is neither a file nor {robots}. All of them: diag-dynamics robots. More: pip install "
-        "example-robot-data."
-    )
+    keys = [name] if name in urdfs else [key for key in urdfs if Path(key).name == name]
+    keys = keys or [key for key in urdfs if Path(key).name == f"{name}_robot"]  # ur5_robot.urdf
+    if len(keys) > 1:
+        raise InputError(f"robot '{robot}' could be any of: {', '.join(keys)}.")
+    if not keys:
+        raise InputError(
+            f"robot '{robot}' is neither a file nor an example robot. All of these: diag-dynamics "
+            "robots. More: pip install example-robot-data."
+        )
+    return urdfs[keys[0]]
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:

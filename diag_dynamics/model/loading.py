@@ -204,7 +204,7 @@ def load_robot(name: str, **options: Any) -> RobotModel:
     ----------
     name : str
         One that ``diag-dynamics robots`` lists: ``panda``, or a robot of `example-robot-data`
-        (``ur5``) by its file's name or a part of one path only; or one of `robot_descriptions`
+        (``ur5``) by its key or its file's name; or one of `robot_descriptions`
         (``panda_description``), which it clones on first use.
     **options
         Those of :func:`load_urdf`, whose errors it has.

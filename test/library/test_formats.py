@@ -31,7 +31,7 @@ def assert_same(a, b):
 
 
 def test_example_robots():
-    """An exact name precedes those that contain it."""
+    """A robot is found by its key, or by its file's name with or without `_robot`."""
     assert_same(dd.load_robot("panda"), dd.load_urdf(PANDA))
     assert_same(dd.load_robot("ur5"), dd.load_urdf(UR5))
     assert dd.load_robot("panda", floating_base=True).floating_base
@@ -42,14 +42,12 @@ def test_example_robots():
     [
         *(
             ("pnada", "pnada"),
-            ("ur", "any of"),
-            ("pand", "panda.*panda_collision"),
+            ("ur", "neither a file nor an example robot"),
+            ("anymal", "any of: anymal_b.*, anymal_c"),
             ("", "expected"),
             (3, "expected"),
         ),
-        *(
-            (f"r5_robot{suffix}", "no such file") for suffix in (".urdf", ".xml", ".xacro")
-        ),  # a path is no part of a name
+        *((f"r5_robot{suffix}", "neither a file") for suffix in (".urdf", ".xml", ".xacro")),
     ],
 )
 def test_unknown_names(name, key):

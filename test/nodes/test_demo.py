@@ -13,9 +13,9 @@ from diag_dynamics.nodes import demo
 @pytest.mark.parametrize(
     ("robot", "texts"),
     [
-        ("nosuchrobot", ["'nosuchrobot'", "neither a file nor one of the", "All of them: "]),
+        ("nosuchrobot", ["'nosuchrobot'", "neither a file nor an example robot", "All of these: "]),
         ("pandaa", ["'pandaa'", "is neither a file"]),
-        ("talos", ["talos_reduced", "talos_left_arm"]),
+        ("anymal", ["anymal_b_simple", "anymal_c_simple"]),
         ("iris_simple", ["iris", "no moving joint"]),
         ("romeo_laas_small", ["l_gripper_joint"]),
         ("nowhere/panda.urdf", ["nowhere/panda.urdf"]),

@@ -183,9 +183,8 @@ REFUSED = [  # command line, message; the exit status is 2
     ("robots all", "unrecognized arguments: all"),
     ("compile side:=left", "unrecognized arguments: side:=left"),
     ("inspect pandda", "robot 'pandda' is neither"),
-    ("inspect nowhere.xml", "no such file"),
-    ("inspect small.urdf", "'small.urdf': no such file"),  # no part of romeo_small.urdf
-    ("inspect talos", "could be any of"),
+    ("inspect nowhere.xml", "'nowhere.xml' is neither a file"),
+    ("inspect talos", "'talos' is neither a file nor an example robot"),
     (f"inspect {5000 * 'x'}", "x' is neither a file nor"),
     ("inspect panda -o {tmp}/new.urdf", "require each other"),
     ("inspect panda --estimate-inertias -5 -o {tmp}/new.urdf", "estimate_inertias is -5.0"),
@@ -333,7 +332,7 @@ def test_inspect_for_programs(run):
         ["turn"]
     ]
     document = json.loads(run("inspect nowhere.urdf --json")[1])
-    assert document["status"] == 2 and "no such file" in document["error"]
+    assert document["status"] == 2 and "neither a file" in document["error"]
 
 
 def test_estimated_inertias(run, tmp_path):
