@@ -83,13 +83,3 @@ def insert_gaps(t: Array, values: Array) -> tuple[Array, Array]:
     usual = float(np.median(steps)) if len(steps) else 0.0
     after = np.flatnonzero(steps > max(MIN_GAP, 10.0 * usual)) + 1
     return np.insert(t, after, t[after]), np.insert(values, after, np.nan, axis=0)
-
-
-MAX_OSCILLATIONS, PARTS = 100, 100
-"""Maximum number of oscillations that a picture shows one by one, and parts of one with more."""
-
-
-def oscillates(values: Array) -> bool:
-    """Return whether a curve (T,) has more than :data:`MAX_OSCILLATIONS` about its mean."""
-    above = values > values.mean()
-    return int(np.count_nonzero(above[1:] != above[:-1])) > 2 * MAX_OSCILLATIONS

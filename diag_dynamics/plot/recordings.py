@@ -25,7 +25,6 @@ from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, observe
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.results import BatchEvaluation
-from diag_dynamics.text import duration
 
 
 @styled
@@ -33,8 +32,7 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
 
     The joints of most energy have a layer each, all others one. Of very many states those of the
-    largest and smallest K are drawn. With more than 100 oscillations the layers are means of a
-    hundredth of the states, and a grey band reaches up to the largest K.
+    largest and smallest K are drawn.
 
     Parameters
     ----------
@@ -50,22 +48,14 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     """
     joints, times, values = _joint_energies(of, t)
     names, values = _merge_joints(joints, values)
-    total, axes, label = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8)), "kinetic energy [J]"
-    if times is not None and drawing.oscillates(total):
-        parts = np.array_split(np.arange(len(total)), drawing.PARTS)
-        largest = [total[part].max() for part in parts]
-        at = np.array([times[part].mean() for part in parts])
-        values = np.array([values[part].mean(axis=0) for part in parts])
-        style = {"color": GREY, "alpha": 0.18, "linewidth": 0, "label": "maximum of K"}
-        axes.fill_between(at, values.sum(axis=1), largest, **style)
-        label += f", mean of {duration(times[-1] / drawing.PARTS)}"
-    else:
-        rows = drawing.find_peaks(total)
-        at = rows.astype(float) if times is None else times[rows]
-        at, values = drawing.insert_gaps(at, values[rows])
+    total, axes = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8))
+    rows = drawing.find_peaks(total)
+    at = rows.astype(float) if times is None else times[rows]
+    at, values = drawing.insert_gaps(at, values[rows])
     axes.stackplot(at, *values.T, labels=names, colors=(*COLOURS, GREY), linewidth=0)
     axes.plot(at, values.sum(axis=1), color=drawing.text_colour(), linewidth=0.9, label="K")
-    axes.set(xlabel="state" if times is None else "time [s]", ylabel=label)
+    axes.set(xlabel="state" if times is None else "time [s]")
+    axes.set_ylabel("kinetic energy [J]")
     axes.set_title(f"{escape(of.model.name)}: kinetic energy by total joint rate")
     axes.set_ylim(bottom=0.0)
     entries = [entries[::-1] for entries in axes.get_legend_handles_labels()]

@@ -130,17 +130,6 @@ def test_peaks_are_drawn():
     )
 
 
-def test_many_oscillations_are_means_and_the_largest_energy():
-    t = np.arange(0.0, 600.0, 0.02)
-    s = sliding(np.sin(np.pi / 0.8 * t)[:, None] * [2.0, 1.0, 0, 0, 0, 0, 0, 0])
-    axes = dd.plot.energy(s, t)
-    at, K = curve(axes, "K")
-    assert len(at) == 100 and np.mean(K) == pytest.approx(s.kinetic_energy.mean(), rel=1e-6)
-    (band,) = [layer for layer in axes.collections if layer.get_label() == "maximum of K"]
-    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(s.kinetic_energy.max())
-    assert "mean of 6.00 s" in axes.get_ylabel()
-
-
 def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
     both, rest = dd.plot.balance(recording).axes
     at, power = np.array(rest.lines[0].get_data())
