@@ -211,10 +211,6 @@ PARAMETERS = {
     ),
     **fixed(
         {
-            "load.driver_topic": Spec(
-                "",
-                "Topic of a geometry_msgs/InertiaStamped with the payload of the link in its header; empty: none.",
-            ),
             "reaction.service": Spec(
                 "",
                 "Service that the node calls at reaction.event, a std_srvs/Trigger, or a SwitchController "

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from diag_dynamics.msg import Load
 from diag_dynamics.srv import SetPayload
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
-from std_msgs.msg import String
+from geometry_msgs.msg import WrenchStamped
 from std_srvs.srv import Trigger
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.statuses import OK, WARN
-from nodes import LATCHED, PANDA, Monitor, description, robot
+from nodes import PANDA, Monitor, robot
 from pushed import GAIN, TORQUE, Motion, feed, subscribed
 
 HAND, MASS, CENTER = "panda_hand", 1.2, (0.02, -0.01, 0.06)
@@ -161,48 +160,6 @@ def test_automatic_acceptance(monitor):
     assert np.linalg.norm(found[-1].external_torque) < 1.0
     feed(monitor, map(FREE, range(1800, 3000)))
     assert payload(monitor) is None
-
-
-@pytest.mark.parametrize("monitor", [{"load.driver_topic": "payload"}], indirect=True)
-def test_payload_of_the_driver(monitor, peer):
-    """It replaces the payload of the link in its header; one that is the same changes nothing."""
-    driver, message = peer.publisher(InertiaStamped, "/loaded/payload"), InertiaStamped()
-    message.header.frame_id, message.inertia.m, message.inertia.com.z = HAND, 0.7, 0.05
-    for _ in range(3):
-        driver.publish(message)
-        peer.pass_time(0.01)
-    assert payload(monitor).mass == 0.7 and payload(monitor).com[2] == 0.05
-    assert monitor.process.node._revision == 2
-    message.inertia.m = 0.0
-    driver.publish(message)
-    peer.pass_time(0.01)
-    assert payload(monitor) is None
-    for wrong, text in ((math.nan, "finite"), (-1.0, "mass"), (0.1, "'hook' is not a link")):
-        message.inertia.m = wrong
-        message.header.frame_id = "hook" if wrong > 0.0 else HAND
-        peer.pass_time(6.0)  # a warning in five seconds
-        driver.publish(message)
-        peer.pass_time(0.01)
-        assert text in monitor.process.output.splitlines()[-1] and payload(monitor) is None
-
-
-def test_payload_that_the_driver_has_published_before(peer):
-    """Latched before the node starts, or received before the robot."""
-    message = InertiaStamped()
-    message.header.frame_id, message.inertia.m = HAND, 0.7
-    latched = peer.publisher(InertiaStamped, "/early/payload", LATCHED)
-    latched.publish(message)
-    parameters = OBSERVED | {"load.driver_topic": "payload"}
-    del parameters["robot_description"]
-    for namespace in ("/early", "/volatile"):
-        with Monitor(peer, namespace, outputs=["state"], **parameters) as monitor:
-            if namespace != "/early":
-                peer.publisher(InertiaStamped, f"{namespace}/payload").publish(message)
-            peer.pass_time(0.1)
-            descriptions = peer.publisher(String, f"{namespace}/robot_description", LATCHED)
-            descriptions.publish(description(robot(PANDA).urdf))
-            peer.wait_until(lambda node=monitor.process.node: node._robot, "the robot")
-            assert payload(monitor).mass == 0.7 and "rejected" not in monitor.process.output
 
 
 def test_parameters_name_what_is_missing(peer):

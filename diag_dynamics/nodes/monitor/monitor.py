@@ -161,7 +161,6 @@ class MonitorNode(TableNode, Node):
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
         topic = self.resolve_topic_name("joint_states")
         log.info(shortened(f"Ready: robot '{robot.model.name}', {size}; subscribed to {topic}."))
-        self._payloads.apply_received()
 
     def _in_force(self):
         """Return what the services need of the robot in force."""

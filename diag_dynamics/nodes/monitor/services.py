@@ -1,11 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor's services: dynamics, and the payload from requests, loads and the robot's driver."""
+"""The monitor's services: dynamics, and the payload from requests and loads."""
 
-from geometry_msgs.msg import InertiaStamped
-from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
 from diag_dynamics.dynamics import DiagonalDynamics
@@ -15,10 +12,9 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import answered, attempt
 from diag_dynamics.nodes.support.messages import doubles
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
-from diag_dynamics.text import shortened
 
 NO_PAYLOAD = Payload(0.0)
 """Removes the payload of a link."""
@@ -89,7 +85,7 @@ class DynamicsServices:
 
 
 class PayloadServices:
-    """The services ~/accept_payload and ~/reset_payload, and the topic of the driver's payload.
+    """The services ~/accept_payload and ~/reset_payload.
 
     `current` returns the MonitoredRobot or None; `attach` changes one payload.
     """
@@ -101,13 +97,6 @@ class PayloadServices:
         for name, answer in (("accept_payload", self.accept), ("reset_payload", self._reset)):
             callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
             node.create_service(Trigger, f"~/{name}", callback, qos_profile=SERVICE_QOS)
-        self._received = None  # last payload of the driver
-        if topic := node.values["load.driver_topic"]:
-            options = InertiaStamped, topic, self._accept_message
-            connected(node.create_subscription, *options, QoSProfile(depth=1), raw=True)
-            node.create_subscription(
-                *options, latched(), raw=True
-            )  # receives nothing from volatile publishers
 
     def _model(self):
         return _required(self._current()).model
@@ -165,29 +154,6 @@ class PayloadServices:
         self._accepted = None
         watch.forget()
         return f"The payload of '{watch.link}' is {before.mass:.3g} kg, as before accept_payload."
-
-    def _accept_message(self, message):
-        """Store the bytes of a geometry_msgs/InertiaStamped of the driver, and use its payload."""
-        self._received = message
-        if self._current():
-            self.apply_received()
-
-    def apply_received(self):
-        """Replace the payload of a link of the robot in force by the last one of the driver, if there is one."""
-        _, fault = attempt(self._use_driver) if self._received else (None, None)
-        if fault:
-            self._log.warning(
-                f"Payload of the driver rejected: {fault.reason}", throttle_duration_sec=5.0
-            )
-
-    def _use_driver(self):
-        found = deserialize_message(self._received, InertiaStamped)
-        link, payload = found.header.frame_id, payload_of(found.inertia)
-        model = self._model()
-        if _numbers(payload) != _numbers(model.payloads.get(link, NO_PAYLOAD)):
-            model.with_payload(link, *payload)  # raises InputError
-            self._attach(link, payload)
-            self._log.info(shortened(f"Payload of the driver: {payload.mass:.3g} kg on '{link}'."))
 
 
 def payload_of(i):
