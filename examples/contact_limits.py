@@ -6,7 +6,7 @@
 import math
 
 import diag_dynamics as dd
-from diag_dynamics.collision.predicted_contact import contact_force, simplified_mass, speed_of_force
+from diag_dynamics.collision.predicted_contact import reduced_mass, simplified_mass
 
 POINT_MASS = """<inertial><origin xyz='1 0 0'/><mass value='{}'/>
 <inertia ixx='0' ixy='0' ixz='0' iyy='0' iyz='0' izz='0'/></inertial>"""
@@ -26,6 +26,7 @@ model = dd.load_urdf(ARM, gravity=(0, 0, 0))
 dyn = dd.DiagonalDynamics(model)
 tip = dd.ContactPoints(model, [("tip", "forearm", (1, 0, 0))], LIMITS)
 half = simplified_mass(model.total_mass)
+impedance = math.sqrt(reduced_mass(half, 3.0) * 20e3)  # force by speed, from ½F²/k = ½μv²
 q = (0.0, math.pi / 2)  # shoulder along x, elbow at a right angle: the tip is at (1, 1)
 for name, qd in (("along y", (0.5, -0.5)), ("along x", (0.0, -0.5))):
     c = dyn.contact_limits(q, qd, tip)
@@ -34,11 +35,9 @@ for name, qd in (("along y", (0.5, -0.5)), ("along x", (0.0, -0.5))):
         f"  speed {c.speed[0]:.3f} m/s, reflected mass {c.reflected_mass[0]:.3f} kg, simplified {half:.3f} kg"
     )
     print(f"  transferable energy {c.energy[0]:.4f} J of {c.kinetic_energy:.4f} J")
-    print(
-        f"  force {c.force[0]:.1f} N, by the simplified mass {contact_force(c.speed[0], half, 20e3, 3.0):.1f} N"
-    )
+    print(f"  force {c.force[0]:.1f} N, by the simplified mass {impedance * c.speed[0]:.1f} N")
     print(f"  allowed {c.allowed_speed[0]:.3f} m/s, margin {c.margin[0]:.3f} m/s", end="; ")
-    print(f"by the simplified mass {speed_of_force(150.0, half, 20e3, 3.0):.3f} m/s")
+    print(f"by the simplified mass {150.0 / impedance:.3f} m/s")
 
 after = dyn.impact(q, "forearm", (0.5, -0.5), (0, 1, 0), (1, 0, 0), "world", mass=3.0)
 print(

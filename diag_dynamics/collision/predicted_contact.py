@@ -129,16 +129,6 @@ def reduced_mass(reflected_mass: Any, mass: Any = np.inf) -> Any:
         return 1.0 / (1.0 / np.asarray(reflected_mass, float) + 1.0 / np.asarray(mass, float))
 
 
-def contact_force(speed: Any, reflected_mass: Any, stiffness: Any, mass: Any = np.inf) -> Any:
-    """Return the maximum force v√(μk) [N] of a transient contact at the speed v [m/s] with a stiffness k [N/m]."""
-    return np.asarray(speed, float) * np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
-
-
-def speed_of_force(force: Any, reflected_mass: Any, stiffness: Any, mass: Any = np.inf) -> Any:
-    """Return the speed F/√(μk) [m/s] at which a transient contact reaches the force F [N]."""
-    return np.asarray(force, float) / np.sqrt(reduced_mass(reflected_mass, mass) * stiffness)
-
-
 def simplified_mass(moving_mass: float, payload: float = 0.0) -> float:
     """Return m_R = M/2 + m_L [kg] of ISO/TS 15066: half the mass of the moving parts, and the payload.
 
