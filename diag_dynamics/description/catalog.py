@@ -72,7 +72,7 @@ def example_urdfs() -> dict[str, Path]:
 
 
 def find_urdf(robot: str) -> Path:
-    """Return the path of a URDF: the path itself, or an example robot's key or file name (``ur5``)."""
+    """Return the path of a URDF, or that of an example robot by its key or file name (``ur5``)."""
     if os.path.isfile(path := os.path.expanduser(robot)):
         return Path(path).resolve()
     urdfs, name = example_urdfs(), robot.removesuffix(".urdf")

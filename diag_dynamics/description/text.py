@@ -27,9 +27,6 @@ MAX_BYTES = (
     32 * 1024 * 1024
 )  # largest URDF accepted; the largest public robot descriptions have some 200 kB
 
-# Latin-1 for each byte that an encoding does not have, as Python's surrogateescape marks it
-UNREADABLE = {0xDC00 + byte: chr(byte) for byte in range(128, 256)}
-
 GIT_LFS = b"version https://git-lfs"  # first bytes of a pointer of Git LFS
 
 FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
@@ -44,6 +41,8 @@ NO_CALL = (
     "The file has no <link>: it defines macros and calls none. Load the xacro file that calls them."
 )
 
+# The declared encoding, but for UTF-16 and UTF-32, which have a mark where they are used
+_DECLARED = re.compile(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"'](?!(?i:utf))([\w.:-]+)")
 _OPENING = re.compile(r"<!--|<!\[CDATA\[|<\?")
 _AMPERSAND = re.compile(r"&(?!#?\w[\w.:-]*;)")
 _HTML = re.compile(r"(?i)<(?:!doctype\s+html|html)\b")
@@ -53,7 +52,7 @@ _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def urdf_text(source: Any) -> str:
     """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
 
-    Bytes that are not in the encoding count as Latin-1. Comments with ``--`` and bare ampersands,
+    Bytes are UTF-8, in the declared encoding, or Latin-1. Comments with ``--`` and bare ampersands,
     which XML forbids, are corrected. Lines keep their numbers.
     """
     data = _read(source)
@@ -132,31 +131,20 @@ def reject_other_kinds(start: bytes) -> None:
 
 
 def _decoded(data: bytes) -> str:
-    """Return the text of XML bytes, in the encoding of their first bytes, UTF-8, or the declared one."""
+    """Return the text of XML bytes: UTF-16 with a mark, UTF-8, the declared encoding, or Latin-1."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
     reject_other_kinds(data)
     if b"\0" in data.rstrip(b"\0"):
         raise UrdfError("The file is no URDF: it is binary.")
-    data, declared = data.removeprefix(codecs.BOM_UTF8), _declared(data)
-    for encoding in ("utf-8", declared):
+    data = data.removeprefix(codecs.BOM_UTF8)
+    declared = _DECLARED.match(data)
+    for encoding in ("utf-8", declared[1].decode() if declared else "latin-1"):
         try:
             return data.decode(encoding)
-        except UnicodeError:
+        except (LookupError, ValueError):  # of an unknown encoding, and of other bytes
             continue
-    return data.decode(declared, "surrogateescape").translate(UNREADABLE)
-
-
-def _declared(data: bytes) -> str:
-    """Return the encoding that XML bytes declare, UTF-8 if that does not extend ASCII."""
-    match = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", data)
-    try:
-        name = codecs.lookup(match[1].decode("ascii") if match else "utf-8").name
-        if b"<?xml".decode(name) == "<?xml":
-            return "utf-8" if name == "ascii" else name
-    except (LookupError, UnicodeError):
-        pass
-    return "utf-8"
+    return data.decode("latin-1")
 
 
 def _corrected(text: str) -> str:

@@ -86,7 +86,7 @@ def test_encodings(case, tmp_path):
 
 
 def test_names_in_other_encodings():
-    """They are those of the encoding; UTF-8 is recognized despite another declaration and damage."""
+    """They are those of the encoding; UTF-8 is recognized despite another declaration."""
     for name, encoding in (
         ("Schläger", "latin-1"),
         ("关节", "gb2312"),
@@ -96,7 +96,6 @@ def test_names_in_other_encodings():
         text = ARM.replace("shoulder", name)
         assert_same_model(declaring(encoding, text).encode(encoding), (name,))
         assert_same_model(declaring("iso-8859-1", text).encode(), (name,))
-        assert_same_model(with_comment("?", text).encode().replace(b"?", b"\xe4"), (name,))
     assert_same_model(ARM.replace("shoulder", "Schläger").encode("latin-1"), ("Schläger",))
 
 
