@@ -89,17 +89,12 @@ def vee(R: Array) -> Array:
 
 def to_vector(R: Array) -> Array:
     """Return angle [rad] times axis of a rotation matrix, shape (3,); the angle is in [0, π]."""
-    twice = vee(R)
-    sine, cosine = 0.5 * math.sqrt(float(twice @ twice)), 0.5 * (float(np.trace(R)) - 1.0)
-    angle = math.atan2(sine, cosine)
-    if sine > 1e-6:
-        return twice * (0.5 * angle / sine)
-    if cosine > 0.0:
-        return 0.5 * twice
-    column = int(np.argmax(np.diag(R)))  # a half turn: (R + 1)/2 = n nᵀ
-    axis = 0.5 * (R[:, column] + np.eye(3)[column])
-    axis /= math.sqrt(float(axis @ axis))
-    return angle * (axis if float(axis @ twice) >= 0.0 else -axis)
+    x, y, z, cosine = to_quaternion(R)
+    sine = math.hypot(x, y, z)
+    if sine == 0.0:
+        return np.zeros(3)
+    angle = 2.0 * math.atan2(sine, abs(cosine))
+    return np.array([x, y, z]) * (angle / math.copysign(sine, cosine))
 
 
 def wrap_angle(angle: Array) -> Array:
