@@ -95,7 +95,9 @@ class Forces:
         It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of
         one standard deviation; NaN where a direction of the force is not observed.
         """
-        w = force_at_center(self._dynamics, q, torque, self._names[k], "world", **self._options)
+        name, options = self._names[k], {"frame": "world", "force_only": True} | self._options
+        center = center_of_body(self._dynamics.model, name)
+        w = self._dynamics.wrench(q, name, torque, point=center, **options)
         unobserved = 3 - w.observed.sum(axis=1)
         whole = unobserved == 0
         values, axes = np.linalg.eigh(w.covariance[whole, :3, :3])
@@ -106,22 +108,6 @@ class Forces:
             "touch_root": root[:, UPPER[0], UPPER[1]],
             "touch_unobserved": unobserved,
         }
-
-
-def force_at_center(
-    dynamics, q, torque, link, frame, covariance, max_deviation=NO_FORCES.max_deviation
-):
-    """Return the ExternalWrench of a force alone, at the centre of mass of the body of a link."""
-    return dynamics.wrench(
-        q,
-        link,
-        torque,
-        covariance,
-        frame=frame,
-        point=center_of_body(dynamics.model, link),
-        force_only=True,
-        max_deviation=max_deviation,
-    )
 
 
 def component_deviations(w):

@@ -106,7 +106,7 @@ class CollisionWatch(Watch):
         if settings.frames:
             dynamics.compile("wrench")
         if observation and observation.covariance:
-            dynamics.compile("touched_link", "wrench")  # wrench: of markers
+            dynamics.compile("touched_link")
 
     def _restart(self, dynamics, observation):
         """Restart with another model or other parameters."""

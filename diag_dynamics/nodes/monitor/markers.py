@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as RViz markers: links tinted by energy share, the ellipsoid of JM⁻¹Jᵀ, a velocity, a text, a contact."""
+"""A robot as RViz markers: links tinted by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text."""
 
 import math
 import re
@@ -18,30 +18,29 @@ from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.nodes.support.messages import to_time
-from diag_dynamics.page.forces import force_at_center
-from diag_dynamics.page.layout import center_of_body, links_of_dofs
+from diag_dynamics.page.layout import center_of_body
 from diag_dynamics.page.scene import links_of
 from diag_dynamics.rotations import to_quaternion
 from diag_dynamics.text import plain
 
 COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
-"""Tints of a link without energy and of one that has all of it; the color-blind can tell them apart."""
+"""Tints of a link without energy and of one that has all of it; the color-blind tell them apart."""
 
 LIFETIME, HORIZON = 2, 0.5
-"""Time after which a viewer deletes markers, and after which a link would be at the end of its arrow [s]."""
+"""Time after which a viewer deletes markers, and until a link is at the end of its arrow [s]."""
 
-MIN_ENERGY, FORCE_LENGTH = 1e-3, 0.01
-"""Energy added to K where shares are compared with it [J]; length of a force's arrow as a fraction of reach [1/N]."""
-
-MIN_RESIDUAL = 0.1
-"""Minimum |r| of a joint that a collision affects, relative to the largest."""
+MIN_ENERGY = 1e-3
+"""Energy added to K where shares are compared with it [J]."""
 
 MAX_HALF_AXIS, MIN_REACH = 0.2, 0.05
-"""Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and minimum reach [m]."""
+"""Longest half axis of the ellipsoid at positions of zero, as a fraction of the robot's reach, and
+minimum reach [m]."""
 
 
 class MarkerMaker:
-    """Makes the MarkerArray of states of one robot, in the frame of its root link; always the same message object.
+    """Makes the MarkerArray of states of one robot, in the frame of its root link.
+
+    It is always the same message object.
 
     `description` is the URDF of the robot, or its path. `link` has the ellipsoid; empty: the
     end-effector link. `reach` is the distance of the farthest link from the root link at positions
@@ -57,10 +56,7 @@ class MarkerMaker:
         )
         largest = float(self._mobility(q)[0].max(initial=0.0))
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
-        self._names, self._link_of_dof = (
-            [plain(name) for name in model.dof_names],
-            links_of_dofs(model),
-        )
+        self._names = [plain(name) for name in model.dof_names]
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
         geometry, folder = links_of(model, description), folder_of(description)
         self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
@@ -81,14 +77,11 @@ class MarkerMaker:
         self._collision = _marker(
             "collision", Marker.SPHERE, (0.15 * reach,) * 3, (0.9, 0.1, 0.1, 0.5)
         )
-        self._force = _marker(
-            "force", Marker.ARROW, (0.015 * reach, 0.0375 * reach, 0.0), (0.9, 0.1, 0.1, 1.0)
-        )
-        own = self._ellipsoid, self._arrow, self._text, self._collision, self._force
-        self._message = MarkerArray(markers=[*(marker for *_, marker in self._parts), *own])
+        single = self._ellipsoid, self._arrow, self._text, self._collision
+        self._message = MarkerArray(markers=[*(marker for *_, marker in self._parts), *single])
 
     def message(self, s, state, watch=None):
-        """Return the markers of an evaluation (or an equivalent), its RobotState, and the CollisionWatch, if any."""
+        """Return the markers of an Evaluation, its RobotState and the CollisionWatch, if any."""
         header = Header(stamp=to_time(state.newest), frame_id=self._model.root_link)
         for marker in self._message.markers:
             marker.header = header
@@ -100,7 +93,7 @@ class MarkerMaker:
             self._describe_energy(s.kinetic_energy, shares),
             self._draw_velocity(placed[self.link], state),
         ]
-        lines += self._draw_contact(watch, placed, state.position)
+        lines += self._draw_contact(watch, placed)
         lines += ["estimated velocities"] * bool(state.velocity_estimated)
         self._text.text = "\n".join(lines)
         top = max((float(placed[name][2, 3]) for name, *_ in self._parts), default=0.0)
@@ -151,49 +144,27 @@ class MarkerMaker:
         mass = self._dynamics.reflected_mass(q, self.link, v) if speed else math.inf
         return f"{line}, reflected mass {mass:.3g} kg" if math.isfinite(mass) else line
 
-    def _draw_contact(self, watch, placed, q):
-        """Mark the touched link; return lines about external torque, none where it is not observed."""
+    def _draw_contact(self, watch, placed):
+        """Mark the touched link of a collision; return lines about external torque."""
         seen = watch.seen if watch and watch.seen.valid else None
         touched = watch.touched if seen and (watch.collision.on or watch.contact.on) else None
         link = touched.link if touched else ""
-        marked = seen and watch.collision.on and (link or watch.covariance is None)
-        self._collision.action = Marker.ADD if marked else Marker.DELETE
-        self._force.action = Marker.ADD if link else Marker.DELETE
+        is_marked = link and watch.collision.on
+        self._collision.action = Marker.ADD if is_marked else Marker.DELETE
         if seen is None:
             return []
         k = int(np.nanargmax(np.abs(seen.external_torque)))
-        lines = [
-            f"external torque {abs(seen.external_torque[k]):.3g} {self._units[k]} at {self._names[k]}"
-        ]
-        if marked and not link:  # a force causes no residual in joints beyond its link
-            r = np.nan_to_num(np.abs(seen.residual))
-            outermost = self._link_of_dof[int(np.flatnonzero(r >= MIN_RESIDUAL * r.max())[-1])]
-            self._collision.pose.position = _point(placed[outermost][:3, 3])
+        torque = f"{abs(seen.external_torque[k]):.3g} {self._units[k]}"
+        lines = [f"external torque {torque} at {self._names[k]}"]
         if link:
-            lines.insert(
-                0, self._draw_force(placed[link], q, watch.contact_torque, watch.covariance, link)
-            )
-            lines[0] = f"{plain(link)} ({100.0 * touched.confidence:.0f} %): {lines[0]}"
+            center = np.append(center_of_body(self._model, link), 1.0)
+            self._collision.pose.position = _point(placed[link] @ center)
+            lines.insert(0, f"{plain(link)} ({100.0 * touched.confidence:.0f} %)")
         return ["collision", *lines] if watch.collision.on else lines
-
-    def _draw_force(self, X, q, torque, covariance, link):
-        """Place the arrow of the force on a link at X, from the centre of mass; return its size in words."""
-        w = force_at_center(self._dynamics, q, torque, link, "link", covariance)
-        begin, force = X[:3, :3] @ center_of_body(self._model, link) + X[:3, 3], w.wrench[:3]
-        self._collision.pose.position = _point(begin)
-        self._force.points = [
-            _point(begin),
-            _point(begin + FORCE_LENGTH * self.reach * X[:3, :3] @ force),
-        ]
-        size, unobserved = float(np.linalg.norm(force)), 3 - int(w.observed.sum())
-        if unobserved:
-            return f"at least {size:.3g} N, {unobserved} of 3 directions not observed"
-        deviation = math.sqrt(force @ w.covariance[:3, :3] @ force) / size if size else math.nan
-        return f"{size:.3g} ± {deviation:.2g} N"
 
 
 def _parts(link, folder):
-    """Yield placement and marker of each shape of a LinkGeometry, or of the ellipsoid that stands for them."""
+    """Yield placement and marker of each shape of a LinkGeometry, or of its ellipsoid."""
     for shape in link.shapes:
         X, numbers, d = shape.placement, shape.numbers, 2.0 * shape.numbers[0]
         if shape.kind == "mesh":
@@ -224,7 +195,7 @@ def _sphere(ellipsoid):
 
 
 def _resource(file, folder):
-    """Return the name of a mesh for viewers: in a package, else a whole path; unchanged where there is no such file."""
+    """Return the name of a mesh for viewers: in a package, else a whole path, else unchanged."""
     if package := re.fullmatch(r"(?:package|model)://+([^/]+)/+(.+)", file.strip()):
         return f"package://{package[1]}/{package[2]}"  # some exporters write a third slash
     try:
