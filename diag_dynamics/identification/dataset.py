@@ -37,15 +37,8 @@ from diag_dynamics.recordings.velocities import find_delay
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
-MAX_VELOCITY, MAX_GARBAGE = 1.5, 0.01  # multiple of the URDF's limit; larger fraction: another unit
 MIN_STATES = 10  # shorter segments are left out
 MIN_PLAUSIBLE = 0.5  # fraction of states without implausible efforts
-MOVING, MIN_MOVING, MIN_CHANGED = (
-    0.05,
-    100,
-    0.01,
-)  # velocity, number of states with it, fraction whose effort changes
-
 
 DOUBTFUL = "effort doubtful"  # cause of findings
 
@@ -118,7 +111,7 @@ class Dataset:
 
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
-        self.segments = self._clean(self._read(self.name, recording, model, max_values), model)
+        self.segments = self._clean(self._read(self.name, recording, model, max_values))
         self.spans = [(segment.t[0], segment.t[-1]) for segment in self.segments]
         delay = find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
         self.delay = self._remove_delay("velocity", delay)
@@ -253,15 +246,14 @@ class Dataset:
         jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, count, step))
         return replace(States.concatenate(parts), jumped=jumped)
 
-    def _clean(self, states, model):
+    def _clean(self, states):
         """Return segments of usable states, and add findings on the others."""
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
         fewest = MIN_PLAUSIBLE if self._counts.get("implausible effort") else 0.0
         if finite.mean() <= fewest:
             raise self._no_efforts(self._lacking)
-        fast = _find_fast(model, states.velocity, finite)
-        rows = np.flatnonzero(finite & ~fast)
+        rows = np.flatnonzero(finite)
         again = np.diff(states.stamp[rows], prepend=-1) == 0
         rows = rows[~again]
         segments, restarts = _cut(states[rows], _any_since(np.flatnonzero(states.jumped), rows))
@@ -270,7 +262,6 @@ class Dataset:
             raise InputError(
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
             )
-        self._find_constant(model, states[rows])
         text = "states without position, velocity or effort of some joint were omitted"
         self._add(sum(~finite), "incomplete state", text)
         self._add(
@@ -278,8 +269,6 @@ class Dataset:
             "repeated time stamp",
             "states with the time stamp of the previous state were omitted",
         )
-        text = f"states with a velocity above {MAX_VELOCITY} times the URDF's limit were omitted"
-        self._add(sum(fast), "too fast", text)
         self._add(
             restarts,
             "restart of time stamps",
@@ -292,15 +281,6 @@ class Dataset:
         """Return the InputError about a recording without efforts, or without those of joints."""
         text = explain_missing_efforts(self._counts, joints)
         return InputError(f"{text}. Identification requires them.")
-
-    def _find_constant(self, model, states):
-        """Find joints whose effort hardly changes while they move: no sensor measures that."""
-        moving = np.abs(states.velocity[1:]) > MOVING
-        changed = (moving & (np.diff(states.effort, axis=0) != 0.0)).sum(axis=0)
-        count = moving.sum(axis=0)
-        constant = self.known & (count > MIN_MOVING) & (changed < MIN_CHANGED * count)
-        joints = [model.dof_names[k] for k in np.flatnonzero(constant)]
-        self._set_unknown(model, joints, "constant for long during motion")
 
     def scale_efforts(self, model, gains):
         """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
@@ -349,21 +329,6 @@ def _pieces(name, recording):
 def _any_since(rows, numbers):
     """Return for each kept row whether any of the rows is it, or is between it and the one before."""
     return np.diff(np.searchsorted(rows, numbers, side="right"), prepend=0) > 0
-
-
-def _find_fast(model, velocity, finite):
-    """Return which states are faster than joints can be; raise InputError if many are, as of another unit."""
-    limit = model.velocity_bound
-    beyond = finite[:, None] & (np.abs(velocity) > MAX_VELOCITY * limit)
-    share = beyond.sum(axis=0) / finite.sum()
-    k = int(np.argmax(share))
-    if share[k] > MAX_GARBAGE:
-        raise InputError(
-            f"velocities of joint '{model.dof_names[k]}' reach {np.abs(velocity[finite, k]).max():.3g}; expected at most "
-            f"{MAX_VELOCITY} times the URDF's limit, {model.velocity_limit[k]:.3g} rad/s or m/s, which {share[k]:.0%} "
-            "exceed. Are they in degrees, or of the motor?"
-        )
-    return beyond.any(axis=1)
 
 
 def _cut(states, jumped):

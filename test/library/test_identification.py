@@ -298,7 +298,7 @@ def changed(model, data, **columns):
     [
         (
             dict.fromkeys(range(7), 180.0 / np.pi),
-            r"velocities of joint 'panda_joint\d' reach .* degrees",
+            r"joint 'panda_joint\d' change by 0.0174\d* times .* velocities seem to be in degrees",
         ),
         ({2: -1.0}, r"'panda_joint3' change by -1 times .* the wrong sign"),
         ({4: 1.3}, r"'panda_joint5' change by 0.769\d* times"),
@@ -402,7 +402,7 @@ def test_a_part_whose_fit_does_not_converge_is_left_out(panda, noisy, monkeypatc
 
 @pytest.fixture(scope="module")
 def eventful(panda):
-    """Two runs of 45 s at 1 kHz: late velocities, garbage, states without effort, stamps that go back, gaps, jumps."""
+    """Two runs of 45 s at 1 kHz: late velocities, states without effort, stamps that go back, gaps, jumps."""
     model, oracle = panda
     t, q, qd, qdd = motion(model, 31, 45.0, 100.0)
     columns = [q, qd, efforts(oracle, q, qd, qdd) + friction(qd)]
@@ -415,7 +415,7 @@ def eventful(panda):
         size=qd.shape
     )
     tau = tau + NOISE * rng.normal(size=qd.shape)
-    qd[7000], tau[9000:9003] = 25.0, np.nan
+    tau[9000:9003] = np.nan
     fine[500] = fine[499]
     rows = np.r_[0:12_000, 12_100:20_005, 20_300 : len(fine), 0 : len(fine) - 3000]
     data = recorded(model, *(column[rows] for column in (fine, q, qd, tau)))
@@ -433,7 +433,6 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     assert all(
         cause in texts
         for cause in (
-            "too fast",
             "incomplete state",
             "repeated time stamp",
             "restart of time",
