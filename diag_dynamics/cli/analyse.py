@@ -3,12 +3,9 @@
 
 """`diag-dynamics analyse`: summary, tables, messages and report of recordings."""
 
-import os
-import re
 import shutil
 import sys
 import time
-from collections import Counter
 from functools import partial
 from pathlib import Path
 
@@ -75,9 +72,7 @@ def add_arguments(parser):
     parser.add_argument(
         "--report", metavar="OUT.html", help="self-contained HTML page with all results"
     )
-    parser.add_argument(
-        "--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout; a folder for several"
-    )
+    parser.add_argument("--json", metavar="SUMMARY.json", help="summary as JSON; - for stdout")
     common.add_threads(parser)
     common.add_quiet(parser)
     fleet.add_arguments(parser)
@@ -105,8 +100,7 @@ def run(chosen):
                 f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
             )
             raise InputError(f"{option} writes results of one recording, but {count}")
-    is_folder = chosen.json and not is_single and os.path.isdir(chosen.json)
-    with common.json_output(Path(chosen.json, "all.json") if is_folder else chosen.json) as write:
+    with common.json_output(chosen.json) as write:
         return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
 
 
@@ -141,7 +135,7 @@ def _analyse(chosen, parameters, robot, write):
 
 def _analyse_several(chosen, parameters, robot, write):
     """Analyse one recording after another; one that fails does not stop the others."""
-    summaries, failed, shared = [], {}, Counter()
+    summaries, failed = [], {}
     for recording in chosen.recording:
         try:
             summary = _summary(chosen, recording, parameters, robot)
@@ -150,13 +144,10 @@ def _analyse_several(chosen, parameters, robot, write):
             print(f"diag-dynamics analyse: {error}", file=sys.stderr)
             continue
         summaries.append(summary)
-        _write_json(chosen.json, summary)
         if _prints(chosen):
-            print(f"{plain(recording)}\n\n{format_summary(summary, _width(), shared)}\n")
+            print(f"{plain(recording)}\n\n{format_summary(summary, _width())}\n")
     write({"recordings": summaries, "failed": failed})
     if _prints(chosen):
-        for text in (text for text, count in shared.items() if count > 1):
-            print(f"In {shared[text]} of {len(summaries)} recordings: {plain(text)}")
         lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
         print("\n".join([*lines, *(f"failed: {plain(path)}" for path in failed)]))
     if not summaries:
@@ -172,14 +163,6 @@ def _format_row(summary):
     columns = zip(numbers, COLUMNS.values(), strict=True)
     texts = ["-" if value is None else format(value, form) for value, form in columns]
     return [*texts, plain(summary["recording"])]
-
-
-def _write_json(folder, summary):
-    """Write the summary of a recording into a folder; nothing elsewhere."""
-    if folder and os.path.isdir(folder):
-        words = re.sub(r"[^\w.-]+", "_", summary["recording"]).strip("_.-")
-        with common.json_output(Path(folder, f"{words}.json")) as write:
-            write(summary)
 
 
 def _summary(chosen, recording, parameters, robot):

@@ -203,19 +203,13 @@ def _has_efforts(summary):
     return summary["states"] > summary["quality"]["without_effort"]
 
 
-def format_summary(summary, width=WIDTH, shared=None):
-    """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on.
-
-    `shared` counts texts of several recordings, and leaves out those of earlier ones.
-    """
+def format_summary(summary, width=WIDTH):
+    """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
     notes = [finding["text"] for finding in summary["findings"] if finding["cause"] == NOTE]
     faults = [
         str(Finding(**finding)) for finding in summary["findings"] if finding["cause"] != NOTE
     ]
     faults += summary["warnings"]
-    if shared is not None:
-        shared.update({*notes, *faults})
-        notes, faults = ([text for text in texts if shared[text] == 1] for texts in (notes, faults))
     parts = [list(part(summary)) for part in PARTS]
     for heading, texts in (("Findings", faults), ("Input", notes)):
         parts += [[heading, *_some(texts, "more; --json has all")]] if texts else []

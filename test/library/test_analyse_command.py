@@ -441,20 +441,8 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert "is an input. Choose another file" in analyse(bag, table, "--json", table)[2]
 
 
-def test_several_recordings_say_what_they_share_once(tmp_path, table, analyse):
-    """A folder of --json gets a file for each recording, and one for all."""
-    (tmp_path / "out").mkdir()
+def test_collisions_of_several_recordings(tmp_path, table, analyse):
     (tmp_path / "b.csv").write_bytes(table.read_bytes())
-    _, said, _ = analyse(table, tmp_path / "b.csv", "--json", tmp_path / "out")
-    text = "time: t."
-    assert said.count(text) == 2 and f"In 2 of 2 recordings: {text}" in said
-    every = json.loads((tmp_path / "out" / "all.json").read_text())["recordings"]
-    ones = [
-        json.loads(path.read_text())
-        for path in (tmp_path / "out").iterdir()
-        if path.name != "all.json"
-    ]
-    assert len(ones) == 2 and all(one in every for one in ones)
     threshold = "--set", "collision.threshold=norm=0.001", "--gain", 25
     found = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
     for options, count in (((), "-"), (threshold, str(found))):  # unknown without a threshold
