@@ -46,7 +46,10 @@ REVISION = 1
 
 
 class McapOutput:
-    """Write messages about each state on some topics, at the log time of the message that completed the state."""
+    """Write messages about each state on some topics.
+
+    Their log time is that of the message that completed the state.
+    """
 
     def __init__(self, path, reading, topics):
         for topic in topics:
@@ -54,16 +57,19 @@ class McapOutput:
                 raise InputError(f"topics has '{topic}'; expected any of {', '.join(TOPICS)}.")
         for library in ("mcap", "lz4.frame"):
             require(library, "writing MCAP")
-        chunks = import_module("diag_dynamics.recordings.outputs.chunks")
-        self._target, self._count = AtomicFile(path), 0
-        library = f"diag_dynamics {diag_dynamics.__version__}"
+        library = import_module("mcap.writer")
+        self._target, self._count, self._topics = AtomicFile(path), 0, {}  # by channel
         with self._target.errors():
-            self._file = chunks.ChunkedFile(self._target.name, library)
-        self._topics = {}  # by channel
+            self._file = open(self._target.name, "wb")  # noqa: SIM115  # until close or drop
+            self._writer = library.Writer(self._file, compression=library.CompressionType.LZ4)
+            self._writer.start("ros2", f"diag_dynamics {diag_dynamics.__version__}")
         for topic in topics:
-            rows = TopicRows(topic, reading, chunks.PREFIX)
+            rows = TopicRows(topic, reading)
             definition = definition_with_parts(rows.type).encode()
-            self._topics[self._file.register(f"{NODE}/{topic}", rows.type, definition)] = rows
+            schema = self._writer.register_schema(rows.type, "ros2msg", definition)
+            name, metadata = f"{NODE}/{topic}", {"offered_qos_profiles": ""}
+            channel = self._writer.register_channel(name, "cdr", schema, metadata)
+            self._topics[channel] = rows
 
     def write(self, piece):
         """Write messages about a piece."""
@@ -72,13 +78,16 @@ class McapOutput:
         self._count += len(times)
         for channel, topic in self._topics.items():
             for which, rows in topic.make_rows(piece):
+                stamps = zip(times[which].tolist(), numbers[which].tolist(), strict=True)
                 with self._target.errors():
-                    self._file.write_messages(channel, times[which], numbers[which], rows)
+                    for row, (time, number) in zip(rows, stamps, strict=True):
+                        self._writer.add_message(channel, time, row.tobytes(), time, number)
 
     def close(self, _summary=None):
         """Complete the file and give it its name."""
         with self._target.errors():
-            self._file.finish()
+            self._writer.finish()
+            self._file.close()
         self._target.commit()
 
     def drop(self):
@@ -91,11 +100,11 @@ class McapOutput:
 class TopicRows:
     """Make the messages of one topic, a row of bytes for each state."""
 
-    def __init__(self, topic, reading, prefix):
+    def __init__(self, topic, reading):
         model, settings = reading.model, reading.settings
         names, observation = model.dof_names, settings.observation
         self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
-        self._prefix, self._message = prefix, message_type(self.type)
+        self._message = message_type(self.type)
         self._dynamics, self._texts = DiagonalDynamics(model), texts_of(topic, model, REVISION)
         self._with_friction = settings.values["publish_friction"]
         self._with_inverse = settings.values["publish_inverse_factor"]
@@ -107,7 +116,7 @@ class TopicRows:
                 self._limits[row] = thresholds.of_names(names)
 
     def make_rows(self, piece):
-        """Yield indices of states, and their messages as uint8 of shape (number of states, PREFIX + bytes)."""
+        """Yield indices of states, and their messages as uint8, (number of states, bytes)."""
         is_torque = self._topic == "external_torque"
         known = piece.observed.valid if is_torque else piece.states.effort_known
         touched = self._touched_links(piece)
@@ -155,7 +164,7 @@ class TopicRows:
         return np.zeros_like(piece.s.nu[which]) if friction is None else friction[which]
 
     def _encode(self, values, state, key):
-        """Return messages of these values, with room for a prefix; a key has one layout."""
+        """Return messages of these values; a key has one layout."""
         stamps = {"header.stamp": state.newest}
         if self._topic == "state":
             stamps["oldest_stamp"] = state.oldest
@@ -164,11 +173,10 @@ class TopicRows:
         if key not in self._templates:
             self._templates[key] = self._make_template(values)
         template, count = self._templates[key], len(state.newest)
-        rows = np.empty((count, self._prefix + len(template.data)), np.uint8)
-        rows[:, self._prefix :] = template.data
+        rows = np.tile(template.data, (count, 1))
         for path, numbers in template.numbers.items():
             if isinstance(column := values.get(path), np.ndarray):
-                begin = self._prefix + template.place(path)
+                begin = template.place(path)
                 column = np.ascontiguousarray(column.reshape(count, -1), numbers.dtype)
                 rows[:, begin : begin + numbers.nbytes] = column.view(np.uint8)
         return rows
