@@ -45,8 +45,9 @@ MIN_INTERVAL, STEP, MIN_GAIN = 0.02, 1e-2, 0.03
 """Interval of states whose efforts are searched for a delay, step of that [s], and reduction of
 the residual, geometric mean over joints, from which efforts are late."""
 
-CUTOFF, ORDER, MEMORY = 5.0, 4, 3.0
-"""Zero-phase Butterworth low-pass: cutoff frequency [Hz], order, and length of its response [s]."""
+CUTOFF, MAX_CUTOFF, ORDER, MEMORY = 5.0, 0.9, 4, 3.0
+"""Low-pass: cutoff frequency [Hz], its largest value over half of the rate, order, and length of
+its response [s]."""
 
 GRAVITY, INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(7)
 """Columns of torque: of gravity, of inertia, and of what resists: rate, its sign, a constant, and
@@ -159,27 +160,19 @@ class EffortRange:
 
 
 def smoothed(t, q, qd, tau):
-    """Return q, q̇, τ and q̈ at even times, through a zero-phase low-pass with the gain 1 / (1 + (f/f_c)^2n)."""
-    next_fast_len = require("scipy.fft", "the judgement of efforts").next_fast_len
-    count, nq, nv = len(t), q.shape[1], qd.shape[1]
-    even = np.linspace(t[0], t[-1], count)
+    """Return q, q̇, τ and q̈ at even times, through a zero-phase Butterworth low-pass."""
+    signal = require("scipy.signal", "the judgement of efforts")
+    even = np.linspace(t[0], t[-1], len(t))
     step = even[1] - even[0]
-    columns = np.ascontiguousarray(np.hstack([q, qd, tau]).T)
-    values = np.stack([np.interp(even, t, column) for column in columns])
-    memory = int(min(count - 1, np.ceil(MEMORY / step)))
-    more = next_fast_len(count + 2 * memory, real=True) - count
-    head = min(count - 1, more // 2)
-    pad = (0, 0), (head, min(count - 1, more - head))
-    whole = np.pad(values, pad, mode="reflect", reflect_type="odd")
-    trend = whole[:, :1] + np.linspace(0.0, 1.0, whole.shape[1]) * (whole[:, -1:] - whole[:, :1])
-    gain = 1.0 / (1.0 + (np.fft.rfftfreq(whole.shape[1], step) / CUTOFF) ** (2 * ORDER))
-    smooth = np.fft.irfft(gain * np.fft.rfft(whole - trend), whole.shape[1]) + trend
-    smooth = np.vstack([smooth, np.gradient(smooth[nq : nq + nv], step, axis=1)])[
-        :, head : head + count
-    ]
-    return tuple(
-        np.ascontiguousarray(part.T) for part in np.split(smooth, [nq, nq + nv, nq + 2 * nv])
+    columns = np.hstack([q, qd, tau])
+    values = np.column_stack([np.interp(even, t, column) for column in columns.T])
+    cutoff = min(2.0 * CUTOFF * step, MAX_CUTOFF)
+    padding = int(min(len(t) - 1, np.ceil(MEMORY / step)))
+    smooth = signal.sosfiltfilt(
+        signal.butter(ORDER, cutoff, output="sos"), values, 0, padlen=padding
     )
+    q, qd, tau = np.split(smooth, [q.shape[1], q.shape[1] + qd.shape[1]], axis=1)
+    return tuple(map(np.ascontiguousarray, (q, qd, tau, np.gradient(qd, step, axis=0))))
 
 
 def remaining(products, signals, rest):
@@ -394,12 +387,13 @@ def find_effort_delay(model, runs, measured):
 
 def _late_costs(joints, parts, delays):
     """Return half the logarithm of the squares that are left, by delay and joint."""
-    costs, (columns, times, efforts) = (
-        np.empty((len(delays), len(joints))),
-        zip(*parts, strict=True),
-    )
+    linalg = require("scipy.linalg", "the judgement of efforts")
+    costs = np.empty((len(delays), len(joints)))
+    columns, times, efforts = zip(*parts, strict=True)
     for column, k in enumerate(joints):
-        basis = _orthonormal(np.concatenate([part[k] for part in columns]))
+        explaining = np.concatenate([part[k] for part in columns])
+        sizes = np.maximum(np.linalg.norm(explaining, axis=0), 1e-300)
+        basis = linalg.orth(explaining / sizes, rcond=1e-9)
         late = [
             np.interp(at[:, None] + delays, even, tau[:, k])
             for at, (even, tau) in zip(times, efforts, strict=True)
@@ -421,13 +415,6 @@ def _explain(relation, longest, t, q, qd, tau):
     inner = np.flatnonzero((even >= t[0] + longest) & (even <= t[-1] - longest))
     rows = inner[:: max(1, round(MIN_INTERVAL / (even[1] - even[0])))]
     return columns[:, rows], even[rows], (even, tau)
-
-
-def _orthonormal(columns):
-    """Return an orthonormal basis of columns."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    basis, values, _ = np.linalg.svd(columns / scale, full_matrices=False)
-    return basis[:, values > 1e-9 * values[0]]
 
 
 class Hypotheses:
