@@ -62,11 +62,10 @@ class Carrier(NamedTuple):
 
 
 class Certainty(NamedTuple):
-    """Covariance of unknowns, that by priors and gains, and fractions that rows determine."""
+    """Covariance of unknowns, and that by priors and gains."""
 
     covariance: np.ndarray
     by_gains: np.ndarray
-    determined: np.ndarray  # diag (A + γH)⁻¹A
 
 
 class Fit:
@@ -79,12 +78,10 @@ class Fit:
     def certainty(self):
         """The :class:`Certainty`."""
         covariance, by_gains = np.zeros((2, len(self.x), len(self.x)))
-        determined = np.zeros(len(self.x))
         if self._find_certainty:
             places = np.ix_(self._free, self._free)
-            parts = self._find_certainty()
-            covariance[places], by_gains[places], determined[self._free] = parts
-        return Certainty(covariance, by_gains, determined)
+            covariance[places], by_gains[places] = self._find_certainty()
+        return Certainty(covariance, by_gains)
 
 
 class Layout:
@@ -142,15 +139,6 @@ class Layout:
             return payload
         raised = inertias.parameters_of_pseudo(inertias.floored(whole))
         return payload + np.linalg.solve(self._placed, raised - whole)
-
-    def effective_parameters(self, fit):
-        """Return how many of its ten parameters the rows determine, by link of the bodies with mass."""
-        names, links = self.model.link_names, self.model.bodies["link"][self.bodies]
-        blocks = [self.block(k) for k in range(len(links)) if self.inertial[self.block(k).start]]
-        return {
-            names[links[block.start // PARAMETERS]]: float(fit.certainty.determined[block].sum())
-            for block in blocks
-        }
 
     def squares(self, rows, x, any_gain=False):
         """Return the sum of squared residuals of each degree of freedom, of :meth:`Regressors.residual_squares`."""
@@ -250,7 +238,7 @@ def _fit(layout, rows, free, weight, base, similar=None):
         by_priors = inverse - by_rows @ inverse
         gains = GAIN_DEVIATION * inverse @ b[index]
         covariance = by_priors + inverse @ noise[np.ix_(index, index)] @ inverse
-        return covariance, by_priors + gains @ gains.T, np.diag(by_rows)
+        return covariance, by_priors + gains @ gains.T
 
     return Fit(x, index, find_certainty)
 

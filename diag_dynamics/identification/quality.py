@@ -141,9 +141,6 @@ def quality_of(model, selection, data, last):
         and DOUBTFUL not in [one.cause for one in findings],
         "velocity_delay": [one.delay for one in data.loaded],
         "effort_delay": [one.effort_delay for one in data.loaded],
-        "effective_parameters": layout.effective_parameters(last)
-        if free[layout.inertial].any()
-        else {},
         "deviations": deviations_of(layout, free, last, fits),
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last, fits) if layout.payload else None,
@@ -159,6 +156,10 @@ def quality_of(model, selection, data, last):
         quality["warnings"].append(
             f"efforts were multiplied by gains, effort_scale of the parameters: {known}. They are as wrong as the weight of "
             "the model's links, and other joints remain unknown"
+        )
+    if free[layout.inertial].any():
+        quality["warnings"].append(
+            "masses and inertias of single links are not observable: only their combinations are"
         )
     quality["warnings"] += _warnings(quality, data.unloaded is None, nothing)
     if layout.payload:
@@ -245,10 +246,6 @@ def _warn_of_payloads(selection, data, fit):
 
 def _warnings(quality, without_reference, nothing):
     warnings, payload = [], quality["payload"]
-    if quality["effective_parameters"]:
-        warnings.append(
-            "masses and inertias of single links are not observable: only their combinations are"
-        )
     if payload:
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:

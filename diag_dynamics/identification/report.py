@@ -34,7 +34,7 @@ def write_report(path, found):
         curves=[_draw_joint(found, name, k) for k, name in enumerate(found.model.dof_names)],
         units=UNITS,
         joints={name: _parameters(found, name) for name in found.model.dof_names},
-        links=_links(found),
+        links=found.parameters.links,
         base=[_base_parameter(parameter) for parameter in quality["base_parameters"]["parameters"]],
         version=diag_dynamics.__version__,
     )
@@ -94,15 +94,6 @@ def _parameters(found, name):
             "weak": half is not None and half > abs(value),
         }
     return cells
-
-
-def _links(found):
-    """Return found mass and number of observable parameters of links that were fitted."""
-    numbers = found.quality["effective_parameters"]
-    return [
-        {"name": link, "mass": payload.mass, "observable": numbers.get(link)}
-        for link, payload in found.parameters.links.items()
-    ]
 
 
 def _base_parameter(parameter):
