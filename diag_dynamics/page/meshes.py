@@ -97,8 +97,8 @@ LEVELS = 65_000
 PER_DIFFERENCE = 1.4826 / np.sqrt(6.0)
 """Standard deviation of white noise per median magnitude of its second differences."""
 
-CELLS = 96, 64, 44, 30, 20, 14
-"""Cells along the longest side of a mesh that is too large: vertices in one cell become one."""
+CELLS = 96
+"""Cells along the longest side of a mesh in a report: vertices in one cell become one."""
 
 
 class Packed(NamedTuple):
@@ -156,14 +156,19 @@ def _compress(data):
     return gzip.compress(data, 6, mtime=0)
 
 
-def pack_mesh(data, cells=None):
-    """Pack a mesh of a :class:`MeshLibrary`; with fewer vertices by `cells`."""
+def pack_mesh(data):
+    """Pack a mesh of a :class:`MeshLibrary`, with one vertex, their mean, for those of one cell."""
     vertices, triangles = map(int, np.frombuffer(data, "<u4", 2))
     points = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
     faces = np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
     low, span = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
-    if cells is not None:
-        points, faces = _thin_out(points, faces, (points - low) * (cells / span))
+    places = np.floor((points - low) * (CELLS / span)).astype(np.int64)
+    _, cell = np.unique(places, axis=0, return_inverse=True)
+    cell = cell.ravel()
+    sums = np.stack([np.bincount(cell, axis) for axis in points.T], axis=1)
+    points = sums / np.bincount(cell)[:, None]
+    a, b, c = cell[faces].T
+    faces = np.unique(cell[faces][(a != b) & (b != c) & (c != a)], axis=0)
     order, index = np.unique(faces, return_inverse=True)  # vertices without a face are left out
     whole = np.rint((points[order] - low) / span * 65535.0).astype("<u2")
     sizes, scale = (
@@ -175,26 +180,8 @@ def pack_mesh(data, cells=None):
 
 
 def pack_meshes(meshes, most):
-    """Pack meshes by hash into at most so many bytes: the largest lose vertices or are left out."""
+    """Pack meshes by hash into at most so many bytes: the largest are left out."""
     packed = {sha: pack_mesh(data) for sha, data in meshes.items()}
-    for cells in (*CELLS, None):
-        for sha in sorted(packed, key=lambda sha: -len(packed[sha])):
-            if sum(map(len, packed.values())) <= most:
-                return packed
-            if cells is None:
-                del packed[sha]
-            else:
-                packed[sha] = min(packed[sha], pack_mesh(meshes[sha], cells), key=len)
+    while sum(map(len, packed.values())) > most:
+        del packed[max(packed, key=lambda sha: len(packed[sha]))]
     return packed
-
-
-def _thin_out(points, faces, places):
-    """Replace vertices of one cell by their mean, and drop faces that have two of them."""
-    _, cell = np.unique(np.floor(places).astype(np.int64), axis=0, return_inverse=True)
-    cell = cell.ravel()
-    means = (
-        np.stack([np.bincount(cell, axis) for axis in points.T], axis=1)
-        / np.bincount(cell)[:, None]
-    )
-    a, b, c = cell[faces].T
-    return means, np.unique(cell[faces][(a != b) & (b != c) & (c != a)], axis=0)
