@@ -26,7 +26,7 @@ from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
-from diag_dynamics.nodes.support.graph import NOT_YET_KNOWN, publishers, topics_of
+from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.statuses import WARN, Status, problem_status
 from diag_dynamics.nodes.support.topics import NODES
@@ -136,7 +136,7 @@ class RobotSubscription:
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
         name = self.namespace if is_usual else monitor
         self.stream = RobotStream(name, self._read, notifies=True)
-        self._subscriptions, self._added_at = {}, time.monotonic()
+        self._subscriptions, self._added_at = {}, node.time.steady()
         for topic in ("state", "external_torque", "load"):
             self._subscribe(topic)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -176,10 +176,7 @@ class RobotSubscription:
         if not endpoints:
             return
         self._published_at = now
-        if self._values is None:
-            self._set_fault("parameters", self._explain_missing_parameters())
-        elif not self._values["robot_description"] and not self._description:
-            self._set_fault("description", self._explain_missing_description())
+        self._set_fault("silence", self._explain_silence())
         is_due = self._requested_at is None or now - self._requested_at >= RETRY_PERIOD
         if is_due and self._is_outdated and self._client.service_is_ready():
             self._requested_at = now
@@ -251,34 +248,22 @@ class RobotSubscription:
             self._set_fault(source, "")
         return result
 
-    def _explain_missing_parameters(self):
-        """Return why the monitor's parameters do not come; empty if they may."""
-        topic, service = f"{self.monitor}/state", f"{self.monitor}/get_parameters"
-        names, _ = publishers(self._node, self._subscriptions["state"], KIND)
-        if not {self.monitor, NOT_YET_KNOWN} & set(names):
+    def _explain_silence(self):
+        """Return what does not come for RESPONSE_TIMEOUT; empty if nothing is missing."""
+        if self._node.time.steady() - self._added_at < RESPONSE_TIMEOUT:
+            return ""
+        if self._values is None:
             return (
-                f"publisher of {topic} is {', '.join(names)}; expected {self.monitor}. "
-                "The page requires the model of a monitor."
+                f"{self.monitor}/get_parameters has no answer; expected parameters of a monitor, "
+                "because the page requires its model. Start the monitor."
             )
-        if time.monotonic() - self._added_at > RESPONSE_TIMEOUT:
-            return f"{service} has no answer; expected the model's parameters. Restart the monitor."
-        return ""
-
-    def _explain_missing_description(self):
-        """Return why the description does not come; empty if it may."""
-        subscription = self._subscriptions["robot_description"]
-        names, problems = publishers(self._node, subscription, "std_msgs/msg/String")
-        if problems:
-            return "; ".join(problems.values())
-        is_old = time.monotonic() - self._added_at > RESPONSE_TIMEOUT
-        if is_old and not names:  # a publisher may be discovered later than the monitor
-            return f"{self._topic} has no publisher; expected one. Start robot_state_publisher."
+        if not (self._values["robot_description"] or self._description):
+            return f"{self._topic} has no message; expected a URDF. Start robot_state_publisher."
         return ""
 
     # --- The model ---
 
     def _receive_description(self, message):
-        self._set_fault("description", "")
         self._description = message.data
         self._load()
 
@@ -346,8 +331,7 @@ class RobotSubscription:
             raise loaded
         *robot, difference = loaded
         dynamics, _, meshes, _ = robot
-        for source in ("description", "states"):  # of the robot before
-            self._set_fault(source, "")
+        self._set_fault("states", "")  # of the robot before
         self.stream.set_robot(*robot, difference)
         name, log = dynamics.model.name, self._node.get_logger()
         self.difference = difference and f"{self.monitor}: {difference}"

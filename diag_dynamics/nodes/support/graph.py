@@ -10,9 +10,6 @@ from diag_dynamics.nodes.support.diagnostics import counted
 CLOCK = "/clock"
 """The topic of simulated time."""
 
-NOT_YET_KNOWN = "unknown node"
-"""Name of a node whose publisher was discovered before the node itself."""
-
 
 def publishers(node, subscription, kind):
     """Return names of the nodes that publish a topic, and problems by name of the node.
@@ -37,7 +34,7 @@ def publishers(node, subscription, kind):
 def _node_names(infos):
     """Return the full names of the nodes that endpoints of a topic belong to."""
     return [
-        NOT_YET_KNOWN
+        "unknown node"  # its publisher was discovered before it
         if info.node_name == "_NODE_NAME_UNKNOWN_"
         else f"{info.node_namespace.rstrip('/')}/{info.node_name}"
         for info in infos
