@@ -353,21 +353,16 @@ class SimulatorNode(TableNode, Node):
         return stamp
 
     def _measure_and_publish(self):
-        """Publish the time, the measurements that are known by now, and the truth."""
-        plant = self._plant
+        """Publish the time, measurements and the truth."""
+        plant, stamp, simulation = self._plant, self._stamp, self._plant.simulation
         self._publish_time()
-        plant.measure(self._stamp)
-        for measured in plant.known():
-            stamp = to_time(measured.stamp)
-            if measured.base is not None:
-                self._odometry.publish(
-                    odometry_message(plant.simulation.model.root_link, measured, stamp)
-                )
-            self._lockstep.publish()
-            self._last = joint_state_message(plant.names, measured, stamp)
-            self._joint_states.publish(self._last)
+        measured, time = plant.measure(), to_time(stamp)
+        if measured.base is not None:
+            self._odometry.publish(odometry_message(simulation.model.root_link, measured, time))
+        self._lockstep.publish()
+        self._last = joint_state_message(plant.names, measured, time)
+        self._joint_states.publish(self._last)
         if self._truth.get_subscription_count():
-            simulation, stamp = plant.simulation, self._stamp
             effort = simulation.with_spring_torques(simulation.effort)
             state = RobotState(simulation.q, simulation.qd, effort, stamp, stamp, False)
             self._truth.publish(self._maker.evaluated("state", simulation.evaluate(effort), state))

@@ -51,7 +51,6 @@ _FIXED = {
     ),
     "wrench_timeout": Spec(0.1, "Simulated time after which a wrench expires [s]; 0: never.", 0.0),
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
-    "sensor_delay": Spec(0.0, "Delay from a state to its publication, simulated [s].", 0.0, 10.0),
     "real_time_factor": Spec(
         1.0,
         "Real-time factor; 0: as fast as possible. With other values than 1 the node publishes /clock.",

@@ -3,10 +3,10 @@
 
 """Inputs of a simulated robot: effort commands and external wrenches, held until a timeout [s].
 
-A rejected input raises RejectedError and changes nothing. Sensors have noise and delay.
+A rejected input raises RejectedError and changes nothing. Sensors have noise.
 """
 
-from collections import Counter, deque
+from collections import Counter
 
 import numpy as np
 
@@ -132,43 +132,31 @@ class Pushes(_Inputs):
         return {link: wrench for link, (wrench, _) in self._held.items()}
 
 
-# --- Sensors between a state and what a driver publishes
+# --- Sensors
 
 
 class Sensors:
-    """Sensors of all joints; the same states and seed give the same errors.
+    """Sensors of all joints; the same states give the same errors.
 
     `noise` is the standard deviation of white noise on position [rad, m], velocity [rad/s, m/s]
-    and effort [N m, N]. `delay` is the simulated time from a state to its publication [s].
+    and effort [N m, N].
     """
 
-    def __init__(self, noise=(0.0, 0.0, 0.0), delay=0.0, seed=0):
+    def __init__(self, noise):
         if len(noise) != 3 or min(noise) < 0.0:
             raise InputError(f"parameter 'sensor_noise' is {list(noise)}, expected 3 numbers >= 0.")
-        self._noise, self._delay, self._seed = noise, delay, seed
+        self._noise = noise
         self.restart()
 
     def restart(self):
-        """Restart the sequence of errors, and drop delayed measurements."""
-        self._random = np.random.default_rng(self._seed)
-        self.forget()
+        """Restart the sequence of errors."""
+        self._random = np.random.default_rng(0)
 
-    def forget(self):
-        """Drop delayed measurements."""
-        self._delayed = deque()
-
-    def measure(self, time, position, velocity, effort, label=None):
-        """Measure a state at a simulated time [s]; it is known after the delay, with its label."""
+    def measure(self, position, velocity, effort):
+        """Return three vectors with noise."""
         values = []
         for value, noise in zip((position, velocity, effort), self._noise, strict=True):
             if noise:
                 value = value + noise * self._random.normal(size=len(value))
             values.append(value)
-        self._delayed.append((time, tuple(values), label))
-
-    def known(self, time):
-        """Return measurements known by a simulated time [s]: time, three vectors, label."""
-        measurements = []
-        while self._delayed and self._delayed[0][0] + self._delay <= time + ROUNDING:
-            measurements.append(self._delayed.popleft())
-        return measurements
+        return values

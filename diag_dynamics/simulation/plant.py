@@ -4,7 +4,7 @@
 """Plant: a simulated robot with drives, sensors and external wrenches. It imports no ROS."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,7 +82,7 @@ UNLIMITED_BRAKE = 1e9
 
 
 class Measured(NamedTuple):
-    """Sensor values of all joints, mimic joints last; their stamp, and q and q̇ of a floating base.
+    """Sensor values of all joints, mimic joints last, and q and q̇ of a floating base.
 
     Efforts are in the unit that the model's `effort_scale` converts.
     """
@@ -90,7 +90,6 @@ class Measured(NamedTuple):
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
-    stamp: Any
     base: tuple | None
 
 
@@ -130,7 +129,7 @@ class Plant:
         self.drives = Drives(
             joints, values["command_joints"], values["command_timeout"], values["without_command"]
         )
-        self.sensors = Sensors(values["sensor_noise"], values["sensor_delay"])
+        self.sensors = Sensors(values["sensor_noise"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
         self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]
@@ -175,8 +174,8 @@ class Plant:
             effort[self._driven] += simulation.dynamics.gravity_torque(simulation.q)[self._driven]
         return effort
 
-    def measure(self, stamp=None):
-        """Measure the present state by the sensors; `stamp` is stored with the measurement."""
+    def measure(self):
+        """Return the present state as :class:`Measured` by the sensors."""
         simulation, followers = self.simulation, self._followers
         q, qd = simulation.q, simulation.qd
         actuated, rate = q[len(q) - len(self._driven) :], qd[self._driven]
@@ -192,17 +191,11 @@ class Plant:
             if joint.effort == "spring":
                 effort[k] = torque[i]
         base = (q[:7], qd[:6]) if simulation.model.floating_base else None
-        self.sensors.measure(self.time, position, velocity, effort, (stamp, base))
-
-    def known(self):
-        """Return all :class:`Measured` that have become known since the last call."""
-        measured = []
-        for _, (position, velocity, effort), label in self.sensors.known(self.time):
-            measured.append(Measured(position, velocity, effort / self._scale, *label))
-        return measured
+        position, velocity, effort = self.sensors.measure(position, velocity, effort)
+        return Measured(position, velocity, effort / self._scale, base)
 
     def put(self, q, qd):
-        """Put the robot into a state; time and command stay, delayed measurements are lost.
+        """Put the robot into a state; time and command stay.
 
         Raise InputError for a joint beyond a hard limit or an energy that is not finite, and change
         nothing.
@@ -222,7 +215,6 @@ class Plant:
             raise InputError("the kinetic energy is not finite.")
         simulation.reset(q, qd)
         self._before = before
-        self.sensors.forget()
 
     def reset(self):
         """Reset state, commands, wrenches and the sequence of sensor errors, but not the time."""
@@ -237,10 +229,8 @@ def require_consistent(values):
     factor = values["real_time_factor"]
     if 0.0 < factor < 1e-3:
         raise InputError(f"parameter 'real_time_factor' is {factor}, expected 0 or at least 0.001.")
-    for name, idle in (("motion", "free"), ("sensor_delay", 0.0)):
-        if values["lockstep"] and values[name] != idle:
-            raise InputError(
-                "parameter 'lockstep' is true, for which there must be a command for every joint "
-                f"state, but '{name}' is "
-                f"{values[name]!r}, expected {idle!r}."
-            )
+    if values["lockstep"] and values["motion"] != "free":
+        raise InputError(
+            "parameter 'lockstep' is true, for which there must be a command for every joint "
+            f"state, but 'motion' is '{values['motion']}', expected 'free'."
+        )

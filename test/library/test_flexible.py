@@ -333,8 +333,7 @@ def test_simulated_joint_states(motion):
     if motion == "free":
         robot.drives.command([0.0, -10.0, 3.0, 8.0, 1.0, 1.0, 0.5, 0.0], 0.0)
     robot.advance(400)
-    robot.measure()
-    sim, (measured,) = robot.simulation, robot.known()
+    sim, measured = robot.simulation, robot.measure()
     for i, name in enumerate(NAMES):
         k = robot.names.index(name)
         assert measured.position[k] == (

@@ -72,32 +72,13 @@ def test_noise():
 
     def measured():
         sensors.restart()
-        states = []
-        for k in range(4000):
-            sensors.measure(k, *VALUES)
-            states += [values for _, values, _ in sensors.known(k)]
-        return np.array(states)
+        return np.array([sensors.measure(*VALUES) for _ in range(4000)])
 
     error = measured() - np.array(VALUES)
     assert np.abs(error.mean(axis=0)).max() < 4 * 2.0 / np.sqrt(4000)
     np.testing.assert_allclose(error.std(axis=0), [[0.1, 0.1], [2.0, 2.0], [0.0, 0.0]], rtol=0.1)
     assert abs(np.corrcoef(error[1:, 0, 0], error[:-1, 0, 0])[0, 1]) < 0.1
     assert (measured() == measured()).all()
-
-
-def test_delay():
-    """States come in order after the delay, with the time of their measurement and, without errors, its values."""
-    sensors, seen = Sensors(delay=0.03), []
-    for k in range(10):
-        sensors.measure(0.01 * k, *VALUES, "base")
-        for time, values, base in sensors.known(0.01 * k):
-            seen.append((k, round(100 * time)))
-            assert base == "base" and all(
-                (a == b).all() for a, b in zip(values, VALUES, strict=True)
-            )
-    assert seen == [(k, k - 3) for k in range(3, 10)]
-    sensors.forget()
-    assert sensors.known(100.0) == []
 
 
 @examples(50)
@@ -220,7 +201,6 @@ def test_steps_divide_the_period(rate, step, own):
         (lambda: Sensors(noise=(1.0, 0.0)), "'sensor_noise' is"),
         (lambda: plant(real_time_factor=1e-16), "'real_time_factor' is 1e-16"),
         (lambda: plant(lockstep=True, motion="wave"), "'lockstep'"),
-        (lambda: plant(lockstep=True, sensor_delay=0.01), "'lockstep'"),
     ],
 )
 def test_bad_parameters(make, key):
@@ -241,8 +221,7 @@ def test_measured_joints():
     own = plant()
     own.drives.command([1e3] + [0.0] * 6 + [2.0], 0.0)
     own.advance(20)
-    own.measure()
-    (measured,) = own.known()
+    measured = own.measure()
     assert measured.effort[0] == 87.0 and own.simulation.saturated == ("panda_joint1",)
     leader, follower = (own.names.index(f"panda_finger_joint{k}") for k in (1, 2))
     assert measured.position[follower] == measured.position[leader] > 0.0
@@ -258,11 +237,8 @@ def test_same_seed_same_trajectory():
         seen = []
         for _ in range(40):
             own.advance(2)
-            own.measure()
-            seen += [
-                (m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes())
-                for m in own.known()
-            ]
+            m = own.measure()
+            seen.append((m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes()))
         return seen
 
     first, at = measured(), own.time
@@ -271,11 +247,9 @@ def test_same_seed_same_trajectory():
 
 
 def test_put():
-    """Another state at the same time; pending measurements are lost. A refused state changes nothing."""
-    own = plant(sensor_delay=0.01)
+    """Another state at the same time. A refused state changes nothing."""
+    own = plant()
     own.advance(5)
-    own.measure()
-    assert own.known() == []  # within the delay
     q, qd = own.simulation.q + 0.01, 0.1 * np.ones(8)
     own.put(q, qd)
     beyond = q.copy()
@@ -288,8 +262,6 @@ def test_put():
             own.put(bad, rate)
         assert (own.simulation.q == q).all() and (own.simulation.qd == qd).all()
     assert own.time == pytest.approx(0.005)
-    own.advance(20)
-    assert own.known() == []
     assert plant(limits="none").put(beyond, qd) is None
 
 

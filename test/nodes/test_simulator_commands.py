@@ -363,12 +363,12 @@ def test_as_fast_as_can_be(peer):
 
 
 def test_sensors(peer):
-    """Delayed and noisy states are those of the truth with their stamps, a stall in between or not.
+    """Noisy states are those of the truth with their stamps, a stall in between or not.
 
     Odometry goes with its joint state; a free base is put wherever it is asked to be.
     """
     noise = 1e-3
-    sensors = {"sensor_delay": 0.05, "sensor_noise": [noise, 0.0, 0.0]}
+    sensors = {"sensor_noise": [noise, 0.0, 0.0]}
     parameters = {"floating_base": True, "rate": 100.0, "gravity": [0.0, 0.0, 0.0]}
     with Simulator(peer, "/sensed", UR5, **sensors, **parameters) as simulator:
         base, turning = Pose(), Twist()
