@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.codes import CAUSES, FAST_STEP, INTERLEAVED
-from diag_dynamics.recordings.joint_names import JointNames, complete_maps
+from diag_dynamics.recordings.joint_names import JointNames, propose_map
 from diag_dynamics.text import MAX_NAMES, listed
 
 SECOND_SOURCE, IMPLAUSIBLE = (f"rejected: {CAUSES[code]}" for code in (INTERLEAVED, FAST_STEP))
@@ -127,13 +127,12 @@ def _name_texts(intake, counts):
     unknown, nothing = assembler.unknown_names(), len(missing) == len(joints)
     present = set(assembler.names).intersection(map(map_name, assembler.arrived))
     lacking = [] if nothing else missing
-    if maps := complete_maps(unknown, missing, present, entries):
-        words = (" ".join(quote(f"{name}={joint}") for name, joint in pairs) for pairs in maps)
-        options = " or ".join(f"--joint-names {text}" for text in words)
-        mapped = set(map(JointNames(dict(maps[0])).map_name, unknown))
+    if entries := propose_map(unknown, missing, present, entries):
+        options = " ".join(quote(f"{name}={joint}") for name, joint in entries)
+        mapped = set(map(JointNames(dict(entries)).map_name, unknown))
         count = len(mapped.intersection(assembler.names))
-        number = "them" if count == len(unknown) else f"{count} of them"
-        advice = f"{options} (joint_names) maps {number} to the robot's joints"
+        number = f"{count} of {len(unknown)} names"
+        advice = f"--joint-names {options} (joint_names) maps {number} to the robot's joints"
         lacking = [joint for joint in missing if joint not in mapped]
     advice += f". {_lock(lacking)}" if lacking else ""
     lack = f"{'the robot has' if nothing else 'missing:'} {listed(missing)}"

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of joints in a recording that are not those of the robot: their map, and a proposal for one."""
+"""Names of joints in a recording that are not the robot's: their map, and a proposal for one."""
 
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
-from itertools import product, takewhile
+from itertools import product
+from os.path import commonprefix
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.text import listed
@@ -105,66 +106,31 @@ def _replace(entry, other, name):
     return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
 
 
-def complete_maps(names, missing, there, given):
-    """Return tuples of entries that map as many names as possible to joints that are missing.
+def propose_map(names, missing, there, given):
+    """Return entries, those `given` included, that map names to missing joints; empty if unclear.
 
-    `there` are joints that the recording has already; they get no second name. The tuples begin
-    with the entries `given`. There are several if it is ambiguous, as for two arms.
+    One prefix in place of another explains them. `there` are joints that the recording has already:
+    these keep their names.
     """
-    completed = {}
-    for entries, mapped in _combine_entries(names[:MAX_NAMES], missing[:MAX_NAMES]):
-        whole = *given, *entries
-        map_name = JointNames(dict(whole)).map_name
-        targets = {name: map_name(name) for name in names}
-        is_unique = len(dict(whole)) == len(whole) and not set(targets.values()) & set(there)
-        if not is_unique or targets | mapped != targets:
-            whole = *given, *mapped.items()
-        completed[frozenset(whole)] = whole
-    return list(completed.values())
+    names, joints, candidates = names[:MAX_NAMES], missing[:MAX_NAMES], {}
+    given = [entry for entry in given if entry[1] not in missing]
+    for old, new in sorted({_split_prefixes(*pair) for pair in product(names, joints)}):
+        ends = [name[len(old) :] for name in names if name.startswith(old) and name != old]
+        mapped = {old + end: new + end for end in ends if new + end in joints}
+        is_alone = len(names) == len(joints) == 1 or "" in (old, new)
+        if len(mapped) > 1 or (mapped and is_alone):
+            targets = {new + end for end in ends}.union(
+                joint for joint in there if joint.startswith(old)
+            )
+            is_pattern = not given and len(ends) > 1 and targets.isdisjoint(there)
+            entries = [(old + ANY, new + ANY)] if is_pattern else mapped.items()
+            candidates.setdefault(tuple(mapped.items()), entries)
+    most = max(map(len, candidates), default=0)
+    largest = [entries for mapped, entries in candidates.items() if len(mapped) == most]
+    return (*given, *largest[0]) if len(largest) == 1 else ()
 
 
-def _combine_entries(names, joints):
-    """Yield tuples of entries with ``*``, and the joints to which they lead by name."""
-    for entry, mapped in _find_entries(names, joints):
-        names_left = [name for name in names if name not in mapped]
-        joints_left = [joint for joint in joints if joint not in mapped.values()]
-        more = list(_combine_entries(names_left, joints_left))
-        entries, more_joints = more[0] if len(more) == 1 else ((), {})
-        yield (entry, *entries), mapped | more_joints
-
-
-def _find_entries(names, joints):
-    """Return the entries with ``*`` that map most names, and joints by name; several if ambiguous.
-
-    Prefixes are compared first, then suffixes. An entry maps every name or joint, otherwise at
-    least two and half of the joints.
-    """
-    for step in (1, -1):  # reversed texts for suffixes
-        targets = {joint[::step]: joint for joint in joints}
-        turned = {name[::step]: name for name in names}
-        entries = {}
-        for old, new in sorted({_heads(*pair) for pair in product(turned, targets)} - {None}):
-            rests = [text[len(old) :] for text in turned if text.startswith(old)]
-            fitting = [rest for rest in rests if new + rest in targets]
-            mapped = tuple((turned[old + rest], targets[new + rest]) for rest in fitting)
-            is_whole = len(mapped) in (len(joints), len(names))
-            if is_whole or 2 * len(mapped) >= max(4, len(joints)):
-                entries.setdefault(mapped, []).append((old + ANY, new + ANY))
-        most = max(map(len, entries), default=0)
-        if most:
-            largest = [mapped for mapped in entries if len(mapped) == most]
-            shortest = [min(entries[mapped]) for mapped in largest]
-            texts = [(old[::step], new[::step]) for old, new in shortest]
-            return list(zip(texts, map(dict, largest), strict=True))
-    return []
-
-
-def _heads(name, joint):
-    """Return the texts before the longest common words at the end of two names, or None."""
-    words = [re.findall(r"\d+|[^\W\d_]+|[\W_]", text) for text in (name, joint)]
-    pairs = zip(*map(reversed, words), strict=False)
-    common = [word for word, other in takewhile(lambda pair: pair[0] == pair[1], pairs)]
-    if len(common) > 1 and not common[-1].isalnum() and len(common) < min(map(len, words)):
-        common.pop()  # the separator goes with the words before it
-    length = len("".join(common))
-    return (name[:-length], joint[:-length]) if length else None
+def _split_prefixes(name, joint):
+    """Return the texts before the longest common end of two names."""
+    end = commonprefix([name[::-1], joint[::-1]])[::-1]  # noqa: RUF071  # no paths
+    return name.removesuffix(end), joint.removesuffix(end)

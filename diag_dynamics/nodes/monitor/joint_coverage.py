@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
-from diag_dynamics.recordings.joint_names import complete_maps
+from diag_dynamics.recordings.joint_names import propose_map
 from diag_dynamics.text import listed
 
 GRACE_PERIOD = 0.5
@@ -17,7 +17,7 @@ GRACE_PERIOD = 0.5
 ALIKE = 0.7
 """Similarity, of difflib, of a joint's name and a misspelt one."""
 
-_complete_maps = lru_cache(1)(complete_maps)
+_propose_map = lru_cache(1)(propose_map)
 
 
 def joint_coverage(assembler, ignored, entries, elapsed, statistics):
@@ -40,16 +40,12 @@ def joint_coverage(assembler, ignored, entries, elapsed, statistics):
         text += f"; unknown names arrive: {listed(unknown)}"
     elif statistics.is_empty:
         text += "; all joint states are empty"
-    entries = tuple(entry for entry in entries if entry[1] not in missing)
     present = tuple(joint for joint in assembler.joint_names if joint not in missing)
-    maps = _complete_maps(tuple(unknown), tuple(missing), present, entries)
-    if maps and len(unknown) == len(missing) == 1:
-        maps = [(*entries, (*unknown, *missing))]
+    proposal = _propose_map(tuple(unknown), tuple(missing), present, tuple(entries))
     near = [(joint, get_close_matches(joint, unknown, 1, ALIKE)) for joint in missing]
     misspelt = {names[0]: joint for joint, names in near if names}
-    if misspelt and not maps:
-        maps = [(*entries, *misspelt.items())]
-    if maps:
-        lists = ([f"{name}={joint}" for name, joint in entries] for entries in maps)
-        text += f". Set joint_names to {' or '.join(map(str, lists))}"
+    if misspelt and not proposal:
+        proposal = *(entry for entry in entries if entry[1] not in missing), *misspelt.items()
+    if proposal:
+        text += f". Set joint_names to {[f'{name}={joint}' for name, joint in proposal]}"
     return Status("joints", WARN, text, values, age=elapsed)
