@@ -27,8 +27,8 @@ from diag_dynamics.recordings.messages import (
     REASON,
     Connection,
     DamageError,
+    DamageLog,
     Messages,
-    Notes,
     describe_error,
     group_rows,
     merge_parts,
@@ -49,22 +49,24 @@ MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself 
 class Bag:
     """Messages of a file, or of the files of a folder, those of ROS 1 converted to CDR.
 
-    `unread` (damage) and `oddities` (without loss) are complete after the last piece; `start` is
-    the first log time [ns].
+    `unread` (damage) is complete after the last piece; `start` is the first log time [ns].
     """
 
     def __init__(self, path):
         self.path, self.connections = Path(path), []
-        self._notes, self._folders = Notes(), []  # temporary folders are deleted with the bag
-        self.unread, self.oddities = self._notes.unread, self._notes.oddities
-        paths = _find_files(self.path, self._notes) if self.path.is_dir() else [self.path]
+        self._damage, self._folders = DamageLog(), []  # temporary folders are deleted with the bag
+        self.unread = self._damage.unread
+        paths = _find_files(self.path, self._damage) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(path, str(path)) for path in paths]
         self._maps = [self._map_connections(file) for file in self._files]
         starts = (file.start for file in self._files if file.start is not None)
         self.start = min(starts, default=None)
 
     def pieces(self, wanted, begin=None, end=None):
-        """Yield Messages of some connections in log-time order, more than those between two log times [ns]."""
+        """Yield Messages of some connections in log-time order.
+
+        They contain at least those between two log times [ns].
+        """
         failed, wanted = Counter(), set(wanted)
 
         def read_file(file, places, conversions):
@@ -83,7 +85,7 @@ class Bag:
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
             text = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
-            self._notes.add_damage(self.path, "messages of ROS 1", text)
+            self._damage.add_damage(self.path, "messages of ROS 1", text)
 
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
@@ -99,7 +101,7 @@ class Bag:
             reader = import_module("diag_dynamics.recordings.mcap_file").McapFile
         else:
             reader = SqliteFile if kind == "sqlite" else Ros1File
-        return reader(path, name, self._notes)
+        return reader(path, name, self._damage)
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
@@ -115,13 +117,13 @@ class Bag:
                 )
         except zstandard.ZstdError as error:
             text = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
-            self._notes.add_damage(path, "its compression", text)
+            self._damage.add_damage(path, "its compression", text)
         except OSError as error:
             raise InputError(f"'{path}' cannot be decompressed: {error.strerror}.") from error
         return content
 
     def _map_connections(self, file):
-        """Return the places of a file's connections in `connections`, and conversions by connection."""
+        """Return the places of connections in `connections`, and conversions by connection."""
         places, conversions = [], {}
         for k, connection in enumerate(file.connections):
             connection = connection._replace(type=_normalize_type(connection.type))
@@ -174,7 +176,7 @@ def _normalize_type(name):
 
 @lru_cache(64)
 def _find_conversion(name, md5):
-    """Return the function that converts messages of a type of ROS 1 to CDR; None if none are read."""
+    """Return the function that converts messages of a type of ROS 1 to CDR, or None."""
     if name not in ROS1_TYPES:
         return None
     typesys = require("rosbags.typesys", REASON)
@@ -194,10 +196,10 @@ def _find_conversion(name, md5):
 
 
 class SqliteFile:
-    """A SQLite file. What a killed recorder left in a journal is read in a copy: no file changes."""
+    """A SQLite file. The journal of a killed recorder is read in a copy: no file changes."""
 
-    def __init__(self, path, name, notes):
-        self._path, self._lose = Path(path).absolute(), partial(notes.add_damage, name)
+    def __init__(self, path, name, damage):
+        self._path, self._lose = Path(path).absolute(), partial(damage.add_damage, name)
         self._advice = f"`sqlite3 {name} .recover` may find more"
         self.connections, self._topics, self.start, self._copy = [], {}, None, None
         journals = [Path(f"{self._path}{end}") for end in ("-wal", "-journal")]
@@ -205,9 +207,6 @@ class SqliteFile:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
             for file in (path, *journals):
                 shutil.copy(file, self._copy.name)
-            notes.add_oddity(
-                name, " has a journal: its recorder was killed or still records. It is read, too."
-            )
         try:
             with closing(self._open()) as database:
                 for key, *declaration in database.execute(
@@ -231,7 +230,10 @@ class SqliteFile:
     def _read_rows(self, topics):
         """Yield (connection, log time, content) of each message."""
         marks, lost, time = ", ".join("?" * len(topics)), 0, None
-        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
+        query = (
+            "SELECT topic_id, timestamp, data FROM messages "
+            f"WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
+        )
         with closing(self._open()) as database:
             try:
                 for key, time, data in database.execute(query, list(topics)):
@@ -259,8 +261,8 @@ class SqliteFile:
 class Ros1File:
     """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
 
-    def __init__(self, path, name, notes):
-        self._path, self._lose = Path(path), partial(notes.add_damage, name)
+    def __init__(self, path, name, damage):
+        self._path, self._lose = Path(path), partial(damage.add_damage, name)
         self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
         self.connections, self.start = [], None
         try:
@@ -298,47 +300,30 @@ class Ros1File:
 # --- Files of a folder ---
 
 
-def _find_files(folder, notes):
-    """Return the files that metadata.yaml lists, renamed ones too; without it, all bags by name."""
-    listed, why = _read_metadata(folder)
-    bags = _find_bags(folder)
-    if not bags and not listed:
+def _find_files(folder, damage):
+    """Return the bags of a folder in the order of their names; report those that are missing."""
+    names, listed = _find_bags(folder), _read_metadata(folder)
+    if not names:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
         expected = f"expected {KNOWN}, or the file of a table"
-        raise InputError(f"'{folder}' {why} and contains no bag; {expected}.{meant}")
-    if not listed:
-        notes.add_oddity(folder, f" {why}. All bags in it are read in the order of their names.")
-        return [folder / name for name in bags]
-    files = {}
-    for name in listed:
-        stored = name, f"{name}{PACKED}", name.removesuffix(PACKED)
-        files[name] = next((file for file in stored if (folder / file).is_file()), None)
-    missing = [name for name, file in files.items() if file is None]
-    unlisted = [name for name in bags if name not in files.values()]
-    if unlisted and len(missing) == len(listed):
-        lack = f": {METADATA} lists {', '.join(missing)}, missing here"
-        notes.add_oddity(folder, f"{lack}; {', '.join(unlisted)} is read instead.")
-        return [folder / name for name in unlisted]
-    for name in missing:
-        notes.add_damage(folder, name, f"{METADATA} lists this file, which is missing")
-    if unlisted:
-        notes.add_oddity(folder, f": {METADATA} does not list {', '.join(unlisted)}: not read.")
-    return [folder / file for file in files.values() if file is not None]
+        raise InputError(f"'{folder}' contains no bag; {expected}.{meant}")
+    stored = {name.removesuffix(PACKED) for name in names}
+    missing = [name for name in listed if name.removesuffix(PACKED) not in stored]
+    if missing and not len(missing) == len(listed) <= len(names):  # all files may be renamed
+        damage.add_damage(folder, METADATA, f"it lists {', '.join(missing)}, missing here")
+    return [folder / name for name in names]
 
 
 def _read_metadata(folder):
-    """Return the names of the listed files, and why there are none."""
+    """Return the names of files that metadata.yaml lists; none if it is missing or damaged."""
     yaml = require("yaml", REASON)
     try:
-        text = (folder / METADATA).read_text(encoding="utf-8")
-        content = yaml.safe_load(text)["rosbag2_bagfile_information"]
-        paths = [str(path).replace("\\", "/") for path in content["relative_file_paths"]]
-    except FileNotFoundError:
-        return [], f"has no {METADATA}"
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
-        return [], f"has a {METADATA} that is damaged ({describe_error(error)})"
-    return [path.rpartition("/")[2] for path in paths], f"has a {METADATA} that lists no files"
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        paths = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        return [Path(path).name for path in paths]
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
+        return []
 
 
 def _find_bags(folder):
@@ -354,8 +339,9 @@ def _find_bags(folder):
         names = [path.name for path in folder.iterdir() if path.is_file() and is_bag(path)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
-    parts = {name: enumerate(re.split(r"(\d+)", name)) for name in names}
-    return sorted(names, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]])
+    unpacked = {f"{name}{PACKED}" for name in names}  # of files that were played
+    parts = {name: enumerate(re.split(r"(\d+)", name)) for name in {*names} - unpacked}
+    return sorted(parts, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]])
 
 
 def _first_bytes(path):

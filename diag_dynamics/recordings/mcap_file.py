@@ -65,10 +65,10 @@ class Part(NamedTuple):
 
 
 class McapFile:
-    """An MCAP file. Without a summary of its chunks it is read up to the first damage between records."""
+    """An MCAP file. Without a summary it is read up to the first damage between records."""
 
-    def __init__(self, path, name, notes):
-        self._path, self._lose = path, partial(notes.add_damage, name)
+    def __init__(self, path, name, damage):
+        self._path, self._lose = path, partial(damage.add_damage, name)
         self._channels, self._schemas, self._parts = {}, {}, []
         with open(path, "rb") as file:
             self._size = file.seek(0, 2)
@@ -153,7 +153,7 @@ class McapFile:
         self._lose(f"byte {stop}", "the file has no footer: it may be truncated here")
 
     def _add_part(self, part):
-        """Store a part with its declarations, times and channels; return the size of its records."""
+        """Store a part with its declarations, times and channels; return its size."""
         content = self._read_content(part) or b""
         starts, declarations, end = _find_records(content)
         for kind, raw in declarations:
@@ -173,7 +173,7 @@ class McapFile:
         return end or part.size
 
     def _read_content(self, part):
-        """Return the records of a part, those before the cut if it is cut; None if it is damaged."""
+        """Return the records of a part, up to a cut; None if it is damaged."""
         try:
             with open(self._path, "rb") as file:
                 file.seek(part.at)
@@ -221,7 +221,7 @@ class McapFile:
 
 
 def _find_records(content):
-    """Return the first bytes of messages, (kind, content) of declarations, and where records end."""
+    """Return first bytes of messages, (kind, content) of declarations, and the end of records."""
     starts, declarations, at, stop = [], [], 0, len(content)
     while at + 9 <= stop:
         opcode, size = _RECORD.unpack_from(content, at)

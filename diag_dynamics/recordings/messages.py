@@ -25,7 +25,10 @@ class Connection(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """Messages in log-time order [ns]; message k is ``data[at[k] : at[k] + size[k]]``, all columns int64 (n,)."""
+    """Messages in log-time order [ns], in columns of int64 (n,).
+
+    Message k is ``data[at[k] : at[k] + size[k]]``.
+    """
 
     data: np.ndarray
     connection: np.ndarray
@@ -67,7 +70,10 @@ class Messages(NamedTuple):
 
 
 def merge_parts(files):
-    """Yield the messages of several files in log-time order; a file yields pairs (start, read) in order."""
+    """Yield the messages of several files in log-time order.
+
+    A file yields pairs (start, read) in order.
+    """
     waiting = []
     for start, read in heapq.merge(*files, key=itemgetter(0)):
         if waiting and min(int(messages.log_time[0]) for messages in waiting) < start:
@@ -82,7 +88,10 @@ def merge_parts(files):
 
 
 def group_rows(rows):
-    """Yield (first log time, last one, function that returns Messages) of (connection, log time, bytes)."""
+    """Yield (first log time, last one, function that returns Messages) of groups of rows.
+
+    A row is (connection, log time, bytes).
+    """
     while group := list(islice(rows, ROWS)):
         yield group[0][1], group[-1][1], partial(Messages.from_rows, group)
 
@@ -95,21 +104,16 @@ class Unread(NamedTuple):
     what: str  # cause and amount that is lost
 
 
-class Notes:
-    """Damage (`unread`) and oddities without loss (`oddities`, texts) of the files of a bag, each once."""
+class DamageLog:
+    """Damage of the files of a bag: `unread`, each once."""
 
     def __init__(self):
-        self.unread, self.oddities = [], []
+        self.unread = []
 
     def add_damage(self, file, where, what):
         """Report data that cannot be read."""
         if (damage := Unread(str(file), where, what)) not in self.unread:
             self.unread.append(damage)
-
-    def add_oddity(self, file, what):
-        """Report an oddity without loss."""
-        if (text := f"'{file}'{what}") not in self.oddities:
-            self.oddities.append(text)
 
 
 class DamageError(Exception):

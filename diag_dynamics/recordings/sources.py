@@ -104,7 +104,7 @@ def open_source(path, columns=None, topic=None, joint_names=None) -> Source:
 
 
 def _is_bag(path):
-    """Return whether a path is a folder, or a file with the first bytes or the suffix of a bag, which may be damaged."""
+    """Return whether a path is a folder, or a file with the first bytes or suffix of a bag."""
     if path.is_dir():
         return True
     first = b""
@@ -127,14 +127,9 @@ class BagSource:
 
     def __init__(self, path, topic, names):
         self.names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self._notes, self._limits = check_topics(topic), [], (None, None)
+        self._topics, self.notes, self._limits = check_topics(topic), [], (None, None)
         self.start, self.unread = self._bag.start, self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
-
-    @property
-    def notes(self):
-        """Oddities without loss: a list of str."""
-        return [*self._bag.oddities, *self._notes]
 
     def limit(self, begin, end):
         """Allow to omit messages before one log time, and from another one on [ns]."""
@@ -154,7 +149,7 @@ class BagSource:
         )
 
     def joints(self, model):
-        """Return the robot's names of all joints in messages, as a set; of a model's joints, all when these are found."""
+        """Return the robot's names of joints in messages, until all of the model are there."""
         found, map_name = set(), self.names.map_name if self.names else str
         for batch in self._batches(self._connections(JOINT_STATE)):
             found.update(map(map_name, set(batch.names())))
@@ -216,8 +211,8 @@ class BagSource:
         unread = ", ".join(name for name in topics if name not in usual)
         text = f"joint states of {usual[0]} are read, not those of {unread}"
         note = f"'{self._path}': {text} {OTHER_TOPICS}."
-        if kind == JOINT_STATE and note not in self._notes:
-            self._notes.append(note)
+        if kind == JOINT_STATE and note not in self.notes:
+            self.notes.append(note)
         return usual
 
     def _missing_topic(self, topic, kind, topics):
