@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several files side by side as one table, by their times or by their rows."""
+"""Several files side by side as one table, row by row."""
 
-from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ import pyarrow as pa
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables import conventions
 from diag_dynamics.recordings.tables.cells import read_times, unify
-from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
+from diag_dynamics.recordings.tables.table import ROWS
 
 
 class JoinedTable:
@@ -25,54 +24,36 @@ class JoinedTable:
 
     def __init__(self, path, parts, rate):
         self.path, self._parts = path, parts
-        times = [[] if rate else _find_times(part) for part in parts]
-        self._times = times if all(times) else None
-        first = next((n for n, columns in enumerate(times) if columns), None)
+        self._times = [[] if rate else _find_times(part) for part in parts]
+        self._first = next((n for n, times in enumerate(self._times) if times), 0)
         self._places = [
             (n, k)
             for n, part in enumerate(parts)
             for k in range(len(part.columns))
-            if n == first or k not in times[n]
+            if n == self._first or k not in self._times[n]
         ]
         self.columns = [_name_column(parts[n], k) for n, k in self._places]
         self.texts = [text for part in parts for text in part.texts]
-
-    @property
-    def notes(self):
-        """How the files were read: a list of str."""
-        by = "times" if self._times else "row numbers"
-        notes = [note for part in self._parts for note in part.notes]
-        return [f"files: {len(self._parts)} side by side, by {by}.", *notes]
+        self.notes = [f"files: {len(parts)} side by side."]
 
     def blocks(self, numbers, others, lose):
         """Yield arrays by column, and the number of each row; all files are in memory."""
         parts = [self._read_part(n, numbers, others, lose) for n in range(len(self._parts))]
-        tables, keys = zip(*parts, strict=True)
-        shared = reduce(np.intersect1d, keys)
-        for part, key in zip(self._parts, keys, strict=True):
-            if not self._times and key[-1:].tolist() != keys[0][-1:].tolist():
-                counts = f"{len(key)} rows, and '{self._parts[0].path}' {len(keys[0])}"
-                expected = "expected the same number, or times in each file"
-                raise InputError(f"'{part.path}' has {counts}; {expected}.")
-            if 2 * len(shared) < len(key):
-                counts = f"{len(shared)} of {len(key)} times in '{part.path}' are in all of"
-                advice = "Interpolate the files at common times"
-                raise InputError(f"{counts} '{self.path}'; expected the same times. {advice}.")
-            if lost := len(key) - len(shared):
-                lose(f"times of '{part.path}' that not all files have", "row 0", LEFT_OUT, lost)
-        rows = []
-        for key in keys:
-            unique, first = np.unique(key, return_index=True)
-            rows.append(first[np.isin(unique, shared)])
+        tables, rows, stamps = zip(*parts, strict=True)
+        for n, part in enumerate(self._parts):
+            is_same = not self._times[n] or np.array_equal(stamps[n], stamps[self._first])
+            if not (is_same and np.array_equal(rows[n], rows[0])):
+                text = f"rows of '{part.path}' and '{self._parts[self._first].path}' differ"
+                expected = "expected the same number and times"
+                raise InputError(f"{text}; {expected}. Interpolate the files at common times.")
         for begin in range(0, len(rows[0]), ROWS):
-            chosen = [pa.array(part[begin : begin + ROWS]) for part in rows]
             places = {k: self._places[k] for k in (*numbers, *others)}
-            arrays = {k: tables[n][column].take(chosen[n]) for k, (n, column) in places.items()}
+            arrays = {k: tables[n][column].slice(begin, ROWS) for k, (n, column) in places.items()}
             yield arrays, rows[0][begin : begin + ROWS]
 
     def _read_part(self, n, numbers, others, lose):
-        """Return the arrays of a file by column, and the stamp or the number of each row."""
-        part, times = self._parts[n], self._times[n] if self._times else []
+        """Return the arrays of a file by column, the numbers of rows from 0, and their stamps."""
+        part, times = self._parts[n], self._times[n]
         numbers, others = (
             [self._places[k][1] for k in columns if self._places[k][0] == n]
             for columns in (numbers, others)
@@ -83,8 +64,8 @@ class JoinedTable:
             raise InputError(f"'{part.path}' has no rows.")
         blocks, rows = zip(*pieces, strict=True)
         arrays = {k: pa.concat_arrays([unify(block[k]) for block in blocks]) for k in blocks[0]}
-        key = read_times(arrays[times[0]], 1.0)[1] if times else np.concatenate(rows) - rows[0][0]
-        return arrays, key
+        stamps = read_times(arrays[times[0]], 1.0)[1] if times else ()
+        return arrays, np.concatenate(rows) - rows[0][0], stamps
 
 
 def _find_times(part):
