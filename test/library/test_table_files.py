@@ -7,7 +7,6 @@ lost in silence.
 
 import bz2
 import gzip
-import lzma
 import random
 import re
 import sys
@@ -150,7 +149,6 @@ def test_what_others_write_is_read_to_the_last_bit(
 PACKED = {
     "gz": gzip.compress,
     "bz2": lambda data: bz2.compress(data, 1),  # in blocks of 100 kB
-    "xz": lambda data: lzma.compress(data, preset=0),
     "zst": lambda data: pa.compress(data, "zstd", asbytes=True),
     "lz4": lambda data: pa.compress(data, "lz4", asbytes=True),
 }

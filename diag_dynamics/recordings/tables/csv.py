@@ -3,12 +3,8 @@
 
 """Text with a row on each line: CSV, TSV and the like, packed or not, by pyarrow."""
 
-import bz2
 import csv
-import gzip
-import lzma
 import re
-import zlib
 
 import numpy as np
 import pyarrow as pa
@@ -34,13 +30,12 @@ _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
 _POINT = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE)
 _COMMA = re.compile(rb",(?=\d)")
 _PACKINGS = {
-    b"\x1f\x8b": gzip.open,
-    b"BZh": bz2.open,
-    b"\xfd7zXZ\0": lzma.open,
-    b"\x28\xb5\x2f\xfd": lambda file: pa.CompressedInputStream(pa.PythonFile(file), "zstd"),
-    b"\x04\x22\x4d\x18": lambda file: pa.CompressedInputStream(pa.PythonFile(file), "lz4"),
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bz2",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x04\x22\x4d\x18": "lz4",
 }
-_BROKEN = (EOFError, OSError, zlib.error, lzma.LZMAError)
+"""Compressions by the first bytes."""
 
 
 class CsvTable:
@@ -97,19 +92,20 @@ class CsvTable:
                 raise InputError(f"'{self.path}': line {line} has more than {MAX_LINE} bytes.")
 
     def _read_chunks(self):
-        """Yield unpacked bytes, an empty chunk at the end; `_broken` says why it is not the end of the file."""
+        """Yield unpacked bytes, and an empty chunk at the end; set `_broken` to the damage."""
         self._broken = ""
-        with open(self.path, "rb") as file:
-            begin = file.read(8)
-            file.seek(0)
-            openers = (opener for magic, opener in _PACKINGS.items() if begin.startswith(magic))
-            stream = next(openers, lambda stream: stream)(file)
+        with open(self.path, "rb") as stream:
+            begin = stream.read(8)
+            stream.seek(0)
+            for magic, packing in _PACKINGS.items():
+                if begin.startswith(magic):
+                    stream = pa.CompressedInputStream(pa.PythonFile(stream), packing)
             try:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
-            except _BROKEN as error:
-                doubt = "rows shortly before may be wrong"
-                self._broken = f"the compressed data are damaged or end early: {describe_error(error)}; {doubt}"
+            except OSError as error:
+                text = f"the compressed data are damaged or end early: {describe_error(error)}"
+                self._broken = f"{text}; rows shortly before may be wrong"
         yield b""
 
     def _parse(self, text, line, convert):
@@ -189,9 +185,7 @@ def _read_head(lines, column_map, path):
     if not rows:
         rows, comment = [(at, comment)], None
     rows = rows[: SAMPLE + 2]
-    delimiter = column_map.delimiter or _guess_delimiter(
-        [line for _, line in rows], column_map.decimal
-    )
+    delimiter = column_map.delimiter or _guess_delimiter(rows[0][1], column_map.decimal)
     fields = [(n, fields_of(line, delimiter)) for n, line in rows]
     names, used = _read_header(fields, comment and fields_of(comment, delimiter), column_map, path)
     below, units = [row for _, row in fields[used:]], [None] * len(names)
@@ -206,15 +200,11 @@ def _read_head(lines, column_map, path):
     return columns, delimiter, fields[used - 1][0] if used else at
 
 
-def _guess_delimiter(rows, decimal):
-    """Return the delimiter of the first lines."""
-    first = re.sub(r'\[[^\]]*\]|\([^)]*\)|"[^"]*"', "", rows[0])
-    candidates = [sign for sign in "\t;|," if sign in first and sign != decimal]
-    for sign in candidates:
-        count = len(fields_of(rows[0], sign))
-        if any(len(fields_of(row, sign)) == count for row in rows[1:]):
-            return sign
-    return candidates[0] if candidates else SPACES if len(first.split()) > 1 else ","
+def _guess_delimiter(row, decimal):
+    """Return the delimiter of the first line."""
+    text = re.sub(r'\[[^\]]*\]|\([^)]*\)|"[^"]*"', "", row)
+    candidates = (sign for sign in "\t;|," if sign in text and sign != decimal)
+    return next(candidates, SPACES if len(text.split()) > 1 else ",")
 
 
 def _read_header(fields, comment, column_map, path):
@@ -235,5 +225,5 @@ def _read_header(fields, comment, column_map, path):
 def _kinds(fields):
     """Return a letter for each field: n for a number or time, t for text, a blank for no value."""
     return "".join(
-        "n" if is_number(one) else " " if one.strip() in MISSING else "t" for one in fields
+        "n" if is_number(cell) else " " if cell.strip() in MISSING else "t" for cell in fields
     )
