@@ -340,9 +340,7 @@ def test_files_that_are_cut_or_none(written, monkeypatch):
 
 
 def test_rows_of_other_topics_are_no_messages(written):
-    """Rows of empty cells are counted, not rejected; rows with some values, NaN among them, are
-    messages.
-    """
+    """Rows without any number are counted, not rejected."""
     rows = [
         f"{k / 100},{0.01 * k},1,3,,\n{k / 100 + 0.003},,,,1.5,\n{k / 100 + 0.004},NaN,,,,on\n"
         for k in range(20)
@@ -368,10 +366,10 @@ def test_rows_of_other_topics_are_no_messages(written):
         "qd": np.array([0, np.nan, 0]),
     }
     for content, others, states, rejected in (
-        (text, 21, 20, 21),
+        (text, 41, 20, 1),
         (pa.table({"__time": [0.0, 0.1, 0.2], **numbers, "/imu/x": [None, 1.0, None]}), 1, 2, 0),
-        (pa.table({"__time": [0.0, 0.1, 0.2], **sent}), 0, 2, 1),
-        (arrays, 0, 2, 1),
+        (pa.table({"__time": [0.0, 0.1, 0.2], **sent}), 1, 2, 0),
+        (arrays, 1, 2, 0),
     ):
         recording = dd.read_recording(written(content), robot("a"))
         counts = [
@@ -442,7 +440,7 @@ def test_how_columns_were_read_is_noted(in_columns):
 DEG, RPM = pi / 180, 2 * pi / 60
 UNITS = [
     *((1, f"q{unit}", DEG) for unit in ("1 [deg]", "1[°]")),
-    *((2, f"qd1 {unit}", DEG) for unit in ("[deg/s]", "(deg/sec)", "[°/s]", "[deg·s^-1]")),
+    *((2, f"qd1 {unit}", DEG) for unit in ("[deg/s]", "(deg/sec)", "[°/s]", "[deg / s]")),
     (2, "qd1 [1/min]", RPM),
     (3, "tau1 [mNm]", 1e-3),
     *((0, name, 1e-3) for name in ("t_ms", "Time [ms]")),
@@ -598,7 +596,6 @@ CONTENTS = [
         {"time": 0, "position": [1]},
         "line 1 has the numbers of the columns. Set `header: true` or `header: false`",
     ),
-    (b"\x93NUMPY\x01\0", None, "is a single array without names"),
     (
         pa.table({"t": ["noon"], "q1": ONES, "q2": ONES}),
         None,
@@ -667,30 +664,13 @@ def test_times_to_the_nanosecond(written, kind):
 
 
 ISO = [
-    *(
-        "2023-11-14T22:13:20.123456789Z",
-        "2023-11-14T22:13:20.123456789z",
-        "2023-11-14t22:13:20,123456789",
-    ),
-    *(
-        "2023-11-14 22:13:20.123456789 UTC",
-        "2023-11-14T22:13:20.123456789+00",
-        "2023-11-14T22:13:20.123456789+0000",
-    ),
-    *(
-        "2023-11-14T22:13:20.123456789+00:00",
-        "2023-11-14T22:13:20.123456789-00:00",
-        "20231114T221320.123456789Z",
-    ),
-    *(
-        "2023-11-15 03:43:20.123456789 +05:30",
-        "2023-11-14T15:13:20.123456789-07",
-        "20231114T221320,123456789",
-    ),
-    *("20231115T001320.123456789+0200", "20231114T151320.123456789-07:00"),
-    "2023-11-14T23:13:20.123456789+01:00[Europe/Berlin]",
+    "2023-11-14T22:13:20.123456789Z",
+    "2023-11-14T22:13:20,123456789",
+    "2023-11-14 22:13:20.123456789+00:00",
+    "2023-11-15T03:43:20.123456789+05:30",
+    "2023-11-14 15:13:20.123456789-07:00",
 ]
-"""One moment, BEGIN, as ISO 8601 has it, and as programs write it."""
+"""One moment, BEGIN, in ISO 8601."""
 
 
 @pytest.mark.parametrize("text", ISO)
@@ -715,7 +695,6 @@ def test_iso_times(written, text):
         pa.string(),
         pa.large_string(),
         pa.string_view(),
-        pa.binary(),
         pa.dictionary(pa.int32(), pa.string()),
     ):
         contents += [(pa.table({"time": pa.array([text, after]).cast(kind)} | numbers), None)]

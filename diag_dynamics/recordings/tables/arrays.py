@@ -7,7 +7,6 @@ import tokenize
 import zipfile
 import zlib
 from contextlib import suppress
-from itertools import islice
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +18,7 @@ from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
+HEAD = 1000  # first rows that show what columns hold
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
 _BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, MemoryError)
 _BROKEN += (RuntimeError, SyntaxError, tokenize.TokenError)
@@ -36,11 +36,12 @@ class ParquetTable:
     def __init__(self, path):
         self.path, self.notes = path, []
         with self._open() as file:
-            empty = _flatten(file.schema_arrow.empty_table())
+            head = _read_head(file)
             self.columns = [
-                _sample_column(file, field, empty.column(k)) for k, field in enumerate(empty.schema)
+                _sample_column(field, head.column(k).combine_chunks())
+                for k, field in enumerate(head.schema)
             ]
-            metadata = [file.schema_arrow.metadata, *(field.metadata for field in empty.schema)]
+            metadata = [file.schema_arrow.metadata, *(field.metadata for field in head.schema)]
         self.texts = [
             f"metadata '{key.decode(errors='replace')}': {text.decode(errors='replace')}"
             for entries in metadata
@@ -79,17 +80,18 @@ class ParquetTable:
             ) from error
 
 
-def _sample_column(file, field, empty):
-    """Return the Column of a field, with its first rows that have a value."""
+def _read_head(file):
+    """Return the first rows of a file that can be read."""
+    for group in range(file.num_row_groups):
+        with suppress(*_UNREADABLE, StopIteration):
+            return next(_read_tables(file, group, HEAD, None))
+    return _flatten(file.schema_arrow.empty_table())
+
+
+def _sample_column(field, array):
+    """Return the Column of a field with its first values."""
     unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    array = unify(empty.combine_chunks())
-    for group in range(min(file.num_row_groups, 64)):
-        with suppress(*_UNREADABLE, KeyError):
-            for table in islice(_read_tables(file, group, 16, [field.name]), 64):
-                array = unify(table.column(field.name).combine_chunks())
-                if any(value not in (None, [], "") for value in array.to_pylist()):
-                    return make_column(field.name, array, unit)
-    return make_column(field.name, array, unit)
+    return make_column(field.name, unify(array).drop_null(), unit)
 
 
 def _read_tables(file, group, rows, names):
@@ -99,7 +101,7 @@ def _read_tables(file, group, rows, names):
 
 
 def _flatten(table):
-    """Return a table with the fields of structs as columns; raise ArrowException for damaged values."""
+    """Return a table with the fields of structs as columns; ArrowException for damaged values."""
     while any(map(pa.types.is_struct, table.schema.types)):
         table = table.flatten()
     table.validate(full=True)

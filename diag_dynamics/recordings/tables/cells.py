@@ -5,6 +5,7 @@
 
 import re
 from contextlib import suppress
+from datetime import datetime
 from decimal import Context, Decimal
 
 import numpy as np
@@ -15,7 +16,6 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.tables.headers import Column
 
 SAMPLE = 6  # first rows that show what a column holds
-MAX_LENGTH = 10_000  # bytes of a text
 BLANK = (
     "",
     "NA",
@@ -36,26 +36,19 @@ _SHORT = 2.0**50 / SECOND  # [s], 13 days: up to here a double holds nine decima
 _EXACT = Context(prec=40, traps=[])
 _UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ISO = re.compile(
-    r"(?P<year>\d{4})(?P<dash>-?)(?P<month>\d\d)(?P=dash)(?P<day>\d\d)"
-    r"[T ]\s*(?P<hour>\d\d)(?P<colon>:?)(?P<minute>\d\d)(?:(?P=colon)(?P<second>\d\d)(?:[.,](?P<fraction>\d+))?)?"
-    r"\s*(?:Z|UTC|GMT|(?P<sign>[+-])(?P<hours>\d\d):?(?P<minutes>\d\d)?)?(?:\[[\w/+-]+\])?",
-    re.ASCII | re.IGNORECASE,
+    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?(?:Z|([+-]\d\d:\d\d))?", re.ASCII
 )
-"""ISO 8601 in the extended and the basic form, with the name of a zone behind its offset."""
+"""ISO 8601 in the extended form: date, time, fraction, and offset of the zone."""
 
 
 # --- Texts ---
 
 
 def unify(array):
-    """Return an array without a dictionary; texts stripped, null if empty, or if binary and long."""
+    """Return an array without a dictionary; texts are stripped, and null if empty."""
     if pa.types.is_dictionary(array.type):
         array = array.dictionary_decode()
-    kind = str(array.type)
-    if "binary" in kind:
-        texts = (one if one and len(one) <= MAX_LENGTH else b"" for one in array.to_pylist())
-        array = pa.array([one.decode(errors="replace") for one in texts], pa.string())
-    if "binary" in kind or kind in ("string", "large_string", "string_view"):
+    if str(array.type) in ("string", "large_string", "string_view"):
         array = pc.utf8_trim_whitespace(array.cast(pa.string()))
         return pc.if_else(pc.is_in(array, pa.array(BLANK)), None, array)
     return array
@@ -63,7 +56,7 @@ def unify(array):
 
 def read_texts(array):
     """Return the texts of a column, empty for null; None for a column of other types."""
-    return [one or "" for one in array.to_pylist()] if pa.types.is_string(array.type) else None
+    return [cell or "" for cell in array.to_pylist()] if pa.types.is_string(array.type) else None
 
 
 def is_date(text):
@@ -73,8 +66,9 @@ def is_date(text):
 
 def is_number(text):
     """Return whether a text is a number, with a decimal point or comma, or a time."""
-    given = text.strip() not in MISSING
-    return given and (_parse_number(text.replace(",", ".")) is not None or is_date(text))
+    if text.strip() in MISSING:
+        return False
+    return _parse_number(text.replace(",", ".")) is not None or is_date(text)
 
 
 def _parse_number(text):
@@ -113,18 +107,14 @@ def _is_numeric(kind):
     )
 
 
-def are_blank(array):
-    """Return whether cells hold nothing, bool (n,): null or an empty list."""
-    if is_list(array.type):
-        return _lengths(array) == 0
-    return array.is_null().to_numpy(zero_copy_only=False)
-
-
 # --- Numbers ---
 
 
 def read_numbers(array, lose):
-    """Return the numbers of a column, (n,), and report texts that are none by `lose(cause, unit, rows, example)`."""
+    """Return the numbers of a column, (n,).
+
+    Texts that are none are reported by `lose(cause, unit, rows, example)`.
+    """
     with suppress(pa.ArrowInvalid):
         return _to_numpy(array)
     texts = read_texts(array)
@@ -160,15 +150,15 @@ def _lengths(array):
 
 
 def read_times(array, scale):
-    """Return times [s], NaN if missing, and stamps [ns], exact for integers and texts; `scale` of numbers [s]."""
+    """Return times [s], NaN if missing, and stamps [ns]; `scale` is that of numbers [s].
+
+    Stamps are exact for integers and texts.
+    """
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         array, scale = array.cast(pa.int64()), _UNITS[kind.unit]
     elif pa.types.is_decimal(kind):
         array = array.cast(pa.string())
-    if pa.types.is_string(array.type):
-        with suppress(pa.ArrowInvalid):
-            array = array.cast(pa.int64())
     if pa.types.is_integer(array.type):
         return _scale_integers(array, scale)
     if not pa.types.is_string(array.type):
@@ -177,10 +167,6 @@ def read_times(array, scale):
         values = _to_numpy(array)
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
-        if scale == 1.0 and not array.null_count:
-            nanoseconds = pa.scalar(SECOND, pa.decimal128(10))
-            exact = pc.multiply(array.cast(pa.decimal128(19, 9)), nanoseconds)
-            return values, np.clip(exact.cast(pa.int64()).to_numpy(), -_LIMIT, _LIMIT)
     unit, stamps = Decimal(repr(scale)), []
     seconds = [_parse_time(text, unit) for text in read_texts(array)]
     for second in seconds:
@@ -215,12 +201,9 @@ def _parse_time(text, unit):
     if date is None:
         plain = text.isascii() and "_" not in text
         return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
-    fields = date.groupdict("00")
-    text = "{year}-{month}-{day}T{hour}:{minute}:{second}".format(**fields)
+    day, clock, fraction, zone = date.groups()
     try:
-        moment = int(np.datetime64(text, "s").astype(int))
+        moment = datetime.fromisoformat(f"{day}T{clock}{zone or '+00:00'}")
     except ValueError:  # the 30th of February
         return Decimal("nan")
-    offset = 3600 * int(fields["hours"]) + 60 * int(fields["minutes"])
-    moment += offset if fields["sign"] == "-" else -offset
-    return moment + Decimal(f"0.{fields['fraction']}")
+    return round(moment.timestamp()) + Decimal(f"0.{fraction or 0}")

@@ -109,12 +109,8 @@ class _Chooser:
         (scale,) = self._map.scale.get("time", (None,))
         column = self._columns[time[0]]
         unit = unit_of(column, ()) or conventions.unit_of_time(column)
-        if len(time) == 2:
-            if scale is not None:
-                raise InputError("time has a scale and two columns; expected one of them.")
-            scale = 1.0
-        elif scale is None and unit is not None:
-            scale = _factor("time", unit, column.name)
+        if scale is None and (unit is not None or len(time) == 2):
+            scale = _factor("time", unit or "s", column.name)
         names = " and ".join(self._headers[k] for k in time)
         self._notes.append(f"time: {names}{_times([scale or 1.0], 'time')}.")
         return time, scale
@@ -187,10 +183,8 @@ class _Chooser:
         """Return the scale or the offset of a quantity by the map: one number, or one a joint."""
         numbers = getattr(self._map, name).get(key, ())
         if len(numbers) > 1 and (self._names or len(numbers) != len(self._joints)):
-            expected = (
-                "" if self._names else f", or one for each of the joints {listed(self._joints)}"
-            )
-            raise InputError(f"{name}: {key} has {len(numbers)} numbers; expected one{expected}.")
+            expected = f"expected one, or one for each of the joints {listed(self._joints)}"
+            raise InputError(f"{name}: {key} has {len(numbers)} numbers; {expected}.")
         return numbers
 
     def _factor(self, key, column):
@@ -199,14 +193,11 @@ class _Chooser:
 
     def _make_mixing(self):
         """Return the matrix of a map; None without one."""
-        rows, count = self._map.mixing, len(self._joints)
-        if rows is None:
-            return None
-        if self._names or len(rows) != count:
-            raise InputError(
-                f"mixing has {len(rows)} rows; expected {count}, of joints of the map."
-            )
-        return np.array(rows)
+        rows, joints = self._map.mixing, () if self._names else self._joints
+        if rows is not None and len(rows) != len(joints):
+            text = f"mixing has {len(rows)} rows; expected {len(joints)}, of joints of the map"
+            raise InputError(f"{text}.")
+        return None if rows is None else np.array(rows)
 
 
 def _require_type(key, column):
@@ -216,7 +207,8 @@ def _require_type(key, column):
         valid = (column.numeric or column.moments) and not column.width
         expected = (
             "numbers, or times in ISO 8601 such as '2024-05-13T14:03:07.25' or '2024-05-13 "
-            "14:03:07+02:00'. Convert the column, or set `time: null` and `rate: HZ` in a column map"
+            "14:03:07+02:00'. Convert the column, or set `time: null` and `rate: HZ` in a column "
+            "map"
         )
     elif key == "names":
         valid, expected = not column.numeric and not column.width, "texts"
@@ -238,5 +230,5 @@ def _factor(key, unit, header):
 
 def _times(scale, key):
     """Return factors for a note; an empty text if all are 1."""
-    each = sorted(set(scale))
-    return "" if each == [1.0] else f", times {listed(f'{one:g}' for one in each)} for {_SI[key]}"
+    factors = listed(f"{factor:g}" for factor in sorted({*scale}))
+    return "" if {*scale} == {1.0} else f", times {factors} for {_SI[key]}"

@@ -70,9 +70,8 @@ def read_column_map(columns):
         }
     if fields.get("rate") and (fields.get("time") or "time" in fields["scale"]):
         raise InputError(f"{source} has both rate and time; expected one of them.")
-    defaults = {"decimal": ".", "skip": 0}
-    fields = {key: defaults.get(key) if value is None else value for key, value in fields.items()}
-    return ColumnMap(**fields, source=source)
+    stated = {key: value for key, value in fields.items() if value is not None}
+    return ColumnMap(**stated, source=source)
 
 
 def _parse(key, value, parsers, where, *quantity):

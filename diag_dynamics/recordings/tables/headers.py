@@ -12,7 +12,7 @@ _UNITS = {
     "time": {
         "s sec second seconds utc": 1.0,
         "ms msec": 1e-3,
-        "us µs usec": 1e-6,
+        "us µs μs usec": 1e-6,
         "ns nsec nanosec": 1e-9,
         "min": 60.0,
         "h": 3600.0,
@@ -22,14 +22,14 @@ _UNITS = {
         "rad m": 1.0,
         "mrad mm": 1e-3,
         "cm": 1e-2,
-        "deg degree degrees °": pi / 180,
+        "deg degree degrees ° º": pi / 180,
         "rev": 2 * pi,
     },
     "velocity": {
-        "rad/s m/s": 1.0,
+        "rad/s rad/sec m/s": 1.0,
         "mrad/s mm/s": 1e-3,
         "cm/s": 1e-2,
-        "deg/s °/s": pi / 180,
+        "deg/s deg/sec °/s": pi / 180,
         "rpm rev/min 1/min": 2 * pi / 60,
         "rev/s": 2 * pi,
     },
@@ -57,9 +57,7 @@ class Column(NamedTuple):
 
 def factor_of(quantity, unit):
     """Return the factor of a unit to SI; None if the quantity has no such unit."""
-    text = re.sub(r"[\s·*⋅.]", "", unit.lower()).replace("\u03bc", "µ").replace("º", "°")
-    text = re.sub(r"(?:s\^?-1|s⁻¹|/sec)$", "/s", text).replace("//", "/")
-    return UNITS[quantity].get(text)
+    return UNITS[quantity].get(re.sub(r"[\s·*⋅.]", "", unit.lower()))
 
 
 def split_unit(header):

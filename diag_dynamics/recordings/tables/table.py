@@ -16,7 +16,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables.cells import (
-    are_blank,
     read_lists,
     read_numbers,
     read_texts,
@@ -128,7 +127,9 @@ class JointTable:
         if choice.names:
             names = np.column_stack([_read_names(arrays[k]) for k in choice.names])
             self._lose_nameless(values, names, rows)
-        empty = self._are_empty(values, names, arrays, rows)
+        empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
+        for numbers in values.values():
+            empty &= np.isnan(numbers).all(axis=1)
         self.without_values += int(empty.sum())
         untimed = np.isnan(time)
         if (lost := np.flatnonzero(untimed & ~empty)).size:
@@ -175,15 +176,6 @@ class JointTable:
     def _lose_in_column(self, k, rows):
         return partial(self._lose_rows, rows, f"column '{self._table.columns[k].name}': ")
 
-    def _are_empty(self, values, names, arrays, rows):
-        """Return whether rows have neither a value nor a name of any joint, nor NaN as a value."""
-        empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
-        for numbers in values.values():
-            empty &= np.isnan(numbers).all(axis=1)
-        for k in self._choice.values if empty.any() else ():
-            empty &= are_blank(arrays[k])
-        return empty
-
     def _lose_nameless(self, values, names, rows):
         """Count values without the name of a joint as lost."""
         for key, numbers in values.items():
@@ -203,12 +195,7 @@ def _read_names(array):
 def _require_seconds(time, path):
     """Reject times that in seconds would be beyond the year 5138."""
     middle = float(np.nanmedian(np.abs(time)))
-    if unit := unit_of_size(middle):
+    if 1e11 <= middle < np.inf:
+        unit = "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
         advice = f"Set `scale: {{time: {unit}}}` in a column map"
         raise InputError(f"'{path}': times are about {middle:.6g}; expected seconds. {advice}.")
-
-
-def unit_of_size(time):
-    """Return the probable unit of a time that is too large for seconds; None for others."""
-    unit = "ms" if time < 1e14 else "us" if time < 1e17 else "ns"
-    return unit if 1e11 <= time < np.inf else None
