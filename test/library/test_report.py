@@ -27,7 +27,6 @@ from diag_dynamics.recordings.outputs.downsampling import (
     MAX_RUN,
     ContactRuns,
     Overview,
-    Work,
     make_records,
     mean_powers,
 )
@@ -159,10 +158,9 @@ def test_names_that_are_no_utf8(recording):
 # --- Downsampling ---
 
 
-def states_of(t, collision=False, powers=0.0, **columns):
+def states_of(t, collision=False, **columns):
     """Return records of states at some times."""
-    sums = Work().integrate(t, np.broadcast_to(powers, (len(t), 4)))
-    columns = {"t": t, "index": np.arange(len(t)), "collision": collision, "sums": sums, **columns}
+    columns = {"t": t, "index": np.arange(len(t)), "collision": collision, **columns}
     return make_records(
         {name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()}
     )
@@ -226,7 +224,7 @@ def test_mean_powers_are_works_by_time():
     t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
     powers = np.repeat(6.0 * t[:, None], 4, axis=1)
     powers[1500:1600, 0] = np.nan
-    found = mean_powers(states_of(t, powers=powers, K=t * t))
+    found = mean_powers(t, powers, t * t)
     inner = np.r_[50:900, 1050:1450, 1650:1950]
     np.testing.assert_allclose(found[inner][:, [4, 0]], np.outer(t[inner], [2.0, 6.0]), rtol=1e-6)
     assert np.isnan(found[1510:1590, 0]).all() and np.isfinite(found[1510:1590, 1]).all()

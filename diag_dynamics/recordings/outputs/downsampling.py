@@ -4,7 +4,7 @@
 """The states that a report keeps: an overview with every peak, and all states around contacts.
 
 States are records of NumPy. Of their fields these are used here: ``index`` from the first state of
-the recording, ``t`` [s], ``K`` [J], ``norm`` (|r|), ``collision`` and ``sums`` of :class:`Work`.
+the recording, ``t`` [s], ``K`` [J], ``norm`` (|r|) and ``collision``.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.recordings.balance import MAX_GAP
 
 AROUND, MAX_RUN = 2.0, 20.0
-"""Time about the start and the end of a contact, and the longest run of states around contacts [s]."""
+"""Time about the start and the end of a contact, and the longest run of such states [s]."""
 
 HALF_WINDOW = 0.01  # half the time over which powers are averaged [s]
 
@@ -27,39 +27,24 @@ def make_records(columns):
     return records
 
 
-class Work:
-    """Integrate k powers over a recording, batch by batch."""
-
-    def __init__(self):
-        self._last = None
-
-    def integrate(self, t, powers):
-        """Return sums since the first state, (T, 2k + 1): work [J], steps with unknown powers, and gaps."""
-        t0, p0, sums0 = self._last or (t[0], powers[0], np.zeros(2 * powers.shape[1] + 1))
-        steps = np.diff(t, prepend=t0)[:, None]
-        mean, gap = 0.5 * (powers + np.concatenate([p0[None], powers[:-1]])), steps > MAX_GAP
-        known = np.isfinite(mean) & ~gap
-        work = np.where(known, mean * steps, 0.0)
-        sums = sums0 + np.cumsum(np.concatenate([work, ~known, gap], axis=1), axis=0)
-        self._last = t[-1], powers[-1], sums[-1]
-        return sums
-
-
-def mean_powers(states):
-    """Return the mean of each power and dK/dt about each state [W], shape (T, k + 1)."""
-    t, k = states["t"], states["sums"].shape[1] // 2
-    energies, unknown = np.column_stack([states["sums"][:, :k], states["K"]]), states["sums"][:, k:]
+def mean_powers(t, powers, K):
+    """Return means of powers (T, k) and of dK/dt about each state [W], (T, k + 1); NaN at gaps."""
+    steps = np.diff(t, prepend=t[0])[:, None]
+    is_gap, means = steps > MAX_GAP, 0.5 * (powers + np.concatenate([powers[:1], powers[:-1]]))
+    is_unknown = ~np.isfinite(means) | is_gap
+    work = np.cumsum(np.where(is_unknown, 0.0, means * steps), axis=0)
+    count = np.cumsum(np.concatenate([is_unknown, is_gap], axis=1), axis=0)
     begin, end = np.maximum(t - HALF_WINDOW, t[0]), np.minimum(t + HALF_WINDOW, t[-1])
     before = np.maximum(np.searchsorted(t, begin, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(t, end), len(t) - 1)
-    missing = (unknown[after] > unknown[before]) | (end <= begin)[:, None]
-    change = [np.interp(end, t, x) - np.interp(begin, t, x) for x in energies.T]
+    missing = (count[after] > count[before]) | (end <= begin)[:, None]
+    change = [np.interp(end, t, energy) - np.interp(begin, t, energy) for energy in (*work.T, K)]
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(missing, np.nan, np.transpose(change) / (end - begin)[:, None])
 
 
 class Overview:
-    """Keep at most `size` states: the first one and the extremes of runs, which double in length."""
+    """Keep at most `size` states: the first one and the extremes of runs, whose length doubles."""
 
     def __init__(self, size):
         self._size, self._stride, self._parts = size, 1, []
@@ -88,7 +73,7 @@ def _extremes(states, stride):
 
 
 class ContactRuns:
-    """Find all states around contacts. The newest are held back, because the next contact may be near them."""
+    """Find all states around contacts. The newest are held back for the next contact."""
 
     def __init__(self):
         self._recent, self._run, self._collides = None, [], False

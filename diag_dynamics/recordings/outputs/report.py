@@ -20,7 +20,6 @@ from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.downsampling import (
     ContactRuns,
     Overview,
-    Work,
     make_records,
     mean_powers,
 )
@@ -45,7 +44,7 @@ class ReportOutput:
         self._maker = FrameMaker(self._dynamics, points, forces)
         self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
         self._contacts = ContactRuns()
-        self._work, self._count, self._first = Work(), 0, None
+        self._count, self._first = 0, None
         self._runs, self._dropped = [], 0  # (largest |r|, start, Track) of each run at full rate
 
     def write(self, piece):
@@ -101,7 +100,7 @@ class ReportOutput:
             "velocity_estimated": states.velocity_estimated,
             "receive_time": states.stamp_received,
             "index": self._count + np.arange(len(t)),
-            "sums": self._work.integrate(t, np.stack(powers, axis=1)),
+            "powers": mean_powers(t, np.stack(powers, axis=1), s.kinetic_energy),
         }
         self._count += len(t)
         return make_records(columns)
@@ -117,7 +116,7 @@ class ReportOutput:
                 self._dynamics.contact_limits(evaluated.q, evaluated.qd, self._points)
             )
         numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
-        for name, power in zip(POWERS, mean_powers(states).T, strict=True):
+        for name, power in zip(POWERS, states["powers"].T, strict=True):
             numbers[:, layout.places[name].start] = power
         link = end_effector_link(self._reading.model)
         for k in range(0, len(numbers), every):
