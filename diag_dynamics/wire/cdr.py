@@ -14,22 +14,11 @@ import struct
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.wire.definitions import PRIMITIVES
 
 HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little-endian, no options
 
-_PRIMITIVES = {
-    "boolean": "?",
-    "int8": "<i1",
-    "uint8": "<u1",
-    "int16": "<i2",
-    "uint16": "<u2",
-    "int32": "<i4",
-    "uint32": "<u4",
-    "int64": "<i8",
-    "uint64": "<u8",
-    "float": "<f4",
-    "double": "<f8",
-}
+_PRIMITIVES = {name: f"<{kind}" for name, kind in PRIMITIVES.values()}
 
 _SEQUENCE = re.compile(r"sequence<(\w+)>")
 _ARRAY = re.compile(r"(\w+)\[\d+\]")
@@ -45,12 +34,8 @@ class Template:
     """
 
     def __init__(self, message):
-        self._kind, self._bytes, self._parts, self._places = (
-            type(message).__name__,
-            bytearray(),
-            bytearray(),
-            {},
-        )
+        self._kind, self._places = type(message).__name__, {}
+        self._bytes, self._parts = bytearray(), bytearray()
         self._put(HEADER)
         self._add(message, "")
         size = len(self._bytes)

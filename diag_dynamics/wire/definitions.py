@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages without ROS: types from the text of ``.msg`` files, the package's own included, and decoding of plain CDR."""
+"""Messages without ROS: types from ``.msg`` files, and decoding of plain CDR."""
 
 import os
 from functools import cache
@@ -17,13 +17,15 @@ STANDARD = {
     "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id",
     "std_msgs/msg/String": "string data",
     "sensor_msgs/msg/JointState": (
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
+        "float64[] effort"
     ),
     "geometry_msgs/msg/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/msg/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
     "geometry_msgs/msg/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/msg/Inertia": (
-        "float64 m\nVector3 com\nfloat64 ixx\nfloat64 ixy\nfloat64 ixz\nfloat64 iyy\nfloat64 iyz\nfloat64 izz"
+        "float64 m\nVector3 com\nfloat64 ixx\nfloat64 ixy\nfloat64 ixz\nfloat64 iyy\n"
+        "float64 iyz\nfloat64 izz"
     ),
     "geometry_msgs/msg/Wrench": "Vector3 force\nVector3 torque",
     "geometry_msgs/msg/Pose": "Point position\nQuaternion orientation",
@@ -54,7 +56,7 @@ PRIMITIVES = {
 """Names in IDL and in NumPy by the name in a definition."""
 
 ALIGNMENT = dict.fromkeys(range(4), 8) | dict.fromkeys(range(6, 12), 4)
-"""Alignment of doubles by the second byte of the encapsulation (DDS-XTypes 1.3, 7.4.3, versions 1 and 2)."""
+"""Alignment of doubles by the second byte of the encapsulation (DDS-XTypes 1.3, 7.4.3)."""
 
 
 class Field:
@@ -146,11 +148,8 @@ class Reader:
         if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
             raise ValueError("the encapsulation is not that of plain CDR")
         self._raw, self._at, self._widest = raw, 4, ALIGNMENT[raw[1]]
-        self.order, self.arrays, self.used = (
-            "<" if raw[1] % 2 else ">",
-            {},
-            bytearray(b"\1\1" + bytes(len(raw) - 2)),
-        )
+        self.order, self.arrays = "<" if raw[1] % 2 else ">", {}
+        self.used = bytearray(b"\1\1" + bytes(len(raw) - 2))
 
     def message(self, kind):
         """Return the message of a type."""
@@ -221,12 +220,11 @@ def definition_of(kind):
 
 @cache
 def our_definitions():
-    """Return the definitions of this package's messages by type; InputError if they are not found."""
+    """Return the definitions of this package's messages by type."""
     for folder in _folders():
-        if found := sorted(folder.glob("*.msg")):
+        if paths := sorted(folder.glob("*.msg")):
             return {
-                f"diag_dynamics/msg/{one.stem}": one.read_text(encoding="utf-8") for one in found
+                f"diag_dynamics/msg/{path.stem}": path.read_text(encoding="utf-8") for path in paths
             }
-    raise InputError(
-        f"the definitions of this package's messages are in none of {', '.join(map(str, _folders()))}."
-    )
+    folders = ", ".join(map(str, _folders()))
+    raise InputError(f"the definitions of this package's messages are in none of {folders}.")
