@@ -83,9 +83,7 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     assert monitor.next_report().entries[TORQUE].level == WARN
 
 
-@pytest.mark.parametrize(
-    "monitor", [{"collision.threshold": ["total=5", "norm=5"]}], indirect=True
-)
+@pytest.mark.parametrize("monitor", [{"collision.threshold": ["total=5", "norm=5"]}], indirect=True)
 def test_an_unknown_effort_with_a_load(monitor):
     """The joint without effort gets no torque of the load: no collision, but a push is one."""
     feed(monitor, map(LOADED, range(900)))
