@@ -83,7 +83,7 @@ def every_second(*phases):
         ),
         (
             [(WARN, "bad", 3), (WARN, "worse", 3), (WARN, "bad", 30)],
-            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: bad 7")],
+            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: bad 7; before: worse 7")],
         ),
         (
             [(WARN, "bad", 20), (OK, "fine", 1), (WARN, "bad", 30)],
@@ -94,6 +94,10 @@ def every_second(*phases):
             [(1.0, WARN, "x: bad 7"), (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
         ),
         ([(WARN, "bad", 1), (OK, "fine", 6)] * 9, []),
+        (
+            [(WARN, "bad", 1), (OK, "fine", 1)] * 4 + [(OK, "fine", 30)],
+            [(5.0, WARN, "x: bad 7 (3 times in 10 s); ended")],
+        ),
     ],
 )
 def test_lines_of_a_log(phases, expected):

@@ -17,6 +17,11 @@ LOG_PERIOD = 10.0
 MIN_DURATION = 0.9
 """Minimum duration of a fault that is logged: two reports, a second apart with jitter [s]."""
 
+MIN_SHORT = 3
+"""Number of shorter faults in LOG_PERIOD that are logged."""
+
+NO_FAULT = OK, ""
+
 _MEASURED = re.compile(
     r"'[^']*'|= [^\s,;]+|\[|(?<![\w/.^])(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
 )
@@ -61,14 +66,54 @@ def problem_status(name, problems, message, values, is_logged=False):
 
 
 class _Entry:
-    """Fault of one status and what the log has of it; times are steady [s].
+    """Fault of one status, and the texts of faults since the last line; times are steady [s].
 
-    `text` is that of a fault without a line, `is_open` whether the log has a begin without an end.
+    `_pending` is the text of a fault that has not lasted for MIN_DURATION.
     """
 
-    fault, text, is_open = (OK, ""), "", False
-    begins = duration = 0.0
-    logged_at, logged_level = -inf, OK
+    def __init__(self):
+        self.fault, self.texts = NO_FAULT, {}
+        self._pending, self._short = "", []
+        self.begins = self.duration = 0.0
+        self.logged_at, self.logged_level, self.is_open = -inf, OK, False
+
+    def update(self, status, now):
+        """Store a change of the fault, and count faults that last or come often."""
+        is_fault = status.level in (WARN, ERROR)
+        fault = (status.level, status.message if is_fault else "")
+        if fault != self.fault:
+            self._change(status, is_fault, now)
+            self.fault = fault
+        if self._pending and now - self.begins >= MIN_DURATION:
+            self._count(self._pending)
+            self._pending = ""
+
+    def _change(self, status, is_fault, now):
+        if is_fault:
+            if self.fault[0] not in (WARN, ERROR):
+                self.begins = now - status.age
+            self._pending = "" if status.is_logged else status.log or status.message
+            return
+        if status.level == OK:
+            self.duration = now - self.begins
+        if self._pending:  # no report after MIN_DURATION had it
+            recent = [(at, text) for at, text in self._short if now - at < LOG_PERIOD]
+            self._short = [*recent, (now, self._pending)]
+            self._pending = ""
+        if len(self._short) >= MIN_SHORT:
+            for _, text in self._short:
+                self._count(text)
+            self._short = []
+
+    def _count(self, text):
+        self.texts[text] = self.texts.pop(text, 0) + 1  # the newest is the last one
+
+    def describe(self, elapsed):
+        """Return the faults since the last line, `elapsed` [s] ago: the newest first."""
+        return "; before: ".join(
+            f"{text} ({count} times in {elapsed:.0f} s)" if count > 1 else text
+            for text, count in reversed(self.texts.items())
+        )
 
 
 class RepeatLimit:
@@ -89,8 +134,9 @@ class RepeatLimit:
 class StatusLog:
     """Choose lines of a log: one when a fault begins, and one when it ends.
 
-    A fault has a line if it lasts for MIN_DURATION. A status has at most one line in `period` [s],
-    of its newest fault, unless the level rises. The end follows no sooner.
+    A fault has a line after MIN_DURATION. Faults of a status have at most one line in `period` [s],
+    unless the level rises; the next line says how often they began. The end follows no sooner.
+    Shorter faults have no line, unless there are MIN_SHORT in LOG_PERIOD.
     """
 
     def __init__(self, period=LOG_PERIOD):
@@ -103,25 +149,24 @@ class StatusLog:
 
     def _line(self, status, now):
         entry = self._entries.setdefault(status.name, _Entry())
-        is_fault = status.level in (WARN, ERROR)
-        fault = status.level, status.message if is_fault else ""
-        if fault != entry.fault:
-            if is_fault and entry.fault[0] not in (WARN, ERROR):
-                entry.begins = now - status.age
-            has_line = status.is_logged or not is_fault
-            entry.text = "" if has_line else status.log or status.message
-            entry.fault, entry.duration = fault, now - entry.begins
-        entry.is_open |= is_fault and status.is_logged
-        is_due = now - entry.logged_at >= self._period
-        lasts = now - entry.begins >= MIN_DURATION
-        if entry.text and lasts and (is_due or status.level > entry.logged_level):
-            line, entry.text, entry.is_open = f"{status.name}: {entry.text}", "", True
-            entry.logged_at, entry.logged_level = now, status.level
-            return status.level, line
-        if not (entry.is_open and is_due and status.level == OK):
+        entry.update(status, now)
+        if status.level == STALE and not entry.texts:  # no end of a fault
             return None
-        entry.is_open = False
-        if entry.duration < MIN_DURATION:
+        level = OK if status.level == STALE else status.level
+        elapsed = now - entry.logged_at
+        if elapsed >= self._period:
+            entry.logged_level = OK
+        elif level <= entry.logged_level:
             return None
-        entry.logged_at, entry.logged_level = now, OK
-        return OK, f"{status.name}: {status.message} (after {entry.duration:.0f} s)"
+        was_open = entry.is_open
+        has_line = was_open or status.is_logged or bool(entry.texts)
+        entry.is_open = level != OK and has_line
+        if entry.texts:
+            text = entry.describe(min(elapsed, self._period)) + ("; ended" if level == OK else "")
+            entry.texts.clear()
+            entry.logged_at, entry.logged_level = now, max(level, WARN)
+            return entry.logged_level, f"{status.name}: {text}"
+        if was_open and not entry.is_open and entry.duration >= MIN_DURATION:
+            entry.logged_at = now
+            return OK, f"{status.name}: {status.message} (after {entry.duration:.0f} s)"
+        return None
