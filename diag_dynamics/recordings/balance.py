@@ -26,8 +26,6 @@ AROUND, MAX_TOUCHED = (
     0.5,
 )  # time before and after an alarm [s]; largest fraction of windows near alarms
 
-FAULT_SHARE = 0.2  # share of the sum of all joints' squared residuals from which a joint is named
-
 
 class Windows(NamedTuple):
     """Windows that ended in a batch of states: stamps [ns], shape (W,), and mean powers [W], shapes (W,) and (W, nv)."""
@@ -182,16 +180,12 @@ class Balance:
                 f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "
                 f"kinetic and potential energy. To improve this, {remedy}"
             )
-        culprits = ", ".join(
-            name for name, numbers in self.joints.items() if numbers["share"] >= FAULT_SHARE
-        )
-        where = f"; the largest residual is at {culprits}" if culprits else ""
         how = (
             f"explain only {explained:.0%} of"
             if explained >= NOTHING_EXPLAINED
             else "do not explain"
         )
-        return f"the efforts {how} the change of kinetic energy: {remedy}{where}"
+        return f"the efforts {how} the change of kinetic energy: {remedy}"
 
 
 def explained_share(residual, change):

@@ -132,7 +132,7 @@ def test_balance_names_the_likely_cause(analysed, motion, gravity, fault):
     elif said:
         assert summary["explained"] < 0.3 and "check unit of the efforts" in text
         assert "the power balance explains less than 80 % of dK/dt" in text
-        assert fault != "unit" or "the largest residual is at shoulder_lift_joint" in text
+        assert fault != "unit" or "residual by joint: shoulder_lift_joint" in text
 
 
 def test_why_there_is_no_balance(analysed, motion, gravity):
