@@ -87,14 +87,14 @@ def list_recordings(name, recordings):
 
 
 class Dataset:
-    """Segments of a recording that can be fitted. A long recording is thinned while it is read.
+    """Segments of a recording that can be fitted.
 
     Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were
     removed. `spans` are the times of the segments that have both [s], which begin and end between
     states. `known` are the joints with efforts (bool); those of the others are the model's. Errors
     begin with `name`, the path if there is one. `origin` has path, robot, number of all states, and
     times of the first and the last one [s]; `zero` is the stamp of the first one [ns]. Raises
-    InputError if the recording is of another robot, lacks states or efforts, or has velocities in
+    InputError if the recording is of another robot, too long, lacks states or efforts, or has velocities in
     another unit.
     """
 
@@ -198,8 +198,8 @@ class Dataset:
         return portions(self.segments)
 
     def _read(self, name, recording, model, max_values):
-        """Return the states of a recording, thinned to a number of values."""
-        limit, step, parts, jumps, count = max_values // (model.nq + 2 * model.nv), 1, [], [], 0
+        """Return the states of a recording; InputError if they have more than a number of values."""
+        limit, parts, count = max_values // (model.nq + 2 * model.nv), [], 0
         findings, estimated, efforts = [], 0, EffortRange(model)
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
@@ -220,13 +220,15 @@ class Dataset:
             estimated += int(states.velocity_estimated.sum())
             efforts.add_values(states.position, states.effort)
             unknown += np.isnan(states.effort).sum(axis=0)
-            jumps.append(count + np.flatnonzero(states.jumped))
-            parts.append(states[-(count + 1) % step :: step])  # rows step − 1, 2 step − 1, …
+            parts.append(states)
             count += len(piece)
+            if count > limit:
+                raise InputError(
+                    f"{name} has more than {limit} states, which all recordings share. Select a "
+                    "part by --start and --end, or give fewer recordings."
+                )
             if len(piece):
                 self.origin |= {"states": count, "end": float(piece.t[-1])}
-            while sum(map(len, parts)) > limit:
-                parts, step = [States.concatenate(parts)[1::2]], 2 * step
         require_plausible(findings)
         if not count:
             raise no_states_error(name, findings)
@@ -238,13 +240,9 @@ class Dataset:
         self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
         for word, joints in efforts.groups(missing).items():
             self._set_unknown(model, joints, word if word == UNSCALED else f"{word} throughout")
-        self._add(
-            step > 1, "thinned", f"the recording is long: one of {step} states is used, of {count}"
-        )
         text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
         self._add(estimated, "velocity estimated", text)
-        jumped = _any_since(np.concatenate(jumps), np.arange(step - 1, count, step))
-        return replace(States.concatenate(parts), jumped=jumped)
+        return States.concatenate(parts)
 
     def _clean(self, states):
         """Return segments of usable states, and add findings on the others."""

@@ -75,8 +75,7 @@ def identify(
     ----------
     recordings : Recording, callable, or sequence of these
         Without contact, with efforts that contain gravity [N m, N]. A callable returns the pieces
-        of one recording: ``lambda: dd.stream_recording(path, model)``. Long ones are thinned while
-        they are read.
+        of one recording: ``lambda: dd.stream_recording(path, model)``.
     model : RobotModel
         With a fixed base, and joints of one degree of freedom each.
     what : str or sequence of str
