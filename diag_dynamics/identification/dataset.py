@@ -90,17 +90,15 @@ class Dataset:
     """Segments of a recording that can be fitted.
 
     Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were
-    removed. `spans` are the times of the segments that have both [s], which begin and end between
-    states. `known` are the joints with efforts (bool); those of the others are the model's. Errors
+    removed. `known` are the joints with efforts (bool); those of the others are the model's. Errors
     begin with `name`, the path if there is one. `origin` has path, robot, number of all states, and
-    times of the first and the last one [s]; `zero` is the stamp of the first one [ns]. Raises
-    InputError if the recording is of another robot, too long, lacks states or efforts, or has velocities in
-    another unit.
+    times of the first and the last one [s]. Raises InputError if the recording is of another robot,
+    too long, lacks states or efforts, or has velocities in another unit.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES):
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
-        self.zero, self.delay, self.findings, self.name = 0, 0.0, [], name
+        self.delay, self.findings, self.name = 0.0, [], name
         self.known = np.ones(model.nv, dtype=bool)
         try:
             self._prepare(recording, model, max_values)
@@ -112,7 +110,6 @@ class Dataset:
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
         self.segments = self._clean(self._read(self.name, recording, model, max_values))
-        self.spans = [(segment.t[0], segment.t[-1]) for segment in self.segments]
         delay = find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
         self.delay = self._remove_delay("velocity", delay)
         self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
@@ -171,21 +168,19 @@ class Dataset:
             quantity = {"velocity": "velocities", "effort": "efforts"}[column]
             text = f"{quantity} are {size} {late} than positions; the delay was removed"
             self.findings.append(Finding(f"{column} delay", 1, text))
-            long = [k for k, segment in enumerate(self.segments) if segment.duration > abs(delay)]
+            long = [segment for segment in self.segments if segment.duration > abs(delay)]
             if not long:
                 raise InputError(
                     f"{self.name} has no segment longer than the {column} delay, {size}."
                 )
-            head, tail = max(0.0, -delay), max(0.0, delay)
-            self.spans = [(self.spans[k][0] + head, self.spans[k][1] - tail) for k in long]
-            self.segments = [_shifted(self.segments[k], column, delay) for k in long]
+            self.segments = [_shifted(segment, column, delay) for segment in long]
             return delay
         return 0.0
 
     @property
     def duration(self):
-        """Time in spans [s]."""
-        return sum(end - begin for begin, end in self.spans)
+        """Time in segments [s]."""
+        return sum(segment.duration for segment in self.segments)
 
     @property
     def key(self):
@@ -211,7 +206,6 @@ class Dataset:
             states, self._counts, findings = piece.states, piece.counts, piece.findings
             name = self.name = name if piece.path is None else f"'{piece.path}'"
             if len(piece) and not count:
-                self.zero = int(piece.stamp[0])
                 self.origin |= {
                     "path": piece.path,
                     "robot": piece.model.name,
