@@ -117,16 +117,6 @@ def _summary(model, trajectory):
         "",
         *aligned(rows),
     ]
-    unlimited = [
-        name
-        for name, limit in zip(trajectory.joints, model.effort_limit, strict=True)
-        if not 0.0 < limit < np.inf
-    ]
-    if unlimited:
-        lines += [
-            "",
-            f"Effort limits of {', '.join(unlimited)} are missing: compare their efforts with the data sheet.",
-        ]
     return [*lines, "", "Collisions are not checked: try the trajectory on the simulator first."]
 
 

@@ -31,6 +31,7 @@ MAX_VELOCITY, MAX_POSITION = (
     1000.0,
 )  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
 CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
+MARGIN = 0.05  # fraction of a range at either end that is left free, unless the range is given
 MIN_TRAVEL = 1e-3  # below this a joint stands still [rad, m]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
 LACKS = {
@@ -107,7 +108,6 @@ def excite(
     velocity_limits: Mapping[str, float] | None = None,
     velocity: float = 0.5,
     effort: float = 0.7,
-    margin: float = 0.05,
     trials: int = 300,
     rate: float = 50.0,
     seed: int = 0,
@@ -139,8 +139,6 @@ def excite(
     velocity, effort : float
         Fractions of the limits of velocity and effort. A joint without an effort limit has no
         bound.
-    margin : float
-        Fraction of a joint's range at either end that is left free.
     trials, seed : int
         Number of trajectories that are tried, and seed of their random numbers.
     rate : float
@@ -180,7 +178,6 @@ def excite(
         positive(name, value, unit)
     for name, value in (("velocity", velocity), ("effort", effort)):
         number(name, value, "a number within 0 … 1", lambda x: 0.0 < x <= 1.0)
-    number("margin", margin, "a number within 0 … 0.45", lambda x: 0.0 < x <= 0.45)
     cycles, least = round(duration / period), 2.0 * HARMONICS / period
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(
@@ -193,7 +190,7 @@ def excite(
         )
     ranges = dict(ranges or {})
     fastest, low, high = _find_limits(model, moving, velocity_limits or {}, ranges)
-    free = np.where(np.isin(names, list(ranges)), 0.0, margin) * (high - low)
+    free = np.where(np.isin(names, list(ranges)), 0.0, MARGIN) * (high - low)
     time = np.arange(round(duration * rate) + 1) / rate
     series = _Series(
         model, moving, (velocity * fastest, low + free, high - free, effort), period, time

@@ -164,7 +164,7 @@ def test_limits_above_those_of_the_robot_and_standstill(options, key):
 def test_no_plan_exceeds_limits_between_its_points():
     """The points are coarse; a plan of the same seed with a hundred times as many shows the motion between them."""
     model = dd.load_urdf(two_joints(FILLED, FILLED))
-    options = {"trials": 1, "velocity": 1.0, "margin": 1e-9}
+    options = {"trials": 1, "velocity": 1.0}
     coarse, fine = (excite(model, "friction", rate=rate, **options) for rate in (2.0, 200.0))
     np.testing.assert_allclose(coarse.position, fine.position[::100], atol=1e-12)
     assert abs(fine.velocity).max() <= 2.0 * (1.0 + 1e-4) and abs(fine.position).max() <= 1.0 + 1e-4
