@@ -3,7 +3,6 @@
 
 """`diag-dynamics analyse`: summary, tables, messages and report of recordings."""
 
-import shutil
 import sys
 import time
 from functools import partial
@@ -22,7 +21,6 @@ from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.recordings.summary import (
-    WIDTH,
     count_collisions,
     describe_faults,
     format_summary,
@@ -123,7 +121,7 @@ def _analyse(chosen, parameters, robot, write):
     write(summary)
     faults = describe_faults(summary)
     if _prints(chosen):
-        print(format_summary(summary, _width()))
+        print(format_summary(summary))
         took = max(time.perf_counter() - start, 1e-9)
         ratio = summary["duration"] / took
         print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} × real time.", file=sys.stderr)
@@ -145,7 +143,7 @@ def _analyse_several(chosen, parameters, robot, write):
             continue
         summaries.append(summary)
         if _prints(chosen):
-            print(f"{plain(recording)}\n\n{format_summary(summary, _width())}\n")
+            print(f"{plain(recording)}\n\n{format_summary(summary)}\n")
     write({"recordings": summaries, "failed": failed})
     if _prints(chosen):
         lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
@@ -215,7 +213,3 @@ def _parameters(chosen):
 
 def _prints(chosen):
     return not chosen.quiet and chosen.json != "-"
-
-
-def _width():
-    return min(WIDTH, shutil.get_terminal_size((WIDTH, 24)).columns)

@@ -264,13 +264,9 @@ def _warnings(quality, without_reference, nothing):
                 )
     for step, joints in quality["kept"].items():
         if joints:
-            changes = [own / without - 1.0 if without else 0.0 for without, own in joints.values()]
-            span = " to ".join(
-                dict.fromkeys(f"{change:+.1%}" for change in (min(changes), max(changes)))
-            )
             warnings.append(
-                f"{step} of {', '.join(joints)}: the model's values are kept. Fitted values change the cross-validation "
-                f"residual by {span}; expected a reduction by {GAIN:.0%}"
+                f"{step} of {', '.join(joints)}: the model's values are kept, because fitted ones "
+                f"do not reduce the cross-validation residual by {GAIN:.0%}"
             )
     share, total = quality["explained"], quality["explained_total"][1]
     if None not in share and share[1] < share[0]:

@@ -180,12 +180,8 @@ class Balance:
                 f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "
                 f"kinetic and potential energy. To improve this, {remedy}"
             )
-        how = (
-            f"explain only {explained:.0%} of"
-            if explained >= NOTHING_EXPLAINED
-            else "do not explain"
-        )
-        return f"the efforts {how} the change of kinetic energy: {remedy}"
+        share = max(0.0, explained)
+        return f"the efforts explain only {share:.0%} of the change of kinetic energy: {remedy}"
 
 
 def explained_share(residual, change):

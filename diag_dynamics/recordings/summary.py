@@ -19,7 +19,7 @@ from diag_dynamics.text import listed
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 FEW = 5  # joints, findings and collisions that the text lists one by one
-WIDTH = 100  # longest line of the text by default
+WIDTH = 100  # longest line of the text, as far as names allow
 
 
 def summarize(analysis):
@@ -203,8 +203,8 @@ def _has_efforts(summary):
     return summary["states"] > summary["quality"]["without_effort"]
 
 
-def format_summary(summary, width=WIDTH):
-    """Return the summary for people: lines up to a width, as far as names allow, with times from the first state on."""
+def format_summary(summary):
+    """Return the summary for people: lines with times from the first state on."""
     notes = [finding["text"] for finding in summary["findings"] if finding["cause"] == NOTE]
     faults = [
         str(Finding(**finding)) for finding in summary["findings"] if finding["cause"] != NOTE
@@ -213,14 +213,14 @@ def format_summary(summary, width=WIDTH):
     parts = [list(part(summary)) for part in PARTS]
     for heading, texts in (("Findings", faults), ("Input", notes)):
         parts += [[heading, *_some(texts, "more; --json has all")]] if texts else []
-    return "\n\n".join("\n".join(_wrapped(line, width) for line in part) for part in parts if part)
+    return "\n\n".join("\n".join(_wrapped(line) for line in part) for part in parts if part)
 
 
-def _wrapped(line, width):
+def _wrapped(line):
     """Return the line with line breaks, the next lines farther in; no word is cut."""
     inward = (len(line) - len(line.lstrip()) + 2) * " "
     return textwrap.fill(
-        line, width, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False
+        line, WIDTH, subsequent_indent=inward, break_long_words=False, break_on_hyphens=False
     )
 
 

@@ -160,7 +160,7 @@ def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
     rate = np.gradient(bump, t, axis=0)
     noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
     summary, text, status = analysed(t, q[0] + bump, rate, gravity[0] + noise)
-    assert summary["explained"] is None and "do not explain" not in text and status == 0
+    assert summary["explained"] is None and "explain only" not in text and status == 0
     summary, text, status = analysed(t, q[0] + 3.0 * bump, 3.0 * rate, gravity[0] + noise)
     assert summary["explained"] < 0.3 and status == 1
 
