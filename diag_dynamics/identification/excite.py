@@ -91,7 +91,8 @@ class Excitation(NamedTuple):
         ):
             seconds, nanoseconds = divmod(round((t + approach) * 1e9), 10**9)
             point = {
-                name: np.round(one, 9).tolist() for name, one in zip(names, values, strict=True)
+                name: np.round(column, 9).tolist()
+                for name, column in zip(names, values, strict=True)
             }
             points.append(point | {"time_from_start": {"sec": seconds, "nanosec": nanoseconds}})
         return yaml_text({"joint_names": list(self.joints), "points": points})
@@ -169,7 +170,7 @@ def excite(
     for name in joints:
         choice("joints: one of them", name, names)
     moving = np.isin(names, joints)
-    wanted, _, payloads = read_what(what, model)
+    unknowns, _, payloads = read_what(what, model)
     for name, value, unit in (
         ("duration", duration, "[s]"),
         ("period", period, "[s]"),
@@ -195,7 +196,7 @@ def excite(
     series = _Series(
         model, moving, (velocity * fastest, low + free, high - free, effort), period, time
     )
-    series.choose_unknowns(wanted, [model.placement_in_body(link)[0] for link in payloads])
+    series.choose_unknowns(unknowns, [model.placement_in_body(link)[0] for link in payloads])
     best, condition = _search(
         series, np.random.default_rng(seed), whole("trials", trials), progress
     )
@@ -206,7 +207,7 @@ def excite(
             f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m. Widen its "
             "limits or its range, or remove it from joints."
         )
-    return Excitation(names, time, q, qd, qdd, tau, period, condition, wanted)
+    return Excitation(names, time, q, qd, qdd, tau, period, condition, unknowns)
 
 
 def _find_limits(model, moving, velocities, positions):
@@ -221,15 +222,15 @@ def _find_limits(model, moving, velocities, positions):
         & ~((widest <= MAX_POSITION) & (lower < upper))
     )
     velocity[slow], lower[unbounded], upper[unbounded] = np.inf, -np.inf, np.inf
-    velocities = {name: (0.0, one) for name, one in velocities.items()}
+    velocities = {name: (0.0, largest) for name, largest in velocities.items()}
     limits = (velocities, np.zeros(model.nv), velocity, slow), (positions, lower, upper, unbounded)
-    for (kind, lack), (given, low, high, missing) in zip(LACKS.items(), limits, strict=True):
-        for name in given:
+    for (kind, lack), (bounds, low, high, missing) in zip(LACKS.items(), limits, strict=True):
+        for name in bounds:
             choice(f"{kind} limits: a joint", name, (*model.dof_names, ALL))
         for k, name in enumerate(names):
-            if name in given or (missing[k] and ALL in given):
+            if name in bounds or (missing[k] and ALL in bounds):
                 low[k], high[k] = _read_bounds(
-                    kind, name, given.get(name, given.get(ALL)), low[k], high[k]
+                    kind, name, bounds.get(name, bounds.get(ALL)), low[k], high[k]
                 )
                 missing[k] = False
         if missing.any():
@@ -244,8 +245,8 @@ def _find_limits(model, moving, velocities, positions):
     )
 
 
-def _read_bounds(kind, name, given, low, high):
-    bounds = array_of(given)
+def _read_bounds(kind, name, entry, low, high):
+    bounds = array_of(entry)
     if (
         bounds is None
         or bounds.shape != (2,)
@@ -253,7 +254,7 @@ def _read_bounds(kind, name, given, low, high):
         or np.isinf(bounds).any()
     ):
         raise InputError(
-            f"{kind} limits of '{name}' are {given!r}; expected finite limits that rise, within {low:g} … {high:g}."
+            f"{kind} limits of '{name}' are {entry!r}; expected finite limits that rise, within {low:g} … {high:g}."
         )
     return bounds
 
@@ -294,9 +295,9 @@ class _Series:
         self._limit = effort * model.effort_bound
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
         # Velocities a cos wt + b sin wt and their slopes begin at zero: two coefficients fewer.
-        held = np.zeros((2, 2 * HARMONICS))
-        held[0, :HARMONICS], held[1, HARMONICS:] = 1.0, w
-        free = np.linalg.svd(held)[2][2:].T
+        constraints = np.zeros((2, 2 * HARMONICS))
+        constraints[0, :HARMONICS], constraints[1, HARMONICS:] = 1.0, w
+        free = np.linalg.svd(constraints)[2][2:].T
         self._bases = _bases(time, w, free)
         self._dense = _bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False), w, free)[
             :2
@@ -306,14 +307,14 @@ class _Series:
         """Choose the unknowns of these names, scaled by eight random motions, without combinations that no motion excites."""
         self._regressors = regressors = Regressors(self._model, carriers)
         bodies = np.isin(regressors.bodies, carriers) | ("inertias" in names)
-        wanted = np.zeros(regressors.size, dtype=bool)
-        wanted[: PARAMETERS * len(bodies)] = np.repeat(bodies, PARAMETERS)
+        chosen = np.zeros(regressors.size, dtype=bool)
+        chosen[: PARAMETERS * len(bodies)] = np.repeat(bodies, PARAMETERS)
         for step, columns in BY_JOINT.items():
             for column in columns if step in names else ():
-                wanted[regressors.own(column)] = self._moving
-        self._columns = np.flatnonzero(wanted)
+                chosen[regressors.own(column)] = self._moving
+        self._columns = np.flatnonzero(chosen)
         genes = [self.random_genes(np.random.default_rng(seed)) for seed in range(8)]
-        excited = sum(self._information(*self.motion(one)) for one in genes)
+        excited = sum(self._information(*self.motion(motion)) for motion in genes)
         self._scale = 1.0 / np.sqrt(np.maximum(np.diag(excited), 1e-300))
         values, vectors = np.linalg.eigh(self._scale[:, None] * excited * self._scale)
         self._basis = vectors[:, values > MIN_EIGENVALUE * values.max(initial=0.0)]

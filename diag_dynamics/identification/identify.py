@@ -168,22 +168,24 @@ class FitData:
         share = MAX_VALUES // (len(loaded) + len(unloaded))
         self.left_out_gains = None
         self.loaded = [
-            Dataset(f"recordings[{k}]", one, model, share) for k, one in enumerate(loaded)
+            Dataset(f"recordings[{k}]", recording, model, share)
+            for k, recording in enumerate(loaded)
         ]
         self._references = [
-            Dataset(f"reference[{k}]", one, model, share) for k, one in enumerate(unloaded)
+            Dataset(f"reference[{k}]", recording, model, share)
+            for k, recording in enumerate(unloaded)
         ]
         self.datasets = [*self.loaded, *self._references]
         self.gains = None
         if with_gains:
             self._find_gains(model, masses)
-        self.relations = [one.check_efforts(model) for one in self.datasets]
+        self.relations = [dataset.check_efforts(model) for dataset in self.datasets]
         able, self.findings = check_motion(model, self.datasets, np.array(sliding_dofs(model)))
-        self.measured = np.any([one.known for one in self.datasets], axis=0)
+        self.measured = np.any([dataset.known for dataset in self.datasets], axis=0)
         able &= self.measured
         self.able = {OFFSET: able[0], DAMPING: able[1], FRICTION: able[1]}
         self.able |= dict.fromkeys((ROTOR, LOAD, ROOT), able[2])
-        self.duration = sum(one.duration for one in self.datasets)
+        self.duration = sum(dataset.duration for dataset in self.datasets)
         self.use_load_of(model)
         if with_gains and self._carrying is not None:
             factors = correct_gains(self._carrying, self)
@@ -207,14 +209,14 @@ class FitData:
 
     def left_out(self):
         """Return the normal equations without each block in turn, of efforts with the gains of the other blocks."""
-        found = [self.fitted - block for block in self.blocks]
-        for one, gains in zip(
-            found, [] if self.left_out_gains is None else self.left_out_gains, strict=False
+        sums = [self.fitted - block for block in self.blocks]
+        for products, gains in zip(
+            sums, [] if self.left_out_gains is None else self.left_out_gains, strict=False
         ):
             for k, gain in enumerate(gains):
-                scale = np.append(np.ones(len(one[k]) - 1), gain)
-                one[k] = one[k] * scale[:, None] * scale
-        return found
+                scale = np.append(np.ones(len(products[k]) - 1), gain)
+                products[k] = products[k] * scale[:, None] * scale
+        return sums
 
     def use_load_of(self, model):
         """Sum normal equations with load columns of a model."""
@@ -223,7 +225,8 @@ class FitData:
         self.fitted = sum(self.blocks)
         references = _in_order(self._references)
         sums = [
-            self.regressors.sum_segment(*segment.columns, known) for segment, known in references
+            self.regressors.sum_segment(*segment.columns, measured)
+            for segment, measured in references
         ]
         self.unloaded = sum(sums) if sums else None
 
@@ -231,7 +234,8 @@ class FitData:
         """Return the normal equations of each recording."""
         add = self.regressors.sum_segment
         return [
-            sum(add(*segment.columns, one.known) for segment in one.segments) for one in self.loaded
+            sum(add(*segment.columns, dataset.known) for segment in dataset.segments)
+            for dataset in self.loaded
         ]
 
     def _cut_blocks(self, segments):
@@ -239,16 +243,16 @@ class FitData:
         duration, elapsed = sum(segment.duration for segment, _ in segments), 0.0
         count = int(np.clip(duration // MIN_BLOCK, MIN_BLOCKS, MAX_BLOCKS))
         blocks, parts = [0.0] * count, [[] for _ in range(count)]
-        for segment, known in segments:
+        for segment, measured in segments:
             since = elapsed + segment.t - segment.t[0]
             number = np.minimum(since * count / duration, count - 1).astype(int)
             elapsed += segment.duration
             for block in np.unique(number).tolist():
                 is_in_block = number == block
                 if np.count_nonzero(is_in_block) > 1:  # the end of a segment may begin a block
-                    parts[block].append((segment.part(is_in_block), known))
+                    parts[block].append((segment.part(is_in_block), measured))
             first = 1
-            for rows, weights in self.regressors.filtered_rows(*segment.columns, known):
+            for rows, weights in self.regressors.filtered_rows(*segment.columns, measured):
                 part = number[first : first + len(rows)]
                 first += len(rows)
                 for block in np.unique(part).tolist():
@@ -266,7 +270,7 @@ def check_motion(model, datasets, slides):
     third.
     """
     unit, times = np.where(slides, PRISMATIC, 1.0), np.zeros((2, model.nv))
-    segments = [segment for one in datasets for segment in one.segments]
+    segments = [segment for dataset in datasets for segment in dataset.segments]
     for t, states in segments:
         step = np.diff(t, prepend=t[0])
         times += [step @ (sign * states.velocity > MOVING * unit) for sign in (1.0, -1.0)]
@@ -287,16 +291,16 @@ def check_motion(model, datasets, slides):
 def _in_order(datasets):
     """Return segments of all datasets, and joints with efforts, in an order that does not depend on that of datasets."""
     return [
-        (segment, one.known)
-        for one in sorted(datasets, key=lambda one: one.key)
-        for segment in one.segments
+        (segment, dataset.known)
+        for dataset in sorted(datasets, key=lambda dataset: dataset.key)
+        for segment in dataset.segments
     ]
 
 
 def _origin(model, data, quality):
     locked = {name: float(value) for name, value in model.locked_joints.items()}
     return ({"locked_joints": locked} if locked else {}) | {
-        "recordings": [one.origin for one in data.datasets],
+        "recordings": [dataset.origin for dataset in data.datasets],
         "date": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "method": "filtered momentum, " + (", ".join(quality["taken"]) or "nothing taken"),
         "quality": {

@@ -55,7 +55,7 @@ def validate(models, parts):
     time, measured effort, the model's and the error of each joint.
     """
     model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
-    each = -(-sum(len(one.t) for block in parts for one, _ in block) // MAX_STEPS)
+    size = -(-sum(len(segment.t) for block in parts for segment, _ in block) // MAX_STEPS)
     sums, balance, errors, observed, energies = (
         WindowSums(model.nv),
         Balance(model.dof_names),
@@ -63,35 +63,39 @@ def validate(models, parts):
         [],
         [],
     )
-    for one, block in zip(models, parts, strict=True):
-        dynamics = DiagonalDynamics(one)
+    for fitted, block in zip(models, parts, strict=True):
+        dynamics = DiagonalDynamics(fitted)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
-        for part, known in (
-            (part, known) for segment, known in block for part in portions([segment])
+        for part, measured_joints in (
+            (part, measured_joints)
+            for segment, measured_joints in block
+            for part in portions([segment])
         ):
             t, q, qd, tau = part.columns
             # Friction of rates as they are, because that of filtered ones turns later.
             tau = tau - dynamics.friction_torque(qd, q)
-            if not known.all():  # the efforts of others are those of the model
+            if not measured_joints.all():  # the efforts of others are those of the model
                 rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
-                tau = np.where(known, tau, rest)
+                tau = np.where(measured_joints, tau, rest)
             s = dynamics.evaluate(q, qd, tau)
             balance.add_windows(sums.integrate_states(part.states, s))
-            seen = observer.observe_batch(replace(part.states, effort=tau))
-            torque = seen.external_torque[seen.valid]
-            observed.append(np.where(known, torque, np.nan))
+            states = observer.observe_batch(replace(part.states, effort=tau))
+            torque = states.external_torque[states.valid]
+            observed.append(np.where(measured_joints, torque, np.nan))
             energies.append(s.kinetic_energy.copy())
             if part.duration >= MIN_SMOOTHED:
                 measured = smoothed(*part.columns)[2]
                 q, qd, tau, qdd = smoothed(t, q, qd, tau)
                 inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
                 error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
-                errors.append(np.where(known, error, np.nan))
+                errors.append(np.where(measured_joints, error, np.nan))
                 columns = np.hstack([measured[inner], measured[inner] - error, error])
-                curves.append(_downsample(elapsed + t[inner] - t[0], columns, each))
+                curves.append(_downsample(elapsed + t[inner] - t[0], columns, size))
             elapsed += part.duration
     none = [np.empty((0, model.nv))]
-    error, torque = (np.ma.masked_invalid(np.concatenate(none + one)) for one in (errors, observed))
+    error, torque = (
+        np.ma.masked_invalid(np.concatenate(none + rows)) for rows in (errors, observed)
+    )
     return {
         "torque_rms": np.sqrt((error**2).mean(axis=0)).filled(np.nan),  # below 5 Hz [N m, N]
         "explained": balance.explained,  # of dK/dt
@@ -101,10 +105,10 @@ def validate(models, parts):
     }, np.concatenate(curves)
 
 
-def _downsample(t, columns, each):
+def _downsample(t, columns, size):
     """Return times and columns as rows, minima and maxima over so many states, and a row of NaN."""
-    first = np.arange(0, len(t), each)
-    extremes = [one.reduceat(columns, first, axis=0) for one in (np.fmin, np.fmax)]
+    first = np.arange(0, len(t), size)
+    extremes = [extreme.reduceat(columns, first, axis=0) for extreme in (np.fmin, np.fmax)]
     rows = np.column_stack(
         [np.repeat(t[first], 2), np.stack(extremes, axis=1).reshape(2 * len(first), -1)]
     )
@@ -119,15 +123,15 @@ def quality_of(model, selection, data, last):
     if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
         after, then = validate(models, data.parts)
-    findings = [finding for one in data.datasets for finding in one.findings]
+    findings = [finding for dataset in data.datasets for finding in dataset.findings]
     shares = after["explained"], after["explained_total"]
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
-    judged = any(one.judged().any() for one in data.relations)
+    judged = any(relation.judged().any() for relation in data.relations)
     start = selection.squares_of([layout.known] * count)
     fits = selection.left_out() if data.gains is not None else selection.fits
     quality = {
         "held_out": f"each of {count} parts of all recordings, by parameters fitted to the others",
-        "held_out_duration": float(sum(one.duration for one in data.loaded)),
+        "held_out_duration": float(sum(dataset.duration for dataset in data.loaded)),
         **{key: _pair(names, before[key], after[key]) for key in before},
         "row_residual": _pair(names, *map(selection.residuals, (start, selection.squares))),
         "taken": selection.named(selection.taken),
@@ -138,9 +142,9 @@ def quality_of(model, selection, data, last):
         "partial": [] if data.measured.all() else np.array(names)[data.measured].tolist(),
         "efforts_judged": judged
         and not nothing
-        and DOUBTFUL not in [one.cause for one in findings],
-        "velocity_delay": [one.delay for one in data.loaded],
-        "effort_delay": [one.effort_delay for one in data.loaded],
+        and DOUBTFUL not in [finding.cause for finding in findings],
+        "velocity_delay": [dataset.delay for dataset in data.loaded],
+        "effort_delay": [dataset.effort_delay for dataset in data.loaded],
         "deviations": deviations_of(layout, free, last, fits),
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last, fits) if layout.payload else None,
@@ -152,9 +156,9 @@ def quality_of(model, selection, data, last):
     }
     if data.gains is not None:
         scales = effort_scale(model, data.gains[0]).items()
-        known = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
+        gains = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
-            f"efforts were multiplied by gains, effort_scale of the parameters: {known}. They are as wrong as the weight of "
+            f"efforts were multiplied by gains, effort_scale of the parameters: {gains}. They are as wrong as the weight of "
             "the model's links, and other joints remain unknown"
         )
     if free[layout.inertial].any():
@@ -168,21 +172,21 @@ def quality_of(model, selection, data, last):
     first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = (
         np.nan
     )
-    (t, measured, own, error), (_, _, fitted, rest) = (
-        _split(one, model.nv) for one in (first, then)
+    (t, measured, model_effort, error), (_, _, fitted, rest) = (
+        _split(rows, model.nv) for rows in (first, then)
     )
-    return quality, Curves(t[:, 0], measured, own, fitted, error, rest)
+    return quality, Curves(t[:, 0], measured, model_effort, fitted, error, rest)
 
 
 def _shared_texts(datasets):
     """Return findings of recordings as texts, each once, after the recordings that it does not share with all."""
     names = {}
-    for one in datasets:
-        for finding in one.findings:
-            names.setdefault(str(finding), []).append(one.name)
+    for dataset in datasets:
+        for finding in dataset.findings:
+            names.setdefault(str(finding), []).append(dataset.name)
     return [
-        text if len(own) == len(datasets) else f"{', '.join(own)}: {text}"
-        for text, own in names.items()
+        text if len(owners) == len(datasets) else f"{', '.join(owners)}: {text}"
+        for text, owners in names.items()
     ]
 
 
@@ -196,13 +200,13 @@ def _pair(names, before, after):
     if not isinstance(before, np.ndarray):
         return [before, after]
     pairs = zip(names, np.transpose([before, after]).tolist(), strict=True)
-    return {name: [None if np.isnan(one) else one for one in pair] for name, pair in pairs}
+    return {name: [None if np.isnan(value) else value for value in pair] for name, pair in pairs}
 
 
 def _factors(names, relations):
     """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
     best = [
-        min((float(one.error[k]), float(one.factor[k])) for one in relations)
+        min((float(relation.error[k]), float(relation.factor[k])) for relation in relations)
         for k in range(len(names))
     ]
     return {
@@ -256,11 +260,11 @@ def _warnings(quality, without_reference, nothing):
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:
         warnings.append(f"kinetic energy is {after / before:.2f} times that of the model")
-    for key, what in (("row_residual", "residual"), ("observer_spread", "external torque")):
+    for key, quantity in (("row_residual", "residual"), ("observer_spread", "external torque")):
         for name, (first, then) in quality[key].items():
             if None not in (first, then) and then > (1.0 + GAIN) * first:
                 warnings.append(
-                    f"the held-out {what} of joint '{name}' increased from {first:.3g} to {then:.3g}"
+                    f"the held-out {quantity} of joint '{name}' increased from {first:.3g} to {then:.3g}"
                 )
     for step, joints in quality["kept"].items():
         if joints:

@@ -110,14 +110,14 @@ class Selection:
             for step, columns in BY_JOINT.items()
         }
         if steps and not data.able[FRICTION].any() and not payload:
-            files = ", ".join(one.name for one in data.datasets)
+            files = ", ".join(dataset.name for dataset in data.datasets)
             raise InputError(f"{files}: no joint moves enough: {data.findings[-1].text}.")
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
         self._floor = MIN_RESIDUAL * self.residuals(efforts[None])
         at = LOAD - len(OWN) - 1
         self._loaded = np.array(
-            [one[at, at] > MIN_LOAD**2 * one[-1, -1] for one in data.fitted[:-1]]
+            [products[at, at] > MIN_LOAD**2 * products[-1, -1] for products in data.fitted[:-1]]
         )
         self._own = dict(self._moving)
         self.kept = {step: {} for step in BY_JOINT}
@@ -134,7 +134,7 @@ class Selection:
 
     def free(self, steps, **joints):
         """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
-        own, free = (
+        chosen, free = (
             self._own | joints,
             self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None),
         )
@@ -142,14 +142,14 @@ class Selection:
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
                 free[self.layout.own(column)] = (
-                    own[step] & self._data.able[column] & (self._loaded | (column != LOAD))
+                    chosen[step] & self._data.able[column] & (self._loaded | (column != LOAD))
                 )
         for places, rates in zip(self.layout.motors, self._model.motor_rates, strict=True):
             turned = rates != 0.0
             free[places] = (
                 "friction" in steps
                 and self._data.able[FRICTION][turned].all()
-                and own["friction"][turned].any()
+                and chosen["friction"][turned].any()
             )
         return free
 
@@ -176,7 +176,7 @@ class Selection:
     def named(self, steps):
         """Return names of steps, gains and the payload first."""
         first = ["gains"] * (self._data.gains is not None) + [
-            f"payload:{one.link}" for one in [self._payload] if one
+            f"payload:{payload.link}" for payload in [self._payload] if payload
         ]
         return first + list(steps)
 
@@ -201,8 +201,8 @@ class Selection:
     def _update_load(self):
         """Let the load of gears be that of the inertias that were fitted."""
         if "inertias" in self.taken:
-            found = parameters_of(self.layout, self.fit_all().x, self.free(self.taken))
-            self._data.use_load_of(self._model.with_parameters(found))
+            parameters = parameters_of(self.layout, self.fit_all().x, self.free(self.taken))
+            self._data.use_load_of(self._model.with_parameters(parameters))
 
     def cross_validate(self, free):
         """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
@@ -218,33 +218,35 @@ class Selection:
     def _choose_rotors(self, steps):
         """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""
         free = self.free(["friction"] if "friction" in steps else [])
-        known, columns = self.layout.known, self.layout.own(ROTOR)
-        rotors, scores = known[columns], []
+        unknowns, columns = self.layout.known, self.layout.own(ROTOR)
+        rotors, scores = unknowns[columns], []
         for armature in (0.0, rotors):
-            known[columns] = armature
+            unknowns[columns] = armature
             scores.append(self._score_of(self.cross_validate(free)[1]))
         gain = 1.0 - scores[0] / scores[1]
         self.layout.without_rotors = gain > ROTOR_GAIN
         if self.layout.without_rotors:
-            known[columns] = 0.0
+            unknowns[columns] = 0.0
             self.warnings.append(
                 f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} smaller without them, as with "
                 "torque sensors behind the gears"
             )
 
-    def _select(self, left):
+    def _select(self, steps):
         """Take each step that reduces the residual enough; after it try those again that a larger error has hidden."""
         self.fits, self.squares = self.cross_validate(self.free([]))
         self.ladder, refused = [self._rung([], self.squares, True)], {}
-        ahead = list(left)
+        ahead = list(steps)
         while ahead:
             step = ahead.pop(0)
             refused[step] = self._try_step(step)
             if not refused[step]:
-                for one in [one for one in self.taken if one != step and self.kept.get(one)]:
-                    self._try_step(one)
-                left.remove(step)
-                ahead = list(left)
+                for earlier in [
+                    earlier for earlier in self.taken if earlier != step and self.kept.get(earlier)
+                ]:
+                    self._try_step(earlier)
+                steps.remove(step)
+                ahead = list(steps)
         if {"inertias", "gears"} <= set(self.taken):
             self._update_load()
             self.fits, self.squares = self.cross_validate(self.free(self.taken))
@@ -276,7 +278,7 @@ class Selection:
             self._update_load()
         again, steps = (
             step in self.taken,
-            [one for one in STEPS if one in self.taken or one == step],
+            [earlier for earlier in STEPS if earlier in self.taken or earlier == step],
         )
         candidates = (
             self._moving[step] & ~(self._own[step] & again)
@@ -284,28 +286,30 @@ class Selection:
             else np.ones(self._model.nv, dtype=bool)
         )
         joints = {step: self._moving[step]} if step in BY_JOINT else {}
-        found = self.cross_validate(self.free(steps, **joints))
-        without, own = self.residuals(self.squares), self.residuals(found[1])
+        result = self.cross_validate(self.free(steps, **joints))
+        without, residuals = self.residuals(self.squares), self.residuals(result[1])
         gains = np.where(
-            candidates, 1.0 - np.hypot(own, self._floor) / np.hypot(without, self._floor), -np.inf
+            candidates,
+            1.0 - np.hypot(residuals, self._floor) / np.hypot(without, self._floor),
+            -np.inf,
         )
         if joints:
-            kept = np.flatnonzero(candidates & (gains < GAIN))
+            rejected = np.flatnonzero(candidates & (gains < GAIN))
             self.kept[step] = {
-                self._model.dof_names[k]: [float(without[k]), float(own[k])] for k in kept
+                self._model.dof_names[k]: [float(without[k]), float(residuals[k])] for k in rejected
             }
-            joints = {step: self._moving[step] & ~np.isin(np.arange(len(gains)), kept)}
-            found = (
+            joints = {step: self._moving[step] & ~np.isin(np.arange(len(gains)), rejected)}
+            result = (
                 self.cross_validate(self.free(steps, **joints))
-                if 0 < len(kept) < candidates.sum()
-                else found
+                if 0 < len(rejected) < candidates.sum()
+                else result
             )
-        score = self._score_of(found[1])
+        score = self._score_of(result[1])
         better = bool(gains.max() >= GAIN and score < self.score)
         if better or not again:
-            self.ladder.append(self._rung(steps, found[1], better))
+            self.ladder.append(self._rung(steps, result[1], better))
         if better:
-            self.taken, (self.fits, self.squares), self._own = steps, found, self._own | joints
+            self.taken, (self.fits, self.squares), self._own = steps, result, self._own | joints
             return ""
         change = f"would be {gains.max():.1%} smaller at a joint, but {score / self.score - 1.0:.1%} larger over all"
         if gains.max() < GAIN:
