@@ -80,7 +80,8 @@ def run(chosen):
     """Analyse recordings; return the exit status."""
     if not chosen.recording and not chosen.fleet:
         raise InputError(
-            "recording is missing; expected a path before --set and --joint-names, or --fleet PATTERN."
+            "recording is missing; expected a path before --set and --joint-names, or --fleet "
+            "PATTERN."
         )
     parameters, robot = _parameters(chosen), common.chosen_robot(chosen)
     if chosen.fleet is not None:
@@ -201,7 +202,8 @@ def _parameters(chosen):
     alarms = [chosen.alarms] if chosen.alarms else []
     if alarms and not parameters_of(alarms).get("collision.threshold"):
         raise InputError(
-            f"--alarms is '{plain(chosen.alarms)}', which has no collision.threshold; expected a file "
+            f"--alarms is '{plain(chosen.alarms)}', which has no collision.threshold; expected a "
+            "file "
             "of diag-dynamics calibrate. Use --parameters for other files."
         )
     parameters = common.chosen_parameters(chosen, *alarms)

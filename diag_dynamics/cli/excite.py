@@ -112,7 +112,8 @@ def _summary(model, trajectory):
             row += [f"{largest:.3g}", _percent(largest, limits[k])]
         rows.append(row)
     lines = [
-        f"{model.name}: a trajectory of {trajectory.time[-1]:g} s for {', '.join(trajectory.what)}.",
+        f"{model.name}: a trajectory of {trajectory.time[-1]:g} s for "
+        f"{', '.join(trajectory.what)}.",
         f"Condition number of the regressor: {trajectory.condition:.3g} (below 100 is good).",
         "",
         *aligned(rows),

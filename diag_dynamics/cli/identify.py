@@ -72,7 +72,8 @@ def run(chosen):
         )
     if "gains" in chosen.what.split(",") and any(parameters.get("effort_scale", [])):
         raise InputError(
-            f"effort_scale is {parameters['effort_scale']}; expected none beside gains, which the output has as effort_scale."
+            f"effort_scale is {parameters['effort_scale']}; expected none beside gains, which the "
+            "output has as effort_scale."
         )
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)

@@ -60,7 +60,10 @@ class Segment(NamedTuple):
         return self.t[-1] - self.t[0]
 
     def part(self, rows):
-        """Return the segment of consecutive rows, bool; its first state alone is marked as a jump."""
+        """Return the segment of consecutive rows, bool.
+
+        Its first state alone is marked as a jump.
+        """
         states = replace(self.states, jumped=np.cumsum(rows) == 1)
         return Segment(self.t[rows], states[rows])
 
@@ -80,7 +83,8 @@ def list_recordings(name, recordings):
         callable(recording) or isinstance(recording, Recording) for recording in listed
     ):
         raise InputError(
-            f"{name} is {recordings!r}; expected recordings, or functions that return the pieces of a recording such as "
+            f"{name} is {recordings!r}; expected recordings, or functions that return the pieces "
+            "of a recording such as "
             "lambda: dd.stream_recording(path, model)."
         )
     return listed
@@ -193,7 +197,10 @@ class Dataset:
         return portions(self.segments)
 
     def _read(self, name, recording, model, max_values):
-        """Return the states of a recording; InputError if they have more than a number of values."""
+        """Return the states of a recording.
+
+        InputError if they have more than a number of values.
+        """
         limit, parts, count = max_values // (model.nq + 2 * model.nv), [], 0
         findings, estimated, efforts = [], 0, EffortRange(model)
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
@@ -201,7 +208,8 @@ class Dataset:
             if piece.model.dof_names != model.dof_names:
                 robot = piece.model.name
                 raise InputError(
-                    f"{name} is of robot '{robot}', whose degrees of freedom are not those of the model."
+                    f"{name} is of robot '{robot}', whose degrees of freedom are not those of the "
+                    "model."
                 )
             states, self._counts, findings = piece.states, piece.counts, piece.findings
             name = self.name = name if piece.path is None else f"'{piece.path}'"
@@ -252,7 +260,8 @@ class Dataset:
         left = len(rows) - sum(len(segment.t) for segment in segments)
         if not segments:
             raise InputError(
-                f"the recording has no run of {MIN_STATES} states without a gap; usable states: {len(rows)}."
+                f"the recording has no run of {MIN_STATES} states without a gap; usable states: "
+                f"{len(rows)}."
             )
         text = "states without position, velocity or effort of some joint were omitted"
         self._add(sum(~finite), "incomplete state", text)
@@ -343,7 +352,10 @@ def _run(t, states):
 
 
 def _shifted(segment, column, delay):
-    """Return a segment with a column of the time of its positions; its first state alone is marked as a jump."""
+    """Return a segment with a column of the time of its positions.
+
+    Its first state alone is marked as a jump.
+    """
     t, states = segment
     at = t + delay
     values = np.column_stack(

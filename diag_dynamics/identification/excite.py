@@ -254,7 +254,8 @@ def _read_bounds(kind, name, entry, low, high):
         or np.isinf(bounds).any()
     ):
         raise InputError(
-            f"{kind} limits of '{name}' are {entry!r}; expected finite limits that rise, within {low:g} … {high:g}."
+            f"{kind} limits of '{name}' are {entry!r}; expected finite limits that rise, within "
+            f"{low:g} … {high:g}."
         )
     return bounds
 

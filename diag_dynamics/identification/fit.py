@@ -151,7 +151,10 @@ class Layout:
         )
 
     def mean_squares(self, rows, x):
-        """Return the mean squared residual of each degree of freedom; of efforts, if the unknowns are 0."""
+        """Return the mean squared residual of each degree of freedom.
+
+        Of efforts, if the unknowns are 0.
+        """
         return self.squares(rows, x) / _sum_weights(rows)
 
     def variance(self, rows, x):

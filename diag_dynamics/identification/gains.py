@@ -106,7 +106,10 @@ def correct_gains(model, data):
 
 
 def _slopes(layout, sums):
-    """Return slopes of efforts over the model's torque beside friction of all kinds; 1 if unknown."""
+    """Return slopes of efforts over the model's torque beside friction of all kinds.
+
+    1 if unknown.
+    """
     slopes = np.ones(layout.model.nv)
     for k, products in enumerate(sums[:-1]):
         columns = layout.regressors.columns[k]
@@ -122,7 +125,10 @@ def _slopes(layout, sums):
 
 
 def effort_scale(model, gains):
-    """Return effort by reported unit, by joint; NaN where gravity shows no gain and the model has none."""
+    """Return effort by reported unit, by joint.
+
+    NaN where gravity shows no gain and the model has none.
+    """
     before = model.effort_scale
     pairs = zip(model.dof_names, gains.tolist(), strict=True)
     return {
@@ -132,6 +138,9 @@ def effort_scale(model, gains):
 
 
 def gains_by_joint(names, gains):
-    """Return gain and standard deviation of each joint's effort; None where gravity does not show it."""
+    """Return gain and standard deviation of each joint's effort.
+
+    None where gravity does not show it.
+    """
     pairs = zip(names, *gains.tolist(), strict=True)
     return {name: [gain, error] if np.isfinite(gain) else None for name, gain, error in pairs}

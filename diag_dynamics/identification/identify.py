@@ -112,7 +112,8 @@ def identify(
         )
     if reference is not None and not asked:
         raise InputError(
-            f"what is {what!r}; expected payload:<link>, because reference is a recording without it."
+            f"what is {what!r}; expected payload:<link>, because reference is a recording without "
+            "it."
         )
     if "gains" in names and model.motor_efforts:
         raise InputError(
@@ -120,7 +121,8 @@ def identify(
         )
     if model.flexible_joints:
         raise UnsupportedError(
-            f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because recordings lack springs. "
+            f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because "
+            "recordings lack springs. "
             "Load the model without flexible_joints."
         )
     require_single_joints(model)
@@ -280,8 +282,10 @@ def check_motion(model, datasets, slides):
     for k in np.flatnonzero(~each_way):
         metre = "m" if slides[k] else "rad"
         text = (
-            f"joint '{model.dof_names[k]}' moves {times[0, k]:.2g} s forward and {times[1, k]:.2g} s backward above "
-            f"{MOVING * unit[k]:g} {metre}/s; its friction requires {EACH_WAY:g} s each way, and keeps the model's values"
+            f"joint '{model.dof_names[k]}' moves {times[0, k]:.2g} s forward and {times[1, k]:.2g} "
+            "s backward above "
+            f"{MOVING * unit[k]:g} {metre}/s; its friction requires {EACH_WAY:g} s each way, and "
+            "keeps the model's values"
         )
         findings.append(Finding("not excited", 1, text))
     able = moved > TRAVEL, each_way, each_way & (moved >= RANGE * unit)

@@ -158,7 +158,8 @@ def quality_of(model, selection, data, last):
         scales = effort_scale(model, data.gains[0]).items()
         gains = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
-            f"efforts were multiplied by gains, effort_scale of the parameters: {gains}. They are as wrong as the weight of "
+            f"efforts were multiplied by gains, effort_scale of the parameters: {gains}. They are "
+            "as wrong as the weight of "
             "the model's links, and other joints remain unknown"
         )
     if free[layout.inertial].any():
@@ -204,7 +205,10 @@ def _pair(names, before, after):
 
 
 def _factors(names, relations):
-    """Return factor and standard error of each joint's effort, of the recording with the smallest; None without any."""
+    """Return factor and standard error of each joint's effort, of the recording with the smallest.
+
+    None without any.
+    """
     best = [
         min((float(relation.error[k]), float(relation.factor[k])) for relation in relations)
         for k in range(len(names))
@@ -225,8 +229,10 @@ def _warn_of_reach(model, carrier, payload):
     if distance <= reach:
         return []
     return [
-        f"payload of {carrier.link}: its centre is {distance:.2g} m from the link, beyond the arm's reach of {reach:.2g} m. "
-        "Mass and centre are not credible. Check the mounting of the base and the efforts of the last joints"
+        f"payload of {carrier.link}: its centre is {distance:.2g} m from the link, beyond the "
+        f"arm's reach of {reach:.2g} m. "
+        "Mass and centre are not credible. Check the mounting of the base and the efforts of the "
+        "last joints"
     ]
 
 
@@ -244,7 +250,8 @@ def _warn_of_payloads(selection, data, fit):
         for k in (lightest, heaviest)
     ]
     return [
-        f"recordings have different payloads: {', '.join(texts)}. Identify each payload from its own recordings"
+        f"recordings have different payloads: {', '.join(texts)}. Identify each payload from its "
+        "own recordings"
     ]
 
 
@@ -254,7 +261,8 @@ def _warnings(quality, without_reference, nothing):
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
         warnings.append(
-            f"payload of {payload['link']}: its standard deviations assume a correct model of the robot; a reference "
+            f"payload of {payload['link']}: its standard deviations assume a correct model of the "
+            "robot; a reference "
             "without the payload removes this assumption"
         )
     before, after = quality["kinetic_energy"]
@@ -264,7 +272,8 @@ def _warnings(quality, without_reference, nothing):
         for name, (first, then) in quality[key].items():
             if None not in (first, then) and then > (1.0 + GAIN) * first:
                 warnings.append(
-                    f"the held-out {quantity} of joint '{name}' increased from {first:.3g} to {then:.3g}"
+                    f"the held-out {quantity} of joint '{name}' increased from {first:.3g} to "
+                    f"{then:.3g}"
                 )
     for step, joints in quality["kept"].items():
         if joints:
@@ -279,12 +288,14 @@ def _warnings(quality, without_reference, nothing):
         )
     if share[1] is not None and share[1] < MIN_EXPLAINED and not nothing:
         warnings.append(
-            f"the identified model explains {share[1]:.2f} of the variance of dK/dt; expected at least "
+            f"the identified model explains {share[1]:.2f} of the variance of dK/dt; expected at "
+            "least "
             f"{MIN_EXPLAINED:g}. If the robot carries or lacks a tool, add payload:LINK to what"
         )
     if nothing:
         warnings.append(
-            f"the identified model does not explain the motion: {share[1]:.3g} of the variance of dK/dt and {total:.3g} of "
+            f"the identified model does not explain the motion: {share[1]:.3g} of the variance of "
+            f"dK/dt and {total:.3g} of "
             "that of d(K + U)/dt. Check order of the joints and unit of the efforts (N m or N)"
         )
     return warnings

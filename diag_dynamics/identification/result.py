@@ -18,7 +18,8 @@ from diag_dynamics.recordings.data_checks import jackknife
 
 MAX_DEVIATION = 0.5  # relative standard deviation above which a payload's inertia is unknown
 INERTIA_KNOWN = (
-    "its inertia is not observable in this motion: the value depends on the sphere that the fit assumes",
+    "its inertia is not observable in this motion: the value depends on the sphere that the fit "
+    "assumes",
     "its inertia has an error of 20 to 50 %",
 )
 

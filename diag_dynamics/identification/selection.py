@@ -73,7 +73,8 @@ def read_what(what, model):
             )
         if model.placement_in_body(link)[0] == 0:
             raise InputError(
-                f"what is {what!r}, but no joint moves link '{link}'. Name the link that carries the payload."
+                f"what is {what!r}, but no joint moves link '{link}'. Name the link that carries "
+                "the payload."
             )
     return names, steps, masses
 
@@ -133,7 +134,10 @@ class Selection:
         return self._score_of(self.squares)
 
     def free(self, steps, **joints):
-        """Return which unknowns steps fit, bool; `joints` of a step replace those that were chosen."""
+        """Return which unknowns steps fit, bool.
+
+        `joints` of a step replace those that were chosen.
+        """
         chosen, free = (
             self._own | joints,
             self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None),
@@ -228,12 +232,16 @@ class Selection:
         if self.layout.without_rotors:
             unknowns[columns] = 0.0
             self.warnings.append(
-                f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} smaller without them, as with "
+                f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} "
+                "smaller without them, as with "
                 "torque sensors behind the gears"
             )
 
     def _select(self, steps):
-        """Take each step that reduces the residual enough; after it try those again that a larger error has hidden."""
+        """Take each step that reduces the residual enough.
+
+        After it try those again that a larger error has hidden.
+        """
         self.fits, self.squares = self.cross_validate(self.free([]))
         self.ladder, refused = [self._rung([], self.squares, True)], {}
         ahead = list(steps)
@@ -273,7 +281,10 @@ class Selection:
             return f"{step}: the model's values are kept, because the fit does not converge. Leave {step} out of what"
 
     def _judge_step(self, step):
-        """Take a step if it reduces the residual enough, at joints where it does; else return why not."""
+        """Take a step if it reduces the residual enough, at joints where it does.
+
+        Else return why not.
+        """
         if step == "gears":
             self._update_load()
         again, steps = (

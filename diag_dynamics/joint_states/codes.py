@@ -116,7 +116,10 @@ STUCK_TEXTS = {
 
 
 def rejection_text(outcome, labels, limit):
-    """Return the text of an OUTCOME with one of CAUSES; `limit` names the parameter of the maximum age."""
+    """Return the text of an OUTCOME with one of CAUSES.
+
+    `limit` names the parameter of the maximum age.
+    """
     code = int(outcome["code"])
     numbers = {
         key: float(outcome[key]) for key in ("first", "second", "third", "fourth", "fifth", "sixth")

@@ -45,7 +45,10 @@ class Windows(NamedTuple):
 
 
 class WindowSums:
-    """Integrate powers over windows by the trapezoidal rule, batch by batch; C does no work on K (Lemma 7.2)."""
+    """Integrate powers over windows by the trapezoidal rule, batch by batch.
+
+    C does no work on K (Lemma 7.2).
+    """
 
     def __init__(self, count, friction=False):
         self._friction = friction
@@ -165,7 +168,8 @@ class Balance:
         explained, total = self.explained, self.explained_total
         if self.count < MIN_WINDOWS:
             return (
-                f"{self.count} windows of {WINDOW:g} s have efforts and no gap above {MAX_GAP:g} s; "
+                f"{self.count} windows of {WINDOW:g} s have efforts and no gap above {MAX_GAP:g} "
+                "s; "
                 f"expected at least {MIN_WINDOWS}"
             )
         if explained is None:
@@ -177,7 +181,8 @@ class Balance:
         remedy += "(docs/recordings.md)"
         if total is not None and total >= MIN_EXPLAINED and explained < NOTHING_EXPLAINED:
             return (
-                f"the residual exceeds the change of kinetic energy; the efforts explain {total:.0%} of the change of "
+                "the residual exceeds the change of kinetic energy; the efforts explain "
+                f"{total:.0%} of the change of "
                 f"kinetic and potential energy. To improve this, {remedy}"
             )
         share = max(0.0, explained)

@@ -115,7 +115,10 @@ class EffortRange:
         return bool((self._words() == "").any())
 
     def hide_constant(self, states):
-        """Add States; return them without efforts of joints that have moved while their efforts were constant."""
+        """Add States.
+
+        Return them without efforts of joints that have moved while their efforts were constant.
+        """
         self.add_values(states.position[:, -len(self._names) :], states.effort)
         constant = self._constant()
         is_clear = self.states >= MIN_STATES and constant.any() and self.measures
@@ -203,7 +206,10 @@ def _regress(products, column, rest, nv):
 
 
 def largest_of_kind(model, values):
-    """Return for each joint the largest value of a joint of its kind, rotary or prismatic; shape (nv,)."""
+    """Return for each joint the largest value of a joint of its kind, rotary or prismatic.
+
+    Shape (nv,).
+    """
     slides = np.array(sliding_dofs(model))
     return np.array([values[slides == is_sliding].max(initial=0.0) for is_sliding in slides])
 
@@ -222,7 +228,10 @@ def _standard_errors(values):
 
 
 class Relation(NamedTuple):
-    """Factors from the model's torque to the measured effort, by joint; shape (nv,) each but for the first three."""
+    """Factors from the model's torque to the measured effort, by joint.
+
+    Shape (nv,) each but for the first three.
+    """
 
     model: RobotModel
     hypotheses: Hypotheses
@@ -320,7 +329,10 @@ class EffortRelation:
             self._length *= 2.0
 
     def fit(self):
-        """Return the :class:`Relation`; a joint that stands has no factor, because stiction may carry any torque."""
+        """Return the :class:`Relation`.
+
+        A joint that stands has no factor, because stiction may carry any torque.
+        """
         model, count = self._model, max(self._rows, 1)
         whole, columns = self._blocks.sum(axis=0), np.eye(self._blocks.shape[-1])
         samples = np.concatenate([whole[None], whole - self._blocks])
@@ -484,7 +496,10 @@ class Hypotheses:
         return bool(ratio[0] + ERRORS * _standard_errors(ratio[1:, None])[0] < 1.0)
 
     def best(self, *hypotheses):
-        """Return the text of the hypothesis that leaves least; empty if the model or a payload leaves as little."""
+        """Return the text of the hypothesis that leaves least.
+
+        Empty if the model or a payload leaves as little.
+        """
         slight, loaded = SLIGHT * min(1.0, self._misfit[0]), self._left(self.base)[0]
         accepted = [
             (left[0], text)
@@ -533,7 +548,10 @@ class Hypotheses:
         return left, text if is_followed else f"{text}, or efforts do not follow the motion"
 
     def order(self):
-        """Explain the efforts by another order; an exchange of two joints has to reduce the rest by EXCHANGE."""
+        """Explain the efforts by another order.
+
+        An exchange of two joints has to reduce the rest by EXCHANGE.
+        """
         squares = self._squares(self.plain)[0] + self._tiny[:, None]
         cost = np.log(np.maximum(squares * self._weight[:, None], 1e-300))
         apart = ~np.eye(len(cost), dtype=bool)
@@ -572,7 +590,10 @@ class MotionSample:
             self._remaining -= len(rows)
 
     def fault(self):
-        """Return the :class:`Fault` of efforts; None if nothing is wrong, or nothing can be said."""
+        """Return the :class:`Fault` of efforts.
+
+        None if nothing is wrong, or nothing can be said.
+        """
         compared, states = (
             EffortRelation(self._model, end_links(self._model)),
             States.concatenate(self._parts),
@@ -643,6 +664,7 @@ def _describe_joint(relation, k):
     if OTHER_SIGN[0] <= factor <= OTHER_SIGN[1]:
         return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
     return (
-        f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear and order of the joints "
+        f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear "
+        "and order of the joints "
         "(effort_scale). For raw units of drives use diag-dynamics identify --what gains,friction"
     )

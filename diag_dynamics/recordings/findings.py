@@ -64,8 +64,10 @@ def explain_missing_efforts(counts, joints=()):
     implausible = counts.get("implausible effort", 0)
     if implausible:
         return (
-            f"the recording has no plausible efforts{' of ' * bool(joints)}{', '.join(joints)}: those of {implausible} "
-            "states exceed 4 times the URDF limits. Are they in N m? Else set effort_scale, and use "
+            f"the recording has no plausible efforts{' of ' * bool(joints)}{', '.join(joints)}: "
+            f"those of {implausible} "
+            "states exceed 4 times the URDF limits. Are they in N m? Else set effort_scale, and "
+            "use "
             "diag-dynamics identify --what gains,friction"
         )
     return "no state of the recording has efforts of all joints"

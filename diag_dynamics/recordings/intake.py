@@ -25,7 +25,10 @@ MAX_TEXTS = 20  # rejections whose text is kept, of each cause
 
 
 class Batch(NamedTuple):
-    """Messages in the order of their log time; one that is in no part is in `odometry` or `errors`."""
+    """Messages in the order of their log time.
+
+    One that is in no part is in `odometry` or `errors`.
+    """
 
     log_time: np.ndarray  # [ns], int64, shape (n,)
     parts: list  # of JointStates
@@ -125,7 +128,10 @@ class Intake:
         return np.diff(at, prepend=0) > 0
 
     def _read_odometry(self, raw, now):
-        """Store the base of an odometry message; return the state that it makes of a robot that is all base."""
+        """Store the base of an odometry message.
+
+        Return the state that it makes of a robot that is all base.
+        """
         self._counts["odometry received"] += 1
         try:
             message = read_message(raw, ODOMETRY)

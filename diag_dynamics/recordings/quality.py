@@ -39,7 +39,10 @@ UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
 
 class Quality:
-    """Judge the data of states of a robot, batch by batch; `begin` and `end` are the first and the last stamp [ns]."""
+    """Judge the data of states of a robot, batch by batch.
+
+    `begin` and `end` are the first and the last stamp [ns].
+    """
 
     def __init__(self, model):
         skip = 6 if model.floating_base else 0  # a floating base is left out
@@ -128,7 +131,10 @@ class Quality:
         return float(period), float(np.sqrt(variance)), int(numbers[~regular].sum())
 
     def report(self):
-        """Return numbers of all states, a dict with those of joints in `joints`; times [s], stamps [ns]; and warnings."""
+        """Return numbers of all states, a dict with those of joints in `joints`.
+
+        Times [s], stamps [ns]; and warnings.
+        """
         sample = States.concatenate(self._sample)
         joints = {name: self._report_joint(j) for j, name in enumerate(self._joints)}
         columns = sample.position[:, self._q], sample.velocity[:, self._v]
@@ -177,7 +183,8 @@ class Quality:
             MANY * self._count,
         )
         warnings = {
-            f"states are {1.0 / rate:.3g} s apart; power balance and external torque need intervals of at most "
+            f"states are {1.0 / rate:.3g} s apart; power balance and external torque need "
+            "intervals of at most "
             f"{MAX_GAP:g} s": rate * MAX_GAP < 1.0
         }
         # Noise of positions at rest is not the integral of that of velocities.
@@ -191,7 +198,8 @@ class Quality:
             f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate
             > MIN_PERIODS,
             f"{gaps} gap{'s' * (gaps > 1)}, the longest of {report['longest_gap']:.3g} s": gaps,
-            f"{same_stamp} of {self._count} states repeat the previous time stamp: messages of arm and gripper, or times "
+            f"{same_stamp} of {self._count} states repeat the previous time stamp: messages of arm "
+            "and gripper, or times "
             "with too few digits": same_stamp > many,
             f"{same_state} of {self._count} states repeat the previous state": same_state > many,
         }
@@ -204,7 +212,10 @@ def _known(number):
 
 
 def _judge_ratios(ratios):
-    """Return the wrong unit on which all moving joints agree, or None, and warnings; ratios of Δq to ∫q̇dt."""
+    """Return the wrong unit on which all moving joints agree, or None, and warnings.
+
+    Ratios of Δq to ∫q̇dt.
+    """
     causes, moving = {}, sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
         if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:
@@ -229,7 +240,10 @@ def describe_ratio(ratio):
 
 
 def _common_delay(joints):
-    """Return the median delay of joints that show one; None if less than half of those in motion do."""
+    """Return the median delay of joints that show one.
+
+    None if less than half of those in motion do.
+    """
     moving = [joint for joint in joints if joint["velocity_error"] is not None]
     delays = [
         joint["velocity_delay"]

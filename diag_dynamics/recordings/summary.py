@@ -23,7 +23,10 @@ WIDTH = 100  # longest line of the text, as far as names allow
 
 
 def summarize(analysis):
-    """Return the numbers of an Analysis that has run as a dict in SI units; docs/recordings.md lists the keys."""
+    """Return the numbers of an Analysis that has run as a dict in SI units.
+
+    Docs/recordings.md lists the keys.
+    """
     balance, peaks, counts = (
         analysis.balance,
         analysis.peaks,
@@ -107,7 +110,10 @@ def _unmeasured(analysis, without_effort):
 
 
 def _unobserved(analysis):
-    """Return which joints have no external torque, because their efforts are unknown; or an empty text."""
+    """Return which joints have no external torque, because their efforts are unknown.
+
+    Or an empty text.
+    """
     names, some = (
         ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved]),
         not analysis.unobserved.all(),
@@ -130,7 +136,8 @@ def _unknown_contacts(analysis, without_effort):
         why = explain_missing_efforts(analysis.reading.counts) if without_effort == states else why
     elif missing:
         why = (
-            f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. diag-dynamics calibrate computes "
+            f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. "
+            "diag-dynamics calibrate computes "
             "thresholds for --alarms"
         )
     elif unknown > 1:  # the first one never has a result
@@ -161,7 +168,10 @@ def _entries(alarms, time):
 
 
 def count_collisions(summary):
-    """Return the number of collisions; None if they are unknown, without a threshold or a result."""
+    """Return the number of collisions.
+
+    None if they are unknown, without a threshold or a result.
+    """
     observer = summary["observer"]
     return len(summary["collisions"]) if observer["observed"] and not observer["missing"] else None
 
@@ -295,7 +305,8 @@ def _about_balance(summary):
     is_doubtful = explained < MIN_EXPLAINED and not balance["explained_beside_collisions"]
     if summary["collisions"] and is_doubtful:
         yield (
-            "  the balance includes collisions, whose power no effort contains: select a part without contact "
+            "  the balance includes collisions, whose power no effort contains: select a part "
+            "without contact "
             "(--start, --end)"
         )
     joints = {name: numbers["residual_power"] for name, numbers in balance["joints"].items()}
@@ -308,7 +319,8 @@ def _about_collisions(summary):
     if "residual_norm" in peaks:
         torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
         yield (
-            f"External torque (observer gain {observer['gain']:g}/s): maximum {torque['value']:.4g} N m or N at "
+            f"External torque (observer gain {observer['gain']:g}/s): maximum "
+            f"{torque['value']:.4g} N m or N at "
             f"{torque['of']}, {_after(summary, torque['at'])}; maximum |r| {norm:.4g} J^0.5/s"
         )
     else:

@@ -51,8 +51,10 @@ class TableSource:
     def notes(self):
         """How columns and times were read: a list of str."""
         beyond = (
-            f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, and are rejected; the "
-            f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} in a column map."
+            f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, "
+            "and are rejected; the "
+            f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} "
+            f"in a column map."
         )
         radians = (
             "positions are taken for radians, which the dataset does not state. If they are in "

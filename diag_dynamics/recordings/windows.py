@@ -11,14 +11,20 @@ from diag_dynamics.joint_states.stamps import SECOND
 
 
 def column_maxima(values):
-    """Return the largest of each column, shape (n,); NaN is ignored, and −inf stands for no number."""
+    """Return the largest of each column, shape (n,).
+
+    NaN is ignored, and −inf stands for no number.
+    """
     return np.fmax.reduce(
         np.ascontiguousarray(values.T), axis=1, initial=-np.inf
     )  # fast along long rows
 
 
 class Samples(NamedTuple):
-    """States with efforts in a batch; of several states with one stamp the first one is the sample."""
+    """States with efforts in a batch.
+
+    Of several states with one stamp the first one is the sample.
+    """
 
     rows: np.ndarray | slice  # of the S samples in the batch
     interval: np.ndarray  # since the sample before [s], shape (S,); 0 if no motion leads from there
