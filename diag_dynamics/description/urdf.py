@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Container, Iterable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, NoReturn
 
 import numpy as np
@@ -107,8 +107,11 @@ def read_urdf(element: Any) -> tuple[Description, list[Remark]]:
 
 
 def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:
-    """Return the links and joints of a <robot> element that can be read, even if others cannot."""
-    reduced = _Reduced()
+    """Return the links and joints of a <robot> element that can be read, even if others cannot.
+
+    A joint lacks numbers that cannot be read.
+    """
+    reduced = _Reduced(suppress(UrdfError))
     for link in element.findall("link"):
         with suppress(UrdfError):
             reduced.add_link(link)
@@ -249,10 +252,17 @@ def _expanded(value: str | None, where: str) -> str | None:
     return value
 
 
-class _Reduced:
-    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read."""
+_STRICT = nullcontext()
 
-    def __init__(self) -> None:
+
+class _Reduced:
+    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read.
+
+    `reading` is the context in which numbers of joints are read.
+    """
+
+    def __init__(self, reading: AbstractContextManager[object] = _STRICT) -> None:
+        self._reading = reading
         self.links: dict[str, None] = {}
         self._element = etree.Element("robot", name="robot")
         self._carriers: dict[str, str] = {}  # joint of each link that has a parent
@@ -300,15 +310,16 @@ class _Reduced:
                 f"'{name}'; {TREE} Remove the joint that closes it."
             )
         self._carriers[child] = name
-        _copy_numbers(joint, copy, JOINT, where)
+        self._element.append(copy)
+        _copy_numbers(joint, copy, JOINT, where, self._reading)
         if joint.find("origin") is not None:
-            self._origins[name] = placement_of(joint.find("origin"), where)
+            with self._reading:
+                self._origins[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
         if kind == "planar" and copy.find("axis") is None:  # its default differs
             etree.SubElement(copy, "axis", xyz="0 0 1")
-        self._element.append(copy)
 
     def read(self, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
         """Return the records of links and joints. Importing yourdfpy takes a second."""
@@ -351,7 +362,11 @@ def _name(element: Any, taken: dict[str, None]) -> str:
 
 
 def _copy_numbers(
-    element: Any, copy: Any, tags: Mapping[str, Mapping[str, int]], where: str
+    element: Any,
+    copy: Any,
+    tags: Mapping[str, Mapping[str, int]],
+    where: str,
+    reading: AbstractContextManager[object] = _STRICT,
 ) -> None:
     """Copy the first child of each tag, with the attributes that hold so many numbers."""
     for tag, attributes in tags.items():
@@ -362,8 +377,9 @@ def _copy_numbers(
         for attribute, count in attributes.items():
             text = child.get(attribute)
             if text is not None and (text.strip() or tag != "limit"):
-                numbers = numbers_of(child, attribute, count, where, tag == "limit")
-                target.set(attribute, " ".join(map(repr, numbers)))
+                with reading:
+                    numbers = numbers_of(child, attribute, count, where, tag == "limit")
+                    target.set(attribute, " ".join(map(repr, numbers)))
 
 
 def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:

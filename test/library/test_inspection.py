@@ -303,6 +303,24 @@ def test_rejected_joints_are_left_out():
     )
 
 
+@pytest.mark.parametrize(
+    ("number", "unreadable"),
+    [
+        ('lower="-2.5"', 'lower="x"'),
+        ('<axis xyz="0 1 0"/><limit', '<axis xyz="0 1"/><limit'),
+        ('<origin xyz="0.4 0 0"/>', '<origin xyz="0.4 ${y} 0"/>'),
+    ],
+)
+def test_a_joint_lacks_only_its_unreadable_number(number, unreadable):
+    """It stays in the report, and its other numbers are checked."""
+    text = arm('velocity="3"', 'velocity="0"', number, unreadable)
+    report = inspect_robot(text)
+    assert findings_of(report, "loading", "error")
+    (finding,) = findings_of(report, "velocity_limits", "warning")
+    assert finding.joints == ("elbow",) and not findings_of(report, "effort_limits", "note")
+    assert report.facts["joints"] == inspect_robot(ARM).facts["joints"]
+
+
 def test_sources_that_are_hardly_a_robot():
     huge = "<link><visual><geometry><sphere radius='1e200'/></geometry></visual></link>"
     assert inspect_robot(f"<robot>{huge}</robot>").checks["meshes"] == "note"
