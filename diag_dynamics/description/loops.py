@@ -16,6 +16,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import array_of, choice, mapping, number, numbers, unit
 from diag_dynamics.description.records import LOOP_TYPES, Curve, Description, Loop, LoopEnd
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.optional import require
 from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_yaml
 
@@ -125,13 +126,7 @@ def _curve(where: str, entry: Any) -> Curve:
 
 def _spline(x: Array, y: Array) -> Array:
     """Return the pieces of the natural cubic spline through points, straight outside of them."""
-    h, slope = np.diff(x), np.diff(y) / np.diff(x)
-    A, right = np.eye(len(x)), np.zeros(len(x))
-    for k in range(1, len(x) - 1):
-        A[k, k - 1 : k + 2] = h[k - 1], 2.0 * (h[k - 1] + h[k]), h[k]
-        right[k] = 6.0 * (slope[k] - slope[k - 1])
-    bend = np.linalg.solve(A, right)  # second derivatives at the points
-    first = slope - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
-    inside = np.column_stack([x[:-1], y[:-1], first, bend[:-1] / 2.0, np.diff(bend) / (6.0 * h)])
-    last = slope[-1] + h[-1] * (bend[-2] + 2.0 * bend[-1]) / 6.0
-    return np.vstack([[x[0], y[0], first[0], 0, 0], inside, [x[-1], y[-1], last, 0, 0]])
+    spline = require("scipy.interpolate", "a table of mimics").CubicSpline(x, y, bc_type="natural")
+    slopes = spline(x[[0, -1]], 1)
+    inside = np.column_stack([x[:-1], spline.c[::-1].T])
+    return np.vstack([[x[0], y[0], slopes[0], 0, 0], inside, [x[-1], y[-1], slopes[1], 0, 0]])
