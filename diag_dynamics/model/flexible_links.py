@@ -78,13 +78,6 @@ class FlexibleLink(NamedTuple):
     tips: Mapping[str, Station]
     bends: Array
 
-    def energy(self, eta: VectorLike) -> float:
-        """Return the strain energy at modes η [J], ½ Σ ω²η² + U₄₆."""
-        eta = vector("eta", eta, self.modes)
-        return 0.5 * float(((self.frequencies * eta) ** 2).sum()) + bending_energy(
-            *(self.bends @ eta).T
-        )
-
     def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
         """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄₆/∂η."""
         eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
