@@ -284,18 +284,19 @@ READERS: dict[str, tuple[str, Callable[[object, str, str], object]]] = {
 
 def with_parameters(description: Description, parameters: Parameters) -> Description:
     """Return a description with parameters; a spring takes the place of the joint's armature."""
-    _reject_unknown("joint", parameters.joints, description.joints, description.name)
+    named = {**parameters.flexible_joints, **parameters.joints}
+    _reject_unknown("joint", named, description.joints, description.name)
     bodies = *parameters.links, *parameters.payloads
     _reject_unknown("link", bodies, description.links, description.name)
     joints, links = dict(description.joints), dict(description.links)
-    for name, spring in parameters.flexible_joints.items():
-        _reject_inflexible(name, description)
-        joints[name] = joints[name]._replace(spring=spring, armature=0.0)
-    for name, entry in parameters.joints.items():
+    for name in named:
         if joints[name].type not in SINGLE:
             raise InputError(
                 f"parameters: joint '{name}' is {joints[name].type}, expected one degree of freedom."
             )
+    for name, spring in parameters.flexible_joints.items():
+        joints[name] = joints[name]._replace(spring=spring, armature=0.0)
+    for name, entry in parameters.joints.items():
         joints[name] = Joint(**{**joints[name]._asdict(), **entry.known})
     for name, body in parameters.links.items():
         links[name] = Link(name, body.inertial)
@@ -323,18 +324,6 @@ def _reject_unknown(
                 f"parameters: '{name}' is not a {kind} of robot '{robot}'. "
                 f"Its {kind}s are {listed(list(elements))}."
             )
-
-
-def _reject_inflexible(name: str, description: Description) -> None:
-    """Reject a spring of a joint without exactly one degree of freedom."""
-    if name not in description.joints:
-        raise InputError(
-            f"flexible_joints: '{name}' is no joint of robot '{description.name}', "
-            f"expected one of {listed(list(description.joints))}."
-        )
-    kind = description.joints[name].type
-    if kind not in SINGLE:
-        raise InputError(f"flexible_joints: '{name}' is {kind}, expected one degree of freedom.")
 
 
 def _plain(value: Any) -> Any:

@@ -439,7 +439,7 @@ def test_armature():
 ENTRY = {"stiffness": 100.0, "rotor_inertia": 1e-4}
 LEADER = "panda_finger_joint2"
 WRONG = {
-    "unknown joint": ({"elbow": ENTRY}, {}, "'elbow' is no joint"),
+    "unknown joint": ({"elbow": ENTRY}, {}, "'elbow' is not a joint"),
     "fixed joint": ({"panda_joint8": ENTRY}, {}, "'panda_joint8' is fixed"),
     "mimic joint": ({LEADER: ENTRY}, {}, f"'{LEADER}' follows other joints"),
     "stiffness": (
