@@ -184,7 +184,8 @@ PARAMETERS = {
     ),
     "external_wrench.frames": Spec(
         [""],
-        "Links at whose origin and in whose axes the external wrench is published; requires external_torque.gain.",
+        "Links at whose origin and in whose axes the external wrench is estimated, the first one with "
+        "~/external_wrench; requires external_torque.gain.",
     ),
     "external_wrench.max_force_deviation": Spec(
         10.0,

@@ -9,7 +9,6 @@ from diag_dynamics.msg import ExternalWrench
 from geometry_msgs.msg import WrenchStamped
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.outputs import frame_token
 from nodes import PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, Motion
 
@@ -46,14 +45,13 @@ class Frames:
     def __init__(self, monitor):
         self.monitor, self.peer = monitor, monitor.peer
         self.hand = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
-        self.wrist = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench/{WRIST}")
         self.estimates = self.peer.topic(
             ExternalWrench, f"{monitor.name}/external_wrench_estimates"
         )
 
     def feed(self, *states):
         """Publish states and forget earlier messages; return the stamps."""
-        for topic in (self.hand, self.wrist, self.estimates):
+        for topic in (self.hand, self.estimates):
             topic.forget()
         stamps = []
         for q, qd, tau in states:
@@ -132,7 +130,7 @@ def test_no_wrench_without_a_result(frames):
     with frames.monitor.having(**WIDE, **EVERY):
         frames.feed(*[state] * 10)
         frames.feed(*[(*state[:2], None)] * 3)
-    assert not frames.hand.messages and not frames.wrist.messages
+    assert not frames.hand.messages
     for one in frames.at(HAND) + frames.at(WRIST):
         assert not one.valid and not vector(one.wrench).any() and not np.any(one.covariance)
         assert not one.unobserved and one.chi_square == 0.0
@@ -150,14 +148,14 @@ def test_no_wrench_with_unobserved_directions(frames):
         frames.feed(*[pushed(FORCE)(0)] * 10)
         frames.monitor.peer.pass_time(60.0)
         frames.feed(*[pushed(FORCE)(0)] * 10)
-    assert not frames.hand.messages and not frames.wrist.messages
+    assert not frames.hand.messages
     for frame in (HAND, WRIST):
         assert [bool(one.unobserved) for one in frames.at(frame) if one.valid].count(True) >= 4
     key = "wrenches with unobserved directions"
     frames.monitor.wait_for_report(lambda report: report.count(key), key, begin)
     lines = frames.monitor.process.output.splitlines()
     (line,) = (line for line in lines if "No external wrench at " in line)
-    assert all(frame in line for frame in (HAND, WRIST))
+    assert f"at {HAND}: " in line
 
 
 def test_default_rate(frames):
@@ -173,21 +171,18 @@ def test_rates(frames):
     rates = {"max_rate": ["external_wrench=100", "external_wrench_estimates=50"]}
     with frames.monitor.having(**rates, **WIDE):
         frames.feed(*[pushed(FORCE)(0)] * 101)
-    assert (
-        set(np.diff(frames.hand.stamps)) == {5 * STEP} and frames.hand.stamps == frames.wrist.stamps
-    )
+    assert set(np.diff(frames.hand.stamps)) == {5 * STEP}
     assert set(np.diff([nanoseconds(one.header.stamp) for one in frames.at(HAND)])) == {10 * STEP}
     assert len(frames.at(HAND)) == len(frames.at(WRIST))
 
 
 def test_frames_of_a_running_node(frames):
-    """The first frame has the topic without a name; links of another robot are an error."""
+    """The first frame has the WrenchStamped; links of another robot are an error."""
     name = "external_wrench.frames"
     with frames.monitor.having(**{name: [WRIST, HAND]}, **WIDE):
-        hand = frames.peer.topic(WrenchStamped, f"{frames.monitor.name}/external_wrench/{HAND}")
         frames.feed(*[pushed(FORCE)(0)] * 400)
-        np.testing.assert_allclose(vector(hand.messages[-1].wrench), FORCE, rtol=1e-6)
-        assert frames.hand.messages[-1].header.frame_id == WRIST and not frames.wrist.messages
+        np.testing.assert_allclose(vector(frames.at(HAND)[-1].wrench), FORCE, rtol=1e-6)
+        assert {message.header.frame_id for message in frames.hand.messages} == {WRIST}
     result = frames.monitor.set_parameters({name: ["tool0"]})
     assert not result.successful
     assert (
@@ -209,25 +204,3 @@ def test_frames_without_an_observer(peer):
             robot_description=ARM.path,
             **{"external_wrench.frames": f"[{HAND}]"},
         )
-
-
-def test_frames_with_one_topic(peer):
-    """The error names both links; the first frame has a topic of its own."""
-    frames = {"external_wrench.frames": ["a_b", HAND, "a-b", "a.b"]}
-    with pytest.raises(InputError, match=r"'a-b' and 'a\.b'.*~/external_wrench/a_b"):
-        Monitor(
-            peer,
-            "/alike",
-            outputs=["state"],
-            robot_description=ARM.path,
-            **frames,
-            **{"external_torque.gain": 25.0},
-        )
-
-
-@pytest.mark.parametrize(
-    ("frame", "token"), [("tool-0", "tool_0"), ("7/é", "link_7__"), (HAND, HAND)]
-)
-def test_names_of_topics(frame, token):
-    """Characters that no topic has are replaced."""
-    assert frame_token(frame) == token

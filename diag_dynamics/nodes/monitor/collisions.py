@@ -81,7 +81,7 @@ class CollisionWatch(Watch):
         self.collision, self.contact = LiveAlarm(), LiveAlarm()
         self.observer = self._options = self._origin = self.covariance = None
         self._message, self._reported_count = "", 0  # message while a collision lasts
-        self._unobserved_frames = set()  # that the log has
+        self._unobserved_frame = ""  # that the log has
         self._start_interval()
 
     def configure(self, dynamics, settings):
@@ -209,15 +209,15 @@ class CollisionWatch(Watch):
             state.newest,
             lambda: robot.encoder.external_torque(self.seen, state, self._alarming(), self.touched),
         )
-        if not robot.settings.frames:
+        frames = robot.settings.frames
+        if not (frames and outputs.publish_wrenches(frames, robot, state)):
             return
-        withheld = outputs.publish_wrenches(state.newest, robot.wrench, robot.encoder, state)
-        self._withheld += len(withheld)
-        if frames := set(withheld) - self._unobserved_frames:
-            self._unobserved_frames |= frames
+        self._withheld += 1
+        if frames[0] != self._unobserved_frame:
+            self._unobserved_frame = frames[0]
             self._node.get_logger().warning(
-                f"No external wrench at {shortened(', '.join(sorted(frames)))}: the joints do "
-                "not observe all directions (docs/external-wrench.md)."
+                f"No external wrench at {shortened(frames[0])}: the joints do not observe all "
+                "directions (docs/external-wrench.md)."
             )
 
     def _alarming(self):

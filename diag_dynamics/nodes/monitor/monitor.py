@@ -23,7 +23,7 @@ from diag_dynamics.nodes.monitor.monitored_robot import (
     joint_names_of,
     model_status,
 )
-from diag_dynamics.nodes.monitor.outputs import Outputs, frame_tokens
+from diag_dynamics.nodes.monitor.outputs import Outputs
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
 from diag_dynamics.nodes.monitor.watch import Moment
@@ -65,7 +65,6 @@ class MonitorNode(TableNode, Node):
         self._outputs.use_rates(self._settings.rates)
         check_entries(self.values)
         joint_names_of(self.values)  # reject wrong entries before a robot is loaded
-        self._outputs.use_frames(self._settings.frames)
         self.reaction, self.commands = Reaction(self), EffortCommands(self)
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._robot and self._robot.model
@@ -271,15 +270,12 @@ class MonitorNode(TableNode, Node):
                 "parameter 'robot_description' cannot replace the topic or become empty in a running node. Restart it."
             )
         settings = Settings.of(self.values | changed)
-        frame_tokens(settings.frames)  # reject before anything changes
         if self._robot:
             try:
                 self._use(self._robot, settings, changed)
             except DiagDynamicsError:
                 if not self._refused:  # whose robot they may fit
                     raise
-        if settings.frames != self._settings.frames:
-            self._outputs.use_frames(settings.frames)
         if settings.rates != self._settings.rates:
             self._outputs.use_rates(settings.rates)
         self._settings, self.values = settings, settings.values

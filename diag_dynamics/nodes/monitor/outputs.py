@@ -1,15 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers of the monitor: a message is made only for subscribers, and no more often than its rate limit allows."""
+"""Publishers of the monitor: messages are made for subscribers, within limits of rates."""
 
-import re
 from importlib import import_module
 
-from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile
 
-from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import ORDER, TOPICS
@@ -41,7 +38,7 @@ class Outputs:
     """
 
     def __init__(self, node):
-        self._node, self._steady, self._limits, self._frames = node, node.time.steady, {}, {}
+        self._node, self._steady, self._limits = node, node.time.steady, {}
         self._publishers = {
             topic: connected(node.create_publisher, kind, f"~/{topic}", QoSProfile(depth=10))
             for topic, kind in TYPES.items()
@@ -81,68 +78,35 @@ class Outputs:
 
     def publish_beside(self, topic, stamp, make):
         """Publish another topic; `make` returns its message about a state stamped `stamp` [ns]."""
-        publisher = self._publishers[topic]
-        if publisher.get_subscription_count() and self._due(topic, stamp):
-            publisher.publish(make())
+        if self._is_awaited(topic, stamp):
+            self._publishers[topic].publish(make())
 
-    def use_frames(self, frames):
-        """Have a topic for the external wrench at each of these links: the first one is ~/external_wrench."""
-        for publisher in [*self._frames.values()][1:]:
-            self._node.destroy_publisher(publisher)
-        topics = [f"~/external_wrench/{token}" for token in frame_tokens(frames)]
-        further = [
-            connected(self._node.create_publisher, WrenchStamped, topic, QoSProfile(depth=10))
-            for topic in topics
-        ]
-        self._frames = dict(
-            zip(frames, [self._publishers["external_wrench"], *further], strict=False)
-        )
+    def publish_wrenches(self, frames, robot, state):
+        """Publish the external wrench at the first frame, and the estimates at all frames.
 
-    def publish_wrenches(self, stamp, estimate, encoder, state):
-        """Publish the external wrench at each frame, which `estimate` returns, None without a result.
-
-        Return the subscribed frames at which a direction is not observed. These have no
-        WrenchStamped, since a controller would take a zero for a measurement.
+        Return whether a direction at the first frame is not observed. A controller would take a
+        zero for a measurement, so there is no WrenchStamped then.
         """
-        withheld = []
-        heard = {
-            frame for frame, publisher in self._frames.items() if publisher.get_subscription_count()
-        }
-        if not (heard and self._due("external_wrench", stamp)):
-            heard = ()
-        estimates = self._publishers["external_wrench_estimates"]
-        in_detail = estimates.get_subscription_count() and self._due(
-            "external_wrench_estimates", stamp
-        )
-        for frame in self._frames if in_detail else heard:
-            found = estimate(frame)
-            if frame in heard and found and found.observed.all():
-                self._frames[frame].publish(encoder.external_wrench(frame, found, state))
-            elif frame in heard and found:
-                withheld.append(frame)
-            if in_detail:
-                estimates.publish(encoder.external_wrench_estimates(frame, found, state))
-        return withheld
+        is_withheld, stamp = False, state.newest
+        is_due = self._is_awaited("external_wrench", stamp)
+        is_detailed = self._is_awaited("external_wrench_estimates", stamp)
+        for frame in frames if is_detailed else frames[:1] if is_due else ():
+            wrench = robot.wrench(frame)
+            if is_detailed:
+                message = robot.encoder.external_wrench_estimates(frame, wrench, state)
+                self._publishers["external_wrench_estimates"].publish(message)
+            if not (is_due and wrench and frame == frames[0]):
+                continue
+            is_withheld = not wrench.observed.all()
+            if not is_withheld:
+                message = robot.encoder.external_wrench(frame, wrench, state)
+                self._publishers["external_wrench"].publish(message)
+        return is_withheld
+
+    def _is_awaited(self, topic, stamp):
+        """Return whether a topic has a subscriber, and a message is due."""
+        return self._publishers[topic].get_subscription_count() > 0 and self._due(topic, stamp)
 
     def _due(self, topic, stamp):
         limit = self._limits.get(topic)
         return limit is None or limit.due(stamp)
-
-
-def frame_token(frame):
-    """Return the name of a link as a part of a topic, of letters, digits and underscores."""
-    token = re.sub(r"\W", "_", frame, flags=re.ASCII)
-    return f"link_{token}" if token[0].isdigit() else token
-
-
-def frame_tokens(frames):
-    """Return the names of all links but the first as parts of topics; InputError if two are equal."""
-    by_token = {}
-    for frame in frames[1:]:
-        other = by_token.setdefault(frame_token(frame), frame)
-        if other != frame:
-            raise InputError(
-                f"parameter 'external_wrench.frames' has '{other}' and '{frame}'; expected links with different topics, "
-                f"both have ~/external_wrench/{frame_token(frame)}. Remove one or put it first."
-            )
-    return list(by_token)

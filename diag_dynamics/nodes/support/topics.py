@@ -56,8 +56,7 @@ TOPICS = (
     Topic(
         "external_wrench",
         "geometry_msgs/WrenchStamped",
-        "wrench of the environment on the robot at the first of external_wrench.frames; at further frames on "
-        "`~/external_wrench/<frame>`",
+        "wrench of the environment on the robot at the first of external_wrench.frames",
         condition="external_wrench.frames",
         beside=True,
     ),
