@@ -205,11 +205,6 @@ PARAMETERS = {
         "",
         "Link whose loads are estimated and not reported as collisions; requires external_torque.covariance. Empty: none.",
     ),
-    "load.accept": Spec(
-        "manual",
-        "What adds a load to the payload of its link: the service accept_payload, or each load by itself.",
-        choices=("manual", "automatic"),
-    ),
     **fixed(
         {
             "reaction.service": Spec(

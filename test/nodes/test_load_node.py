@@ -150,16 +150,6 @@ def test_reset_returns_to_a_payload_set_after_a_load(monitor):
     assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
 
 
-@pytest.mark.full
-@pytest.mark.parametrize("monitor", [{"load.accept": "automatic"}], indirect=True)
-def test_automatic_acceptance(monitor):
-    found = feed(monitor, map(LOADED, range(1800)))
-    assert payload(monitor).mass == pytest.approx(MASS, abs=0.1) and not found[-1].collision
-    assert np.linalg.norm(found[-1].external_torque) < 1.0
-    feed(monitor, map(FREE, range(1800, 3000)))
-    assert payload(monitor) is None
-
-
 def test_parameters_name_what_is_missing(peer):
     for changed, text in (
         (

@@ -70,7 +70,7 @@ class MonitorNode(TableNode, Node):
             self, self._report, lambda: self._robot and self._robot.model
         )
         DynamicsServices(self, self._in_force, self._set_payload)
-        self._payloads = PayloadServices(self, lambda: self._robot, self._set_payload)
+        PayloadServices(self, lambda: self._robot, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
         self._gravity = GravitySource(self, lambda: self._robot)
         self._subscribe()
@@ -256,7 +256,6 @@ class MonitorNode(TableNode, Node):
             watch.publish(moment, self._outputs)
         self._outputs.publish(moment, robot)
         self._statistics.count_published(outcome, moment.state.newest)
-        self._payloads.accept_automatically()
 
     # --- Parameters
 

@@ -10,7 +10,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.support.guard import answered, attempt
+from diag_dynamics.nodes.support.guard import answered
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
@@ -91,10 +91,9 @@ class PayloadServices:
     """
 
     def __init__(self, node, current, attach):
-        self._node, self._log = node, node.get_logger()
         self._current, self._attach = current, attach
         self._accepted = None  # link, its payload before the first acceptance, and the accepted one
-        for name, answer in (("accept_payload", self.accept), ("reset_payload", self._reset)):
+        for name, answer in (("accept_payload", self._accept), ("reset_payload", self._reset)):
             callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
             node.create_service(Trigger, f"~/{name}", callback, qos_profile=SERVICE_QOS)
 
@@ -109,7 +108,7 @@ class PayloadServices:
             )
         return load
 
-    def accept(self):
+    def _accept(self):
         """Add the load to the payload of its link; return a message."""
         watch = self._watch()
         link, found = watch.link, watch.estimate
@@ -125,16 +124,6 @@ class PayloadServices:
         before, payload = self._before(link), watch.estimator.payload()
         self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
         return f"The payload of '{link}' is {payload.mass:.3g} kg."
-
-    def accept_automatically(self):
-        """Add a load that begins to the payload, if `load.accept` says so."""
-        if not self._current().load.begins or self._node.values["load.accept"] == "manual":
-            return
-        message, fault = attempt(self.accept)
-        if fault:
-            self._log.warning(f"The load is not accepted: {fault.reason}")
-        else:
-            self._log.info(message)
 
     def _before(self, link):
         """Return the payload of a link before the acceptances that are in force."""
