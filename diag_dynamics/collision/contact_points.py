@@ -121,11 +121,11 @@ class ContactLimits:
         links = mapping("links", self.links).items()
         put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
         points = mapping("points", self.points).items()
-        known = "link", "xyz", "direction", "regions"
+        keys = "link", "xyz", "direction", "regions"
         put(
             "points",
             {
-                str(name): dict(mapping(f"point '{name}'", of, known, ["link"]))
+                str(name): dict(mapping(f"point '{name}'", of, keys, ["link"]))
                 for name, of in points
             },
         )
@@ -222,22 +222,24 @@ class ContactPoints:
             if point.name in kept:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
-            own, direction = _rows(point), np.zeros(3)
+            coordinates, direction = _rows(point), np.zeros(3)
             if point.direction is not None:
                 direction = placement[:3, :3] @ unit(
                     f"direction of '{point.name}'", point.direction
                 )
             if body == 0:
                 continue
-            own.flags.writeable = False
-            kept[point.name] = point.link, limits.of(point), own
+            coordinates.flags.writeable = False
+            kept[point.name] = point.link, limits.of(point), coordinates
             first, first_region, region = (
                 sum(map(len, rows)),
                 region,
                 region + len(limits.of(point)),
             )
-            rows.append(own @ placement[:3, :3].T + placement[:3, 3])
-            entries.append((body, first, first + len(own), first_region, region, tuple(direction)))
+            rows.append(coordinates @ placement[:3, :3].T + placement[:3, 3])
+            entries.append(
+                (body, first, first + len(coordinates), first_region, region, tuple(direction))
+            )
         self.names, columns = (
             tuple(kept),
             zip(*kept.values(), strict=True) if kept else ((), (), ()),
