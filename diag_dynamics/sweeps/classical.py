@@ -142,13 +142,12 @@ def forward_dynamics(robot, q, qd, tau, qdd):
 def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     """τ = M q̈ + c + g (Newton–Euler, eq. 4.3), g times a weight of 0 or 1."""
     bodies, gravity, work, _ = ws.opened(robot)
-    if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
-        return -1
-    status = joints.couple_with_rates(q, qd, work)
+    status = joints.start_motion(bodies, q, qd, work)
     if status != 0:
         return status
+    if not joints.are_finite(qdd):
+        return -1
     ws.clear(tau)
-    joints.set_base_at_rest(work)
     joints.set_base_acceleration(gravity, weight, work)
     for i in range(1, len(bodies)):
         body = bodies[i]
@@ -172,14 +171,11 @@ def momentum(robot, q, qd, result):
     h and F are momentum and weight of all bodies outboard, in the axes of the joint.
     """
     bodies, gravity, work, _ = ws.opened(robot)
-    if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
-        return -1
-    status = joints.couple_with_rates(q, qd, work)
+    status = joints.start_motion(bodies, q, qd, work)
     if status != 0:
         return status
     nv = len(qd)
     ws.clear(result)
-    joints.set_base_at_rest(work)
     joints.set_base_acceleration(gravity, -1.0, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
@@ -212,8 +208,6 @@ def momentum(robot, q, qd, result):
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
     """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world, by walks down the tree."""
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
@@ -228,8 +222,6 @@ def effort_of_wrenches(robot, q, wrenches, in_world, tau):
 def mass_matrix(robot, q, M):
     """M from the inertias of the composite rigid bodies outboard of each joint."""
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.initialize(bodies, q, work)
     if status != 0:
         return status
@@ -242,8 +234,6 @@ def mass_matrix(robot, q, M):
 def first_moment(robot, q, moment):
     """Σ m_i c_i of all bodies in the world's axes [kg m]."""
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status

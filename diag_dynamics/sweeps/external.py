@@ -32,8 +32,6 @@ def jacobians(robot, body, point, rotation, in_world, scale, Q, results):
     bodies, _, work, _ = ws.opened(robot)
     for t in range(len(Q)):
         J = results[t]
-        if not joints.are_positions(bodies, Q[t]):
-            return t
         if joints.update_placements(bodies, Q[t], work) != 0:
             return t
         kinematics.set_jacobian(bodies, body, point, work, J)

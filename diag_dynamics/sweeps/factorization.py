@@ -57,8 +57,6 @@ def factorize(robot):
 def factorize_at(robot, q):
     """D and G of every body at the positions q."""
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.initialize(bodies, q, work)
     return status if status != 0 else factorize(robot)
 

@@ -23,9 +23,7 @@ def ratios(robot, q, qd, result):
     if not ws.lengths_match(robot, q, qd, qd):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
-    if not (joints.are_positions(bodies, q) and joints.are_finite(qd)):
-        return -1
-    status = joints.couple_with_rates(q, qd, work)
+    status = joints.start_motion(bodies, q, qd, work)
     _fill(bodies, work, q, len(qd), result)
     return status
 

@@ -45,6 +45,15 @@ def couple_with_rates(q, qd, work):
 
 
 @nk.kernel
+def start_motion(bodies, q, qd, work):
+    """Couple followers to q and q̇, with the base at rest; returns a status, -1 for wrong numbers."""
+    if not (are_positions(bodies, q) and are_finite(qd)):
+        return -1
+    set_base_at_rest(work)
+    return couple_with_rates(q, qd, work)
+
+
+@nk.kernel
 def couple_rates(qd, work):
     """The rates of ratios behind :func:`couple`."""
     if work[0].couple != 0:
@@ -106,7 +115,9 @@ def _update_placement_general(body, q, w):
 
 @nk.kernel
 def update_placements(bodies, q, work):
-    """X of every body; returns a status."""
+    """X of every body; returns a status, -1 for wrong positions."""
+    if not are_positions(bodies, q):
+        return -1
     status = couple(q, work)
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
@@ -126,7 +137,9 @@ def pose(bodies, i, base, work):
 
 @nk.kernel
 def initialize(bodies, q, work):
-    """X of every body and P before any child has been added; returns a status."""
+    """X of every body and P before any child has been added; returns a status, -1 for wrong positions."""
+    if not are_positions(bodies, q):
+        return -1
     status = couple(q, work)
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])

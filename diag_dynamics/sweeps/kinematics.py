@@ -22,8 +22,6 @@ def placement(robot, q, body, result):
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
@@ -66,8 +64,6 @@ def jacobian(robot, q, body, point, J):
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
-    if not joints.are_positions(bodies, q):
-        return -1
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
@@ -81,12 +77,11 @@ def motion(robot, q, qd, qdd, body, result):
     if not ws.lengths_match(robot, q, qd, qdd):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
-    if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
-        return -1
-    status = joints.couple_with_rates(q, qd, work)
+    status = joints.start_motion(bodies, q, qd, work)
     if status != 0:
         return status
-    joints.set_base_at_rest(work)
+    if not joints.are_finite(qdd):
+        return -1
     records.set_motion(work[0].acceleration, sp.NO_MOTION)
     for i in range(1, body + 1):
         joints.update_motion(bodies, i, q, qd, qdd, work)

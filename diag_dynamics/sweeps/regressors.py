@@ -36,8 +36,7 @@ def coefficients(S, V):
 @nk.kernel
 def propagate_motions(bodies, last, gravity, q, qd, work):
     """Compute X, V and −g of the bodies up to `last`; returns a status."""
-    status = joints.couple_with_rates(q, qd, work)
-    joints.set_base_at_rest(work)
+    status = joints.start_motion(bodies, q, qd, work)
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, last + 1):
         body, w = bodies[i], work[i]
@@ -56,12 +55,11 @@ def regressor(robot, q, qd, qdd, frames, Y):
     The second term is (S × V)ᵀI V. A walk from each frame to the base has all S that move it.
     """
     bodies, gravity, work, _ = ws.opened(robot)
-    if not (joints.are_positions(bodies, q) and joints.are_finite(qd) and joints.are_finite(qdd)):
-        return -1
-    status = joints.couple_with_rates(q, qd, work)
+    status = joints.start_motion(bodies, q, qd, work)
     if status != 0:
         return status
-    joints.set_base_at_rest(work)
+    if not joints.are_finite(qdd):
+        return -1
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, len(bodies)):
         joints.update_motion(bodies, i, q, qd, qdd, work)
@@ -189,11 +187,7 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     covariance of m r, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
-    if not (
-        ws.lengths_match(robot, q, qd, torque)
-        and joints.are_positions(bodies, q)
-        and joints.are_finite(qd)
-    ):
+    if not ws.lengths_match(robot, q, qd, torque):
         return -1
     status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
     if status != 0:
