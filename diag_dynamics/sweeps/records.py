@@ -143,10 +143,8 @@ WRENCH = np.dtype(
 )
 """An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
 
-BODIES, LINKS = (
-    types.Array(numba.from_dtype(record), 1, "C", readonly=True) for record in (BODY, LINK)
-)
-WRENCHES, WORKS = numba.from_dtype(WRENCH)[::1], numba.from_dtype(WORK)[::1]
+LINKS = types.Array(numba.from_dtype(LINK), 1, "C", readonly=True)
+WRENCHES = numba.from_dtype(WRENCH)[::1]
 """Types of arrays of records."""
 
 
