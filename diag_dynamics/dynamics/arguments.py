@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from diag_dynamics.model import RobotModel
 ARRAY, FLOAT = np.ndarray, np.dtype(np.float64)
 
 
-def are_vectors(q: Any, x: Any, y: Any) -> bool:
+def are_vectors(q: Any, x: Any, y: Any) -> TypeGuard[Array]:
     """Return whether kernels may get these arguments without conversion.
 
     Kernels would ignore the mask of a subclass, and may read another byte order as this machine's.

@@ -182,8 +182,7 @@ class DiagonalDynamics:
         nv, status = self._nv, ws.BAD_LENGTH
         factors, D = np.empty((3, nv, nv)), np.empty(nv)
         try:
-            # are_vectors has excluded mappings, which mypy does not infer.
-            if are_vectors(q, q, q) and q.ndim == 1:  # type: ignore[union-attr]
+            if are_vectors(q, q, q) and q.ndim == 1:
                 status = factorization.factors.run(self._robot, q, factors, D)
         except TypeError:  # as in evaluate
             pass
@@ -332,10 +331,9 @@ class DiagonalDynamics:
         ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of the components in body axes
         for joints of several degrees of freedom.
         """
-        vectors, sizes = None, (self.model.nq, self._nv)
+        vectors = None
         try:
-            # are_vectors has excluded mappings, which mypy does not infer.
-            if are_vectors(q, qd, qd) and (q.size, qd.size) == sizes:  # type: ignore[union-attr]
+            if are_vectors(q, qd, qd):
                 result = np.empty(2 * self._nv)
                 if not classical.momentum.run(self._robot, q, qd, result):
                     vectors = result
