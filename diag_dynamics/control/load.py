@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import instance, number, numbers, positive, vector
+from diag_dynamics.checks import instance, number, positive, vector
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.dynamics.noise import whitening
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.rigid_body import RigidBody
@@ -123,8 +124,8 @@ class LoadEstimator:
             "min_explained", min_explained, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0
         )
         nv = dynamics.model.nv
-        whitening = _whitening(covariance, nv)
-        self._whitening, self._prior = whitening, np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
+        self._whitening = np.ascontiguousarray(whitening(dynamics.model, covariance))
+        self._prior = np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
         self._columns, self._matrices = np.zeros((5, nv, LOAD)), np.zeros((3, LOAD + 1, LOAD + 1))
         self._time: float | None = None
         update_load.compile()
@@ -282,19 +283,3 @@ class LoadEstimator:
         both = RigidBody.union(own, RigidBody(load.mass, load.center, np.zeros((3, 3))))
         inertia = both.inertia if load.mass > 0.0 else own.inertia * (remaining / known.mass)
         return Payload(both.mass, both.centre, inertia)
-
-
-def _whitening(covariance: MatrixLike, nv: int) -> Array:
-    """Return the inverse of the lower factor of a covariance."""
-    expected = f"{nv} x {nv} finite numbers, symmetric and positive definite [N² m², …]"
-    given = numbers("covariance", covariance, (nv, nv), expected)
-    try:
-        factor = np.linalg.cholesky(given)
-    except np.linalg.LinAlgError:
-        factor = np.zeros((nv, nv))
-    if not factor.any() or np.abs(given - given.T).max(initial=0.0) > 1e-9 * np.abs(given).max():
-        raise InputError(
-            f"covariance is {given.tolist()!r:.200}; expected {expected}. Calibrate with moving joints."
-        )
-    inverse: Array = np.ascontiguousarray(np.linalg.inv(factor))
-    return inverse

@@ -135,7 +135,7 @@ def _add_rows(whitening, filtered, torque, weight, decay, information, row):
             information[a, b] *= decay
     for k in range(len(torque)):
         ws.clear(row)
-        for i in range(k + 1):  # the whitening is a lower triangle
+        for i in range(k, len(torque)):  # the whitening is an upper triangle
             for j in range(LOAD):
                 row[j] -= whitening[k, i] * filtered[i, j]
             row[LOAD] += whitening[k, i] * torque[i]
@@ -183,8 +183,8 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     and the forgetting rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and
     Y_g − Y_∂ of the last state and of this one, and Φ, their low-pass. `matrices`, (3, 5, 5), are
     the information of [π, m r], the same after the elimination of π (estimate, negative covariance,
-    energy of the residual), and memory. `whitening` is the inverse of the lower factor of the
-    covariance of m r, `prior` the prior's information.
+    energy of the residual), and memory. `whitening` is W of the covariance Σ of m r, an upper triangle
+    with WᵀW = Σ⁻¹, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
     if not ws.lengths_match(robot, q, qd, torque):
