@@ -6,7 +6,6 @@
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps import (
-    batch,
     classical,
     contacts,
     couplings,
@@ -49,23 +48,9 @@ METHODS = {
 }
 """Methods by the function that they call for one state."""
 
-ROWS = {
-    batch.evaluate_many: "evaluate",
-    batch.mass_matrix_each: "mass_matrix",
-    batch.factors_each: "factors inverse_mass_matrix",
-    batch.regressor_each: "regressor",
-    batch.effort_of_wrenches_each: "evaluate forward_dynamics inverse_dynamics",
-    batch.sweep_each: "evaluate forward_dynamics inverse_dynamics coriolis_torque gravity_torque "
-    "momentum center_of_mass potential_energy nu_from_qd qd_from_nu epsilon_from_tau "
-    "tau_from_epsilon",
-    external.touched_link_each: "touched_link",
-    contacts.contacts_each: "contact_limits",
-}
-"""Methods by the function that they call for rows of states."""
 
-
-def compile_methods(model: RobotModel, *methods: str, rows: bool) -> None:
-    """Compile the functions of these methods, and those for rows of states if required.
+def compile_methods(model: RobotModel, *methods: str) -> None:
+    """Compile the functions of these methods, or of all, for one state.
 
     Functions that only groups or changing ratios of the model call are compiled, too.
     """
@@ -73,11 +58,9 @@ def compile_methods(model: RobotModel, *methods: str, rows: bool) -> None:
     for name in methods:
         if name not in names:
             raise InputError(f"compile: {name!r} is none of {', '.join(sorted(names))}.")
-    tables = [METHODS, ROWS] if rows or not methods else [METHODS]
-    for table in tables:
-        for entry, users in table.items():
-            if not methods or not set(methods).isdisjoint(users.split()):
-                entry.compile()
+    for entry, users in METHODS.items():
+        if not methods or not set(methods).isdisjoint(users.split()):
+            entry.compile()
     if (model.bodies["first"] < model.bodies["last"]).any():
         for step in group_steps.STEPS.values():
             step.compile()

@@ -106,17 +106,15 @@ class DiagonalDynamics:
     def __repr__(self) -> str:
         return f"<{type(self).__name__} '{self.model.name}': {self._nv} dof>"
 
-    def compile(self, *methods: str, rows: bool = False) -> None:
+    def compile(self, *methods: str) -> None:
         """Compile methods by name, or all methods, so that no later call waits for the compiler.
 
         Parameters
         ----------
         *methods : str
-            Names of methods; without names, all methods for one state and for rows.
-        rows : bool
-            Whether to compile the named methods for rows of states, too.
+            Names; without names all methods. Those for rows of states compile when they are called.
         """
-        compile_methods(self.model, *methods, rows=rows)
+        compile_methods(self.model, *methods)
 
     # --- All quantities
 

@@ -172,24 +172,20 @@ def test_methods_are_compiled_by_the_names_of_their_functions(two):
     for entry in kernel._entries:
         if hasattr(two, entry.__name__) and entry.__module__.startswith("diag_dynamics.sweeps."):
             assert entry.__name__ in compilation.METHODS[entry].split()
-    for table in (compilation.METHODS, compilation.ROWS):
-        assert all(hasattr(two, name) for name in " ".join(table.values()).split())
+    assert all(hasattr(two, name) for name in " ".join(compilation.METHODS.values()).split())
     with pytest.raises(
         dd.InputError, match="'evaluation' is none of center_of_mass, contact_limits"
     ):
         two.compile("evaluation")
 
 
-def test_rows_are_compiled_if_required(two, monkeypatch):
+def test_methods_are_compiled_for_one_state(two, monkeypatch):
     compiled = []
     monkeypatch.setattr(kernel.Entry, "compile", lambda entry: compiled.append(entry.__name__))
     two.compile("mass_matrix")
     assert compiled == ["mass_matrix"]
-    two.compile("mass_matrix", rows=True)
-    assert compiled == ["mass_matrix", "mass_matrix", "mass_matrix_each"]
-    compiled.clear()
     two.compile()
-    assert {"mass_matrix_each", "evaluate", "evaluate_many"} <= set(compiled)
+    assert {"mass_matrix", "evaluate", "transform"} <= set(compiled)
 
 
 def test_vectors_of_any_kind(two):
