@@ -201,18 +201,7 @@ class Evaluation:
         return {name: getattr(self, name) for name in NAMES}
 
     def __repr__(self) -> str:
-        with np.printoptions(precision=6, threshold=60, linewidth=10**6):
-            lines = [f"  {name}={self._text(name)}," for name in NAMES]
-        return "\n".join([f"{type(self).__name__}(", *lines, ")"])
-
-    def _text(self, name: str) -> str:
-        try:
-            value = getattr(self, name)
-        except InputError as error:
-            return f"<{error}>"
-        if isinstance(value, np.ndarray):
-            return np.array2string(value, separator=", ")
-        return str(value)
+        return f"<{type(self).__name__} of '{self._model.name}': shape {self.nu.shape}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         terms = self._with_tau, self._external, self._friction
@@ -224,7 +213,7 @@ NAMES = tuple(
     for name, value in vars(Evaluation).items()
     if isinstance(value, property) and name not in ("model", "rows")
 )
-"""Quantities of `to_dict` and `repr`."""
+"""Quantities of `to_dict`."""
 
 
 class _BatchRows(dict[int, Array]):
