@@ -13,19 +13,20 @@ from diag_dynamics.sweeps import workspace as ws
 
 
 @nk.large_kernel
-def _initialize(bodies, q, qd, work):
-    """Placed bodies with their own inertias, at rest as yet."""
-    if not joints.are_finite(qd):
+def _initialize(bodies, q, qd, x, work):
+    """Placed bodies with their own inertias, at rest as yet; x are further rates, which are checked."""
+    if not (joints.are_finite(qd) and joints.are_finite(x)):
         return -1
+    joints.set_base_at_rest(work)
     status = joints.initialize(bodies, q, work)
     joints.couple_rates(qd, work)
     return status
 
 
 @nk.large_kernel
-def _factorize_with_rates(bodies, q, qd, work, table):
+def _factorize_with_rates(bodies, q, qd, x, work, table):
     """D, G, g, u and Q̇[:, c] of every degree of freedom, each joint taken as a group: in the axes of its base."""
-    status = _initialize(bodies, q, qd, work)
+    status = _initialize(bodies, q, qd, x, work)
     last = len(bodies) - 1
     while status == 0 and last > 0:
         first = bodies[last].first
@@ -56,7 +57,7 @@ def _propagate_rates(bodies, i, qd, x, work):
 def articulated_inertias(robot, q, qd, D, D_rate):
     """D and Ḋ along the motion (7.2)."""
     bodies, _, work, table = ws.opened(robot)
-    status = _factorize_with_rates(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, qd, work, table)
     if status != 0:
         return status
     for i in range(1, len(bodies)):
@@ -70,7 +71,7 @@ def articulated_inertias(robot, q, qd, D, D_rate):
 def mass_matrix_rate(robot, q, qd, M, M_rate):
     """M and Ṁ along the motion (Identity 6.3): the whole robot as one group."""
     bodies, _, work, _ = ws.opened(robot)
-    status = _initialize(bodies, q, qd, work)
+    status = _initialize(bodies, q, qd, qd, work)
     if status != 0:
         return status
     if len(bodies) > 1:
@@ -92,12 +93,9 @@ def _two_velocity_force(body, V, W):
 def coriolis_matrix_times(robot, q, qd, x, result):
     """C_s(q, q̇) x with C_s q̇ = c and Ṁ − 2C_s skew: Newton–Euler with two velocities."""
     bodies, _, work, _ = ws.opened(robot)
-    status = _initialize(bodies, q, qd, work)
+    status = _initialize(bodies, q, qd, x, work)
     if status != 0:
         return status
-    if not joints.are_finite(x):
-        return -1
-    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         V = joints.update_velocity(body, qd, work, w)
@@ -117,12 +115,9 @@ def coriolis_matrix_times(robot, q, qd, x, result):
 def m_rate_transposed_times(robot, q, qd, x, result):
     """ṁᵀx, x constant: D^−½[𝓜̇_c (W_A, x) − ½ Ḋ η] + D^½ GᵀẆ_A with η = D^−½ mᵀx."""
     bodies, _, work, table = ws.opened(robot)
-    if not joints.are_finite(x):
-        return -1
-    status = _factorize_with_rates(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, x, work, table)
     if status != 0:
         return status
-    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if groups.is_leader(bodies, i):
@@ -147,12 +142,9 @@ def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
     Outward u = ℓᵀx and W; inward the recursion of C with W in place of one of its velocities.
     """
     bodies, _, work, table = ws.opened(robot)
-    if not joints.are_finite(x):
-        return -1
-    status = _factorize_with_rates(bodies, q, qd, work, table)
+    status = _factorize_with_rates(bodies, q, qd, x, work, table)
     if status != 0:
         return status
-    joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if i == body.first:
