@@ -106,28 +106,27 @@ def _replace(entry, other, name):
     return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
 
 
-def propose_map(names, missing, there, given):
-    """Return entries, those `given` included, that map names to missing joints; empty if unclear.
+def propose_map(names, missing, present, entries):
+    """Return the entries and those that map names to missing joints; empty if unclear.
 
-    One prefix in place of another explains them. `there` are joints that the recording has already:
-    these keep their names.
+    One prefix in place of another explains them. Joints that are present keep their names.
     """
     names, joints, candidates = names[:MAX_NAMES], missing[:MAX_NAMES], {}
-    given = [entry for entry in given if entry[1] not in missing]
+    entries = [entry for entry in entries if entry[1] not in missing]
     for old, new in sorted({_split_prefixes(*pair) for pair in product(names, joints)}):
         ends = [name[len(old) :] for name in names if name.startswith(old) and name != old]
         mapped = {old + end: new + end for end in ends if new + end in joints}
         is_alone = len(names) == len(joints) == 1 or "" in (old, new)
         if len(mapped) > 1 or (mapped and is_alone):
             targets = {new + end for end in ends}.union(
-                joint for joint in there if joint.startswith(old)
+                joint for joint in present if joint.startswith(old)
             )
-            is_pattern = not given and len(ends) > 1 and targets.isdisjoint(there)
-            entries = [(old + ANY, new + ANY)] if is_pattern else mapped.items()
-            candidates.setdefault(tuple(mapped.items()), entries)
+            is_pattern = not entries and len(ends) > 1 and targets.isdisjoint(present)
+            pairs = [(old + ANY, new + ANY)] if is_pattern else mapped.items()
+            candidates.setdefault(tuple(mapped.items()), pairs)
     most = max(map(len, candidates), default=0)
-    largest = [entries for mapped, entries in candidates.items() if len(mapped) == most]
-    return (*given, *largest[0]) if len(largest) == 1 else ()
+    largest = [pairs for mapped, pairs in candidates.items() if len(mapped) == most]
+    return (*entries, *largest[0]) if len(largest) == 1 else ()
 
 
 def _split_prefixes(name, joint):

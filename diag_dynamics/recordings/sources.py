@@ -150,12 +150,12 @@ class BagSource:
 
     def joints(self, model):
         """Return the robot's names of joints in messages, until all of the model are there."""
-        found, map_name = set(), self.names.map_name if self.names else str
+        names, map_name = set(), self.names.map_name if self.names else str
         for batch in self._batches(self._connections(JOINT_STATE)):
-            found.update(map(map_name, set(batch.names())))
-            if found.issuperset(single_joints(model)):
+            names.update(map(map_name, set(batch.names())))
+            if names.issuperset(single_joints(model)):
                 break
-        return found
+        return names
 
     def batches(self, model):
         """Yield batches of messages in the order of log time."""
