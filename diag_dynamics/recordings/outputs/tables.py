@@ -12,20 +12,21 @@ from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 
+SPEED, FORCE, ROOT_POWER = ("rad/s", "m/s"), ("N m", "N"), ("J^0.5/s", "J^0.5/s")
 UNITS = {
-    "velocity": ("rad/s", "m/s"),
-    "effort": ("N m", "N"),
+    "velocity": SPEED,
+    "effort": FORCE,
     "nu": ("J^0.5", "J^0.5"),
-    "xi": ("rad/s", "m/s"),
-    "epsilon": ("J^0.5/s", "J^0.5/s"),
-    "kappa": ("N m", "N"),
-    "coriolis": ("J^0.5/s", "J^0.5/s"),
-    "gravity": ("J^0.5/s", "J^0.5/s"),
-    "friction": ("J^0.5/s", "J^0.5/s"),
+    "xi": SPEED,
+    "epsilon": ROOT_POWER,
+    "kappa": FORCE,
+    "coriolis": ROOT_POWER,
+    "gravity": ROOT_POWER,
+    "friction": ROOT_POWER,
     "articulated_inertia": ("kg m^2", "kg"),
     "energy_share": ("J", "J"),
-    "residual": ("J^0.5/s", "J^0.5/s"),
-    "external_torque": ("N m", "N"),
+    "residual": ROOT_POWER,
+    "external_torque": FORCE,
 }
 """Units of quantities per degree of freedom, of one that turns and of one that slides."""
 OF_STATES = ("velocity", "effort")
@@ -34,7 +35,10 @@ OBSERVED = ("residual", "external_torque")
 
 
 class TableOutput:
-    """Write the analysis of a Reading as ``parquet`` (units in metadata, NaN) or ``csv`` (units in the header)."""
+    """Write the analysis of a Reading as ``parquet`` or ``csv``.
+
+    Parquet has units in metadata and NaN, CSV units in the header and empty cells.
+    """
 
     def __init__(self, path, reading, friction, kind="parquet"):
         self._arrow = require("pyarrow", f"'{path}'")
