@@ -18,7 +18,7 @@ from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
-HEAD = 1000  # first rows that show what columns hold
+HEAD = 100  # first rows that show what columns hold
 _UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
 _BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, MemoryError)
 _BROKEN += (RuntimeError, SyntaxError, tokenize.TokenError)

@@ -94,16 +94,16 @@ class CsvTable:
     def _read_chunks(self):
         """Yield unpacked bytes, and an empty chunk at the end; set `_broken` to the damage."""
         self._broken = ""
-        with open(self.path, "rb") as stream:
-            begin = stream.read(8)
-            stream.seek(0)
-            for magic, packing in _PACKINGS.items():
-                if begin.startswith(magic):
-                    stream = pa.CompressedInputStream(pa.PythonFile(stream), packing)
+        with open(self.path, "rb") as file:
+            begin = file.read(8)
+            file.seek(0)
+            packings = (name for magic, name in _PACKINGS.items() if begin.startswith(magic))
+            packing = next(packings, None)
+            stream = pa.CompressedInputStream(pa.PythonFile(file), packing) if packing else file
             try:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
-            except OSError as error:
+            except (OSError, pa.ArrowException) as error:
                 text = f"the compressed data are damaged or end early: {describe_error(error)}"
                 self._broken = f"{text}; rows shortly before may be wrong"
         yield b""
