@@ -377,7 +377,7 @@ class SweepCaller:
 
     @cached_property
     def link_frames(self) -> Any:
-        """Frames of all links as records for regressors.regressor."""
+        """Frames of all links as records for mobilities.mobilities."""
         records = np.zeros(len(self.model.link_names), mobilities.FRAME)
         for k, link in enumerate(self.model.link_names):
             body, X = self.model.placement_in_body(link)

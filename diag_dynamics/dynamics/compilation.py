@@ -15,6 +15,7 @@ from diag_dynamics.sweeps import (
     factorization,
     group_steps,
     kinematics,
+    mobilities,
     regressors,
 )
 
@@ -40,6 +41,7 @@ METHODS = {
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",
+    mobilities.mobilities: "mobilities",
     external.jacobians: "wrench",
     external.touched_link: "touched_link",
     contacts.contacts: "contact_limits",

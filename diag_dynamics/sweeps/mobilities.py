@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mobilities of bodies, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
+"""Mobilities of bodies and links, Υ = J M⁻¹Jᵀ, by one outward sweep behind the factorization.
 
 The mass matrix of ν is the unit matrix. Υ of a body is therefore Σ v_k v_kᵀ, with v_k its twist for
 ν_k = 1. Own rates and the base's motion are independent there, ξ_i of D⁻¹, and with q̇ = ξ − GᵀV⁺
@@ -20,9 +20,11 @@ import numba
 import numpy as np
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.sweeps import groups, records
+from diag_dynamics.numerics.tables import flat
+from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.factorization import factorize_at
 
 FRAME = np.dtype([("body", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)], align=True)
 """A frame fixed to a body, and its placement in the body."""
@@ -127,3 +129,28 @@ def mobilities_outward(robot):
             records.set_inertia(w.P, _add_joint(body, w, Y))
         elif body.rank == body.dofs - 1:
             _group_mobility(robot, i)
+
+
+@nk.kernel
+def _write(Y, mobility):
+    """Write Υ as 6x6 numbers, its linear part first."""
+    for a in range(3):
+        for b in range(3):
+            mobility[a, b], mobility[3 + a, 3 + b] = Y.C[a][b], Y.A[a][b]
+            mobility[3 + a, b] = mobility[b, 3 + a] = Y.B[a][b]
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, FRAMES, nk.FILLED_STATES)
+def mobilities(robot, q, frames, results):
+    """Υ = J M⁻¹Jᵀ of frames that are fixed to bodies, in their axes, linear part first, shape (frames, 6, 6)."""
+    if not ws.positions_match(robot, q):
+        return ws.BAD_LENGTH
+    status = factorize_at(robot, q)
+    if status != 0:
+        return status
+    mobilities_outward(robot)
+    work = ws.robot_of(robot).work
+    for k in range(len(frames)):
+        Y = records.inertia_of(work[frames[k].body].P)
+        _write(mobility_to_child(records.placement_of(frames[k]), Y), results[k])
+    return 0 if joints.are_finite(flat(results)) else -1

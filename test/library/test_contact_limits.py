@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact: reflected masses, transferable energy and impacts against Pinocchio and MuJoCo, by their definitions."""
+"""Contact: mobilities, transferable energy and impacts against Pinocchio and MuJoCo, by their definitions."""
 
 import math
 import pickle
@@ -37,7 +37,7 @@ def close(found, expected, tolerance, scale=None):
     assert np.abs(np.asarray(found) - expected).max(initial=0.0) <= tolerance * scale
 
 
-# --- Reflected masses --------------------------------------------------------------------------------------
+# --- Mobilities --------------------------------------------------------------------------------------------
 
 
 COUPLED = [
@@ -46,22 +46,27 @@ COUPLED = [
 
 
 @pytest.mark.parametrize("one", [*robots.robots_to_test(), *COUPLED], ids=lambda one: one.id)
-def test_masses_of_all_links(one):
-    """1/uᵀJ M⁻¹Jᵀu at a point of every link, to 100 eps cond(M) of J M⁻¹Jᵀ."""
+def test_mobilities_of_all_links(one):
+    """J M⁻¹Jᵀ of every link, to 100 eps cond(M) of that link's; exactly symmetric."""
     model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
     oracle = oracle_of(one, model.dof_names)
-    q, rng = robots.samples(one.id, oracle)[0].q, np.random.default_rng(0)
-    directions = {name: rng.normal(size=3) for name in model.link_names}
-    place = 0.1, -0.2, 0.3
-    points = [(name, name, place, u) for name, u in directions.items()]
-    contact = dd.DiagonalDynamics(model).contact_limits(q, np.zeros(model.nv), points)
+    q = robots.samples(one.id, oracle)[0].q
+    found = dd.DiagonalDynamics(model).mobilities(q)
+    assert found.shape == (len(model.link_names), 6, 6)
+    np.testing.assert_array_equal(found, found.transpose(0, 2, 1))
     M = oracle.mass_matrix(q)
     tolerance = 100 * EPS * np.linalg.cond(M)
-    for name, mass in zip(contact.links, contact.reflected_mass, strict=True):
-        J, u = jacobian(oracle, q, name), directions[name] / norm(directions[name])
-        J = J[:3] + np.cross(J[3:].T, place).T
-        mobility = J @ np.linalg.solve(M, J.T)
-        close(1.0 / mass, u @ mobility @ u, tolerance, np.abs(mobility).max())
+    for k, name in enumerate(model.link_names):
+        J = jacobian(oracle, q, name)
+        close(found[k], J @ np.linalg.solve(M, J.T), tolerance)
+
+
+def test_mobilities_refuse_what_is_wrong():
+    dyn = dd.DiagonalDynamics(dd.load_urdf(robot(UR5).urdf))
+    with pytest.raises(dd.InputError, match="shape"):
+        dyn.mobilities(np.zeros(3))
+    with pytest.raises(dd.InputError, match="elbow_joint"):
+        dyn.mobilities([0, 0, math.nan, 0, 0, 0])
 
 
 # --- Contact at points -------------------------------------------------------------------------------------
