@@ -322,9 +322,10 @@ class Selection:
         if better:
             self.taken, (self.fits, self.squares), self._own = steps, result, self._own | joints
             return ""
-        change = f"would be {gains.max():.1%} smaller at a joint, but {score / self.score - 1.0:.1%} larger over all"
-        if gains.max() < GAIN:
-            change = f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint; expected {GAIN:.0%}"
+        change = (
+            f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint (expected "
+            f"{GAIN:.0%}), and {score / self.score - 1.0:+.1%} over all"
+        )
         return (
             ""
             if again
