@@ -4,7 +4,6 @@
 """`diag-dynamics analyse`: summary, tables, messages and report of recordings."""
 
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -117,15 +116,11 @@ def _write_column_map(chosen):
 
 
 def _analyse(chosen, parameters, robot, write):
-    start = time.perf_counter()
     summary = _summary(chosen, chosen.recording[0], parameters, robot)
     write(summary)
     faults = describe_faults(summary)
     if _prints(chosen):
         print(format_summary(summary))
-        took = max(time.perf_counter() - start, 1e-9)
-        ratio = summary["duration"] / took
-        print(f"\nAnalysed in {took:.1f} s, {ratio:.3g} × real time.", file=sys.stderr)
         common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
         if faults:
             print(f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}.", file=sys.stderr)
