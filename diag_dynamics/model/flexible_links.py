@@ -24,7 +24,6 @@ from diag_dynamics.description.checks import warn
 from diag_dynamics.description.records import Description, Inertial, Joint, Link, translation
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
-from diag_dynamics.rotations import from_rpy
 from diag_dynamics.sweeps.couplings import FORM
 from diag_dynamics.text import distinct, listed
 from diag_dynamics.yaml_files import read_yaml
@@ -87,16 +86,6 @@ class FlexibleLink(NamedTuple):
         return np.asarray(
             -linear - moment - curvature**2 * (slope + 2.0 * slope**3) @ self.bends[:, 1]
         )
-
-    def displacement(self, eta: VectorLike, joint: str | None = None) -> Array:
-        """Return the displacement (4, 4) of the frame of a joint at the tip, in the link's axes about its own origin."""
-        eta, tip = vector("eta", eta, self.modes), self.tips[joint or next(iter(self.tips))]
-        result = np.eye(4)
-        moved = tip.shape @ eta
-        moved[0] -= 0.5 * eta @ tip.shortening @ eta
-        result[:3, :3] = self.axes @ from_rpy(*(tip.slope @ eta)) @ self.axes.T
-        result[:3, 3] = self.axes @ moved
-        return result
 
     def slope(self, eta: Array) -> float:
         """Return the largest rotation of a tip about an axis of the beam [rad]."""

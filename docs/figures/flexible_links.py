@@ -4,7 +4,7 @@
 """An arm with flexible links and its rigid twin with the same motion of the joints: links lag, and swing on after it."""
 
 import numpy as np
-from rods import LENGTHS, model, points, urdf
+from rods import model, points, urdf
 from style import COLOURS, INK, figure
 
 import diag_dynamics as dd
@@ -27,19 +27,16 @@ def robot():
     return dd.load_urdf(text, loops={"flexible_links": links}, gravity=(0.0, 0.0, 0.0))
 
 
-def curve(arm, q):
+def curve(dynamics, q):
     """Return points along the links (n, 2) [m]."""
-    found, R, p = [np.zeros(2)], np.eye(3), np.zeros(3)
-    at = {name: k for k, name in enumerate(arm.dof_names)}
-    for k, link in enumerate(arm.flexible_links.values(), 1):
-        c, s = np.cos(q[at[f"joint{k}"]]), np.sin(q[at[f"joint{k}"]])
-        R = R @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    at = {name: k for k, name in enumerate(dynamics.model.dof_names)}
+    points = []
+    for name, link in dynamics.model.flexible_links.items():
+        X = dynamics.placement(q, name)
         eta = q[[at[mode] for mode in link.modes]]
-        found += [(p + R @ (one.at + one.shape @ eta))[:2] for one in link.sections]
-        moved = link.displacement(eta)
-        p, R = p + R @ (moved[:3, 3] + [LENGTHS[k - 1], 0, 0]), R @ moved[:3, :3]
-        found.append(p[:2])
-    return np.array(found)
+        bent = [section.at + section.shape @ eta for section in link.sections]
+        points += [X[:2, 3], *(X[:2, :3] @ point + X[:2, 3] for point in bent)]
+    return np.array([*points, dynamics.placement(q, "tip")[:2, 3]])
 
 
 def run():
@@ -71,16 +68,18 @@ def run():
 def draw():
     """Return the figure."""
     arm, (q, rigid) = run()
+    dynamics = dd.DiagonalDynamics(arm)
     picture = figure(6.6, 3.2)
     left, right = picture.subplots(1, 2)
     for n, k in enumerate((0, 380, 600, 850)):
         left.plot(*points(rigid[k]).T, color=INK, linestyle=":", label=None if n else "rigid twin")
-        left.plot(*curve(arm, q[k]).T, color=COLOURS[0], label=None if n else "flexible arm")
+        left.plot(*curve(dynamics, q[k]).T, color=COLOURS[0], label=None if n else "flexible arm")
     left.set(xlabel="x [m]", ylabel="y [m]", ylim=(-0.75, 1.05), aspect="equal")
     left.legend(loc="lower left")
     t = np.arange(len(q)) * 1e-3
     apart = [
-        1e3 * (curve(arm, one)[-1] - points(other)[-1]) for one, other in zip(q, rigid, strict=True)
+        1e3 * (curve(dynamics, one)[-1] - points(other)[-1])
+        for one, other in zip(q, rigid, strict=True)
     ]
     for part, name, colour in zip(np.transpose(apart), "xy", COLOURS, strict=False):
         right.plot(t, part, color=colour, label=name)
