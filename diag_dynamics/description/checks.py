@@ -156,7 +156,6 @@ LINKS = {
         "the same inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
         "Fine for one motor in different housings.",
     ),
-    "uneven": Check("note", "kg", "left and right differ in mass", "Fine if built differently."),
     "missing": Check(
         "warning",
         "",

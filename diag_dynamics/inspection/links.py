@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from diag_dynamics.arrays import Array
@@ -26,9 +24,6 @@ POINT = 0.02  # the same ratio of nearly a point; a solid ball has 0.63
 SHARE = 0.1  # fraction of a body's mass below which a point mass does not matter
 SAME = 3  # sizes of links with one inertia from which it is a copy; two sides have one size
 SLENDER = 4.0  # ratio of moments from which a shape is a bar
-UNEVEN = 0.05  # relative difference of the masses of two sides that no cable explains
-
-SIDES = ("left right", "Left Right", "LEFT RIGHT", "^l_ r_", "^L_ R_", "^FL_ FR_", "^RL_ RR_")
 
 
 def possible_inertias(urdf: Urdf) -> Found:
@@ -175,19 +170,6 @@ def placeholders(urdf: Urdf) -> Found:
         sizes = 1 + np.count_nonzero(volumes[1:] > 1.05 * volumes[:-1]) if len(volumes) else 0
         for link in links if sizes >= SAME else ():
             yield "copied", link.name, 0.0, mass, moments[-1], sizes
-
-
-def sides(urdf: Urdf) -> Found:
-    """Find left and right links of different mass."""
-    for name, link in urdf.links.items():
-        for side in SIDES:
-            left, right = side.split()
-            twin = urdf.links.get(re.sub(left, right, name, count=1), link)
-            low, high = sorted((link.mass or 0.0, twin.mass or 0.0))
-            both_known = link.has_inertial and twin.has_inertial and not urdf.is_negligible(high)
-            if both_known and high - low > UNEVEN * high:
-                yield "uneven", name, link.mass or 0.0
-                yield "uneven", twin.name, twin.mass or 0.0
 
 
 def meshes(urdf: Urdf) -> Found:

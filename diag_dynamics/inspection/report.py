@@ -36,7 +36,7 @@ OF_GEOMETRY = (
 )  # skipped for an MJCF, whose geometry is not read
 OF_XML = (
     *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY[:-1], links.placeholders),
-    *(links.sides, links.meshes, joints.elements, joints.attributes, joints.transmissions),
+    *(links.meshes, joints.elements, joints.attributes, joints.transmissions),
     *(joints.axes, joints.position_limits, joints.effort_limits, joints.velocity_limits),
     joints.mimic_joints,
 )

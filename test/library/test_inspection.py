@@ -157,7 +157,6 @@ MISTAKES = (
     ("inertia_axes", "warning", "left_lower", None, moments(LOWER, 0.0093, 0.0093, 0.0006)),
     ("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2), moments(UPPER, 1, 1, 1)),
     ("placeholders", "note", "ball0 ball1 ball2", None, more(BALLS)),
-    ("sides", "note", "left_upper right_upper", 3.2, ARM.replace("left_lower", "right_upper")),
     ("meshes", "warning", "left_upper", None, arm(BOX, '<mesh filename="package://no/a.stl"/>')),
     ("meshes", "note", "left_upper", None, arm(BOX, "<cone/>")),
     ("meshes", "note", "left_upper", None, arm(BOX, '<box size="0.4 0 0.09"/>')),
