@@ -52,13 +52,6 @@ class MeshLibrary:
                 self.missing[file] = str(error)
         return self._hashes.get(key)
 
-    def data(self, sha):
-        """Return the bytes of a mesh; None if there is none of this hash."""
-        return self.meshes.get(sha)
-
-    def __len__(self):
-        return len(self.meshes)
-
     def _load(self, file):
         if not file.lower().endswith(SUFFIXES):
             raise UrdfError(f"mesh '{file}' is none of {', '.join(SUFFIXES)}.")

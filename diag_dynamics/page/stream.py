@@ -151,7 +151,7 @@ class RobotStream:
     def mesh(self, sha):
         """Return the bytes of a mesh; None if there is none of this hash."""
         with self._lock:
-            return self._meshes.data(sha) if self._meshes else None
+            return self._meshes.meshes.get(sha) if self._meshes else None
 
     def about(self):
         """Return name, robot, whether it is alive, age and rate of its states, for JSON.
