@@ -16,7 +16,7 @@ from diag_dynamics.nodes.support.tf import Transforms, unit_quaternion
 from diag_dynamics.rotations import from_quaternion
 
 PERIOD = 0.019
-"""Minimum time between two changes of the gravity of the model [s]: of 50 Hz with jitter, each message counts."""
+"""Minimum time between two changes of the model's gravity [s]: at 50 Hz each message counts."""
 
 TIMEOUT, FILTER_TIME = 1.0, 0.5
 """Age of the direction above which states are rejected, and time constant of the low-pass of an
@@ -27,7 +27,7 @@ MIN_FORCE, MAX_FORCE = 0.5, 2.0
 
 
 class GravitySource:
-    """Turn the gravity of the robot in force by the parameter gravity_frame or gravity_imu; keep its magnitude.
+    """Turn the robot's gravity by the parameter gravity_frame or gravity_imu; keep its magnitude.
 
     `current` returns the MonitoredRobot or None. Without these parameters nothing changes.
     """
@@ -37,7 +37,12 @@ class GravitySource:
         self._frame, self.topic = values["gravity_frame"], values["gravity_imu"]
         self._robot, self._fault = None, ""
         if self._frame:
-            self._transforms = _transforms(node)
+            self._transforms = Transforms.if_installed(node)
+            if self._transforms is None:
+                raise InputError(
+                    f"parameter 'gravity_frame' is '{self._frame}'; expected an installed package "
+                    "tf2_ros. Install it or set gravity_imu."
+                )
             node.create_timer(PERIOD, lambda: self._accept(self._read_frame), clock=steady_clock())
 
     def check(self):
@@ -59,17 +64,17 @@ class GravitySource:
         self._accept(self._read_imu, message)
 
     def _accept(self, read, *arguments):
-        """Use the vector that `read` returns, up in the axes of the root link, and its filter time."""
+        """Use the vector that `read` returns, up in the root link's axes, and its filter time."""
         robot = self._current()
         if robot is None:
             return
         if robot is not self._robot:
             self._robot, self._up, self._received, self._changed = robot, None, 0.0, -np.inf
-        found, fault = attempt(read, robot, *arguments)
+        direction, fault = attempt(read, robot, *arguments)
         self._fault = fault.reason if fault else ""
         if fault:
             return
-        (up, filter_time), now = found, self._time.steady()
+        (up, filter_time), now = direction, self._time.steady()
         if self._up is not None and filter_time:
             up = self._up - np.expm1(-(now - self._received) / filter_time) * (up - self._up)
         self._up, self._received = unit("direction of gravity", up), now
@@ -87,10 +92,8 @@ class GravitySource:
             placement = robot.dynamics.placement(robot.position, link)
         o, a = imu.orientation, imu.linear_acceleration
         if imu.orientation_covariance[0] != -1.0:
-            up, filter_time = (
-                from_quaternion(*unit_quaternion(o))[2],
-                0.0,
-            )  # the third row: the world's z in its axes
+            up = from_quaternion(*unit_quaternion(o))[2]  # the world's z in its axes
+            filter_time = 0.0
         else:
             up, filter_time = np.array([a.x, a.y, a.z]), FILTER_TIME
             size, g = np.linalg.norm(up), np.linalg.norm(robot.settings.values["gravity"])
@@ -118,14 +121,3 @@ class GravitySource:
         if self._fault:
             values["fault"] = self._fault
         return [problem_status("gravity", [problem] * bool(problem), "direction is known", values)]
-
-
-def _transforms(node):
-    """Return the transforms of tf; InputError without tf2_ros."""
-    try:
-        return Transforms(node)
-    except ImportError as error:
-        raise InputError(
-            f"parameter 'gravity_frame' is '{node.values['gravity_frame']}'; expected an installed package tf2_ros. "
-            f"Install it or set gravity_imu ({error})."
-        ) from error
