@@ -176,11 +176,8 @@ def _parts(link, folder):
         elif shape.kind == "sphere":
             yield X, _marker("links", Marker.SPHERE, (d, d, d))
         else:
-            yield X, _marker("links", Marker.CYLINDER, (d, d, numbers[1]))
-            for end in (-0.5, 0.5) if shape.kind == "capsule" else ():
-                placement = X.copy()
-                placement[:3, 3] += end * numbers[1] * X[:3, 2]
-                yield placement, _marker("links", Marker.SPHERE, (d, d, d))
+            length = numbers[1] + (d if shape.kind == "capsule" else 0.0)
+            yield X, _marker("links", Marker.CYLINDER, (d, d, length))
     if not link.shapes and link.ellipsoid is not None:
         placement, diameters = _sphere(link.ellipsoid)
         yield placement, _marker("links", Marker.SPHERE, diameters)
