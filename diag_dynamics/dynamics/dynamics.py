@@ -329,9 +329,10 @@ class DiagonalDynamics:
         ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of the components in body axes
         for joints of several degrees of freedom.
         """
-        vectors = None
+        vectors, sizes = None, (self.model.nq, self._nv)
         try:
-            if are_vectors(q, qd, qd):
+            # A TypeGuard excludes mappings for its first argument alone.
+            if are_vectors(q, qd, qd) and (q.size, qd.size) == sizes:  # type: ignore[union-attr]
                 result = np.empty(2 * self._nv)
                 if not classical.momentum.run(self._robot, q, qd, result):
                     vectors = result

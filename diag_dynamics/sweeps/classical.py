@@ -170,15 +170,13 @@ def momentum(robot, q, qd, result):
 
     h and F are momentum and weight of all bodies outboard, in the axes of the joint.
     """
-    at = ws.robot_of(robot)
-    bodies, work, nv = at.bodies, at.work, at.nv
-    if len(q) != at.nq or len(qd) != nv:
-        return ws.BAD_LENGTH
+    bodies, gravity, work, _ = ws.opened(robot)
     status = joints.start_motion(bodies, q, qd, work)
     if status != 0:
         return status
+    nv = len(qd)
     ws.clear(result)
-    joints.set_base_acceleration(at.gravity, -1.0, work)
+    joints.set_base_acceleration(gravity, -1.0, work)
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         X = joints.update_placement(body, q, w)
