@@ -49,8 +49,8 @@ class VectorSweep(NamedTuple):
 
     single: Any
     number: int
-    option: tuple[float, ...] = ()
-    """Further argument: factor of gravity of inverse dynamics, or number of a transform."""
+    gravity: tuple[float, ...] = ()
+    """Factor of gravity, an argument of inverse dynamics alone."""
     vectors: int = 1
     """Vectors in the result, one after another; 0 if it is a point in space."""
 
@@ -60,7 +60,10 @@ INVERSE_DYNAMICS = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (1.0,)
 WITHOUT_GRAVITY = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (0.0,))
 MOMENTUM = VectorSweep(classical.momentum, batch.MOMENTUM, vectors=2)
 FIRST_MOMENT = VectorSweep(classical.first_moment, batch.FIRST_MOMENT, vectors=0)
-TRANSFORMS = [VectorSweep(factorization.transform, batch.TRANSFORM, (k,)) for k in range(4)]
+NU_FROM_QD = VectorSweep(factorization.nu_from_qd, batch.NU_FROM_QD)
+QD_FROM_NU = VectorSweep(factorization.qd_from_nu, batch.QD_FROM_NU)
+EPSILON_FROM_TAU = VectorSweep(factorization.epsilon_from_tau, batch.EPSILON_FROM_TAU)
+TAU_FROM_EPSILON = VectorSweep(factorization.tau_from_epsilon, batch.TAU_FROM_EPSILON)
 
 
 class SweepCaller:
@@ -91,11 +94,11 @@ class SweepCaller:
         result, vectors = self._empty(at, length), at.vectors.values()
         if at.threads:
             A, B = (*vectors, self._zeros, self._zeros)[:2]
-            inputs = sweep.number, at.q, A, B, sum(sweep.option)
+            inputs = sweep.number, at.q, A, B, sum(sweep.gravity)
             single = partial(self.vector, sweep, problem=problem)
             self._call_many(batch.sweep_each, inputs, (result,), at, single)
         else:
-            status = sweep.single(self.robot, at.q, *vectors, *sweep.option, result)
+            status = sweep.single(self.robot, at.q, *vectors, *sweep.gravity, result)
             self.check(status, at, problem)
         return result
 
@@ -335,9 +338,7 @@ class SweepCaller:
         """Return ε = ℓτ, read-only."""
         at = at._replace(vectors={"tau": tau})
         problem = f"{problem}: a result overflows"
-        return results.read_only(
-            self.vector(TRANSFORMS[factorization.EPSILON_FROM_TAU], at, problem)
-        )
+        return results.read_only(self.vector(EPSILON_FROM_TAU, at, problem))
 
     # --- Links and contact
 

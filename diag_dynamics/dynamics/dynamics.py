@@ -346,34 +346,35 @@ class DiagonalDynamics:
 
     def nu_from_qd(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Array:
         """Return ν = mᵀq̇ [J^½], shape (nv,), in O(N) (Table 1)."""
-        return self._transform(factorization.NU_FROM_QD, q, "qd", qd, threads)
+        return self._transform(calls.NU_FROM_QD, q, "qd", qd, threads)
 
     def qd_from_nu(self, q: StatesLike, nu: StatesLike, *, threads: int | None = None) -> Array:
         """Return q̇ = ℓᵀν [rad/s, m/s], shape (nv,), in O(N) (Table 1, right)."""
-        return self._transform(factorization.QD_FROM_NU, q, "nu", nu, threads)
+        return self._transform(calls.QD_FROM_NU, q, "nu", nu, threads)
 
     def epsilon_from_tau(
         self, q: StatesLike, tau: StatesLike, *, threads: int | None = None
     ) -> Array:
         """Return ε = ℓτ [J^½/s], shape (nv,), in O(N) (Table 2)."""
-        return self._transform(factorization.EPSILON_FROM_TAU, q, "tau", tau, threads)
+        return self._transform(calls.EPSILON_FROM_TAU, q, "tau", tau, threads)
 
     def tau_from_epsilon(
         self, q: StatesLike, epsilon: StatesLike, *, threads: int | None = None
     ) -> Array:
         """Return τ = mε [N m, N], shape (nv,), in O(N) (Table 2, right)."""
-        return self._transform(factorization.TAU_FROM_EPSILON, q, "epsilon", epsilon, threads)
+        return self._transform(calls.TAU_FROM_EPSILON, q, "epsilon", epsilon, threads)
 
-    def _transform(self, which: int, q: Any, name: str, x: Any, threads: int | None) -> Array:
+    def _transform(
+        self, sweep: calls.VectorSweep, q: Any, name: str, x: Any, threads: int | None
+    ) -> Array:
         try:
-            if type(q) is type(x) is ARRAY and q.dtype is x.dtype is FLOAT:
+            if are_vectors(q, x, x):
                 result = np.empty(self._nv)
-                if not factorization.transform.run(self._robot, q, x, which, result):
+                if not sweep.single.run(self._robot, q, x, result):
                     return result
         except TypeError:  # as in evaluate
             pass
-        at = self._arguments.states(q, threads, **{name: x})
-        return self._caller.vector(calls.TRANSFORMS[which], at)
+        return self._caller.vector(sweep, self._arguments.states(q, threads, **{name: x}))
 
     # --- Along a motion
 

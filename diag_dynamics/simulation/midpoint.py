@@ -24,7 +24,6 @@ from diag_dynamics.simulation.modes import (
 )
 from diag_dynamics.sweeps import classical, factorization, groups, kinematics
 from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.sweeps.factorization import NU_FROM_QD, QD_FROM_NU, TAU_FROM_EPSILON
 
 UNMOVED = 1e-6
 """Change of rate by an impact, relative to the largest, below which a joint stays at rest."""
@@ -71,7 +70,7 @@ def midpoint_step(address, h, load):
         _account_for_friction(address, h)
         _account_for_elastic_energy(address)
     if status == 0 and is_beyond_hard_limit(address):
-        status = factorization.transform(sim.robot, sim.q, sim.qd, NU_FROM_QD, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
     return status
@@ -279,9 +278,9 @@ def resolve_impacts(address, h):
         if sim.stiffness[k] == math.inf:
             c = sim.coordinate[k]
             sim.q[c] = min(max(sim.q[c], sim.lower[k]), sim.upper[k])
-    status = factorization.transform(sim.robot, sim.q, sim.nu, QD_FROM_NU, sim.qd)
+    status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
     while status == 0 and _lock_stopped(address, h):
-        status = factorization.transform(sim.robot, sim.q, sim.nu, TAU_FROM_EPSILON, sim.momentum)
+        status = factorization.tau_from_epsilon(sim.robot, sim.q, sim.nu, sim.momentum)
         if status == 0:
             status = factorization.qd_from_momentum(
                 sim.robot, sim.q, sim.locks, sim.momentum, sim.qd
@@ -290,7 +289,7 @@ def resolve_impacts(address, h):
             if sim.locks[k] != 0.0:
                 sim.qd[k] = 0.0
         if status == 0:
-            status = factorization.transform(sim.robot, sim.q, sim.qd, NU_FROM_QD, sim.nu)
+            status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     sim.accounts[LOSS] += _energy(address) - energy
     return status
 

@@ -19,7 +19,6 @@ from diag_dynamics.simulation import midpoint
 from diag_dynamics.simulation.memory import opened
 from diag_dynamics.sweeps import classical, factorization, records
 from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.sweeps.factorization import NU_FROM_QD
 
 Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 """Joint efforts [N m, N] and wrenches of a step, and whether wrenches are in world axes."""
@@ -71,14 +70,14 @@ def advance(address, h, steps, tau, wrenches, in_world):
             status = midpoint.midpoint_step(address, h, load)
         count += 1
     if status == 0 and steps > 0:
-        status = factorization.transform(sim.robot, sim.q, sim.qd, NU_FROM_QD, sim.nu)
+        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
     if status == 0 and steps > 0 and not math.isfinite(midpoint.kinetic_energy(sim.nu)):
         status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
         ws.copy(sim.last, sim.state)
         count -= 1
-        factorization.transform(sim.robot, sim.q, sim.qd, NU_FROM_QD, sim.nu)
+        factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
         if status > 0:
             work[status].D = failing  # for the error message
     sim.steps[0] += max(count, 0)

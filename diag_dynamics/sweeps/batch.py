@@ -330,7 +330,8 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
 
 # --- Other sweeps ---
 
-FORWARD, INVERSE, TRANSFORM, MOMENTUM, FIRST_MOMENT = range(5)
+FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(6)
+MOMENTUM, FIRST_MOMENT = 6, 7
 """Sweeps of :func:`sweep_each`."""
 
 
@@ -344,23 +345,26 @@ FORWARD, INVERSE, TRANSFORM, MOMENTUM, FIRST_MOMENT = range(5)
     nk.FILLED_MATRIX,
     nogil=True,
 )
-def sweep_each(robot, which, Q, A, B, option, begin, end, results):
-    """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all.
-
-    The option is the weight of gravity, or the number of a transform.
-    """
+def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
+    """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all."""
     for t in range(begin, end):
         q, a, b, result = Q[t], A[min(t, len(A) - 1)], B[min(t, len(B) - 1)], results[t]
         if which == FORWARD:
             status = classical.forward_dynamics(robot, q, a, b, result)
         elif which == INVERSE:
-            status = classical.inverse_dynamics(robot, q, a, b, option, result)
-        elif which == TRANSFORM:
-            status = factorization.transform(robot, q, a, int(option), result)
+            status = classical.inverse_dynamics(robot, q, a, b, weight, result)
+        elif which == NU_FROM_QD:
+            status = factorization.nu_from_qd(robot, q, a, result)
+        elif which == QD_FROM_NU:
+            status = factorization.qd_from_nu(robot, q, a, result)
+        elif which == EPSILON_FROM_TAU:
+            status = factorization.epsilon_from_tau(robot, q, a, result)
         elif which == MOMENTUM:
             status = classical.momentum(robot, q, a, result)
-        else:
+        elif which == FIRST_MOMENT:
             status = classical.first_moment(robot, q, result)
+        else:
+            status = factorization.tau_from_epsilon(robot, q, a, result)
         if status != 0:
             return t
     return end

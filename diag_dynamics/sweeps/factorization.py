@@ -174,37 +174,62 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
         i = first - 1
 
 
-NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(4)
-"""Sweeps of :func:`transform`."""
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.COUNT, nk.FILLED_VECTOR)
-def transform(robot, q, x, which, result):
-    """ν = mᵀq̇, q̇ = ℓᵀν (Table 1), ε = ℓτ, or τ = mε (Table 2) of x."""
-    at = ws.robot_of(robot)
-    if len(q) != at.nq or len(x) != at.nv:
+@nk.large_kernel
+def _factorized(robot, q, x):
+    """Place and factorize for a sweep of x; returns a status."""
+    if not ws.lengths_match(robot, q, x, x):
         return ws.BAD_LENGTH
-    if not joints.are_finite(x):
-        return -1
-    bodies, work, Q = at.bodies, at.work, at.table[0]
-    status = factorize_at(robot, q)
+    return factorize_at(robot, q) if joints.are_finite(x) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def nu_from_qd(robot, q, qd, nu):
+    """ν = mᵀq̇ (Table 1)."""
+    bodies, _, work, table = ws.opened(robot)
+    status = _factorized(robot, q, qd)
     if status != 0:
         return status
-    if which == NU_FROM_QD:
-        xi_from_qd(bodies, x, work, Q, result)
-        scale_by_inertia(bodies, work, 0.5, result)
-    elif which == QD_FROM_NU:
-        ws.copy(x, result)
-        scale_by_inertia(bodies, work, -0.5, result)
-        qd_from_xi(bodies, result, work, Q, result)
-    elif which == EPSILON_FROM_TAU:
-        kappa_from_tau(bodies, x, work, Q, result)
-        scale_by_inertia(bodies, work, -0.5, result)
-    else:
-        ws.copy(x, result)
-        scale_by_inertia(bodies, work, 0.5, result)
-        tau_from_kappa(bodies, result, work, Q, result)
-    return 0 if joints.are_finite(result) else -1
+    xi_from_qd(bodies, qd, work, table[0], nu)
+    scale_by_inertia(bodies, work, 0.5, nu)
+    return 0 if joints.are_finite(nu) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def qd_from_nu(robot, q, nu, qd):
+    """q̇ = ℓᵀν (Table 1, right)."""
+    bodies, _, work, table = ws.opened(robot)
+    status = _factorized(robot, q, nu)
+    if status != 0:
+        return status
+    ws.copy(nu, qd)
+    scale_by_inertia(bodies, work, -0.5, qd)
+    qd_from_xi(bodies, qd, work, table[0], qd)
+    return 0 if joints.are_finite(qd) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def epsilon_from_tau(robot, q, tau, epsilon):
+    """ε = ℓτ (Table 2)."""
+    bodies, _, work, table = ws.opened(robot)
+    status = _factorized(robot, q, tau)
+    if status != 0:
+        return status
+    kappa_from_tau(bodies, tau, work, table[0], epsilon)
+    scale_by_inertia(bodies, work, -0.5, epsilon)
+    return 0 if joints.are_finite(epsilon) else -1
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
+def tau_from_epsilon(robot, q, epsilon, tau):
+    """τ = mε (Table 2, right)."""
+    bodies, _, work, table = ws.opened(robot)
+    status = _factorized(robot, q, epsilon)
+    if status != 0:
+        return status
+    ws.copy(epsilon, tau)
+    scale_by_inertia(bodies, work, 0.5, tau)
+    tau_from_kappa(bodies, tau, work, table[0], tau)
+    return 0 if joints.are_finite(tau) else -1
 
 
 @nk.large_kernel
