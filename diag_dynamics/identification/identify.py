@@ -293,12 +293,19 @@ def check_motion(model, datasets, slides):
 
 
 def _in_order(datasets):
-    """Return segments of all datasets, and joints with efforts, in an order that does not depend on that of datasets."""
-    return [
-        (segment, dataset.known)
-        for dataset in sorted(datasets, key=lambda dataset: dataset.key)
-        for segment in dataset.segments
-    ]
+    """Return segments and joints with efforts, in an order that does not depend on datasets.
+
+    Efforts of a joint that stands count only if it stands in all datasets, because stiction may
+    carry any torque.
+    """
+    measured = np.array([dataset.known for dataset in datasets], dtype=bool)
+    moves = np.zeros_like(measured)
+    for moved, dataset in zip(moves, datasets, strict=True):
+        positions = np.vstack([segment.states.position for segment in dataset.segments])
+        moved[:] = np.ptp(positions, axis=0) > TRAVEL
+    measured &= moves | ~(measured & moves).any(axis=0)
+    pairs = sorted(zip(datasets, measured, strict=True), key=lambda pair: pair[0].key)
+    return [(segment, known) for dataset, known in pairs for segment in dataset.segments]
 
 
 def _origin(model, data, quality):

@@ -12,7 +12,7 @@ import pytest
 
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
-from desk_arm import DOWN, URDF, motion, recording, worn, write_table
+from desk_arm import DOWN, JOINTS, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
 from motions import efforts, fourier, recorded
 from oracles import Oracle
@@ -279,6 +279,21 @@ def commanded(tmp_path, capsys, command, columns, *options):
         [command, str(write_table(tmp_path / "log.csv", *columns)), "--urdf", str(urdf), *options]
     )
     return status, " ".join("".join(capsys.readouterr()).split())
+
+
+def test_joints_that_move_one_after_the_other(arm):
+    """Stiction holds the others at any torque within their friction."""
+    friction, recordings = np.array([0.03, 0.02, 0.01]), []
+    for k, level in enumerate((0.9, -0.8, 0.7)):
+        moves = np.arange(3) == k
+        t, q, qd, _ = motion()
+        q, qd = np.where(moves, q, 0.3), np.where(moves, qd, 0.0)
+        tau = dd.DiagonalDynamics(arm).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+        tau += friction * np.where(moves, np.tanh(qd / arm.friction_velocity), level)
+        recordings.append(recording(t, q, qd, tau))
+    joints = dd.identify(recordings, arm, "friction").parameters.joints
+    assert [joints[name].friction for name in JOINTS] == pytest.approx(friction, rel=0.02)
+    assert max(abs(joints[name].effort_offset or 0.0) for name in JOINTS) < 2e-4
 
 
 UNMEASURED = {
