@@ -48,6 +48,12 @@ SEND_BUFFER, MAX_UNSENT = 64 * 1024, 4 * 1024
 READ_TIMEOUT = 20.0
 """Time after which a reader whose socket stays full is disconnected [s]."""
 
+MAX_CONNECTIONS = 64
+"""Connections, above which the next one is refused."""
+
+ACCEPT_RETRY_PERIOD = 10.0
+"""Time until the next attempt to accept connections after an error [s]."""
+
 KEEPALIVE_TIMEOUT = 15.0
 """Time after which a connection without requests is closed [s]."""
 
@@ -141,7 +147,7 @@ class PageServer:
             app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT
         )
         await runner.setup()
-        await web.SockSite(runner, self._socket).start()
+        accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
         self._started.set()
         while not self._end.is_set():
@@ -149,7 +155,22 @@ class PageServer:
                 await asyncio.wait_for(self._end.wait(), HEARTBEAT / 2.0)
             for news in self._news:
                 news.set()
+        accepting.cancel()
         await runner.cleanup()
+
+    async def _accept_connections(self, server):
+        """Accept connections: servers of asyncio have no maximum and log every error."""
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, _ = await loop.sock_accept(self._socket)
+                if len(server.connections) >= MAX_CONNECTIONS:
+                    connection.close()
+                else:
+                    await loop.connect_accepted_socket(server, connection)
+            except OSError as error:  # as without free file descriptors
+                logger.warning("The page accepts no connections: %s. Close other programs.", error)
+                await asyncio.sleep(ACCEPT_RETRY_PERIOD)
 
     @web.middleware
     async def _guard(self, request, handler):
@@ -309,12 +330,14 @@ def listen(host, port):
         if not host or not 0 <= port <= 65535:
             raise OSError("expected an address (0.0.0.0 for all) and a port from 0 to 65535")
         place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        return socket.create_server(place[4][:2], family=place[0])
+        server = socket.create_server(place[4][:2], family=place[0])
     except (OSError, UnicodeError) as error:
         why = getattr(error, "strerror", None) or error
         address = f"host '{plain(host)}', port {port}"
         text = f"The page cannot be served on {address}: {why}. Port 0 is any free one."
         raise InputError(text) from error
+    server.setblocking(False)
+    return server
 
 
 def is_own(request, host):

@@ -6,6 +6,7 @@ pass.
 """
 
 import contextlib
+import http.client
 import itertools
 import json
 import queue
@@ -145,6 +146,30 @@ def test_only_get_by_its_own_name_and_its_own_page(address):
     }.items():
         with Stream(address, origin=origin, robot="/arm") as stream:
             assert answer in stream.head
+
+
+def test_connections_above_the_maximum_are_refused(address):
+    """Idle ones count. A connection that closes makes room."""
+    where = "127.0.0.1", int(address.split(":")[-1].strip("/"))
+    with contextlib.ExitStack() as stack:
+        others = [
+            stack.enter_context(socket.create_connection(where, HANG))
+            for _ in range(server.MAX_CONNECTIONS)
+        ]
+        with socket.create_connection(where, HANG) as refused:
+            assert refused.recv(1) == b""
+        others[-1].sendall(b"GET /robots HTTP/1.0\r\nHost: localhost\r\n\r\n")
+        assert others[-1].recv(12) == b"HTTP/1.0 200"
+        others.pop().close()
+        assert get_json_when_free(address)
+
+
+def get_json_when_free(address):
+    """Return the list of robots when the server has noticed that a connection has closed."""
+    for _ in range(1000):
+        with contextlib.suppress(ConnectionError, http.client.BadStatusLine):
+            return get_json(address, "/robots")
+    raise AssertionError("no room after a connection has closed")
 
 
 def test_addresses_that_cannot_be_served(address):
