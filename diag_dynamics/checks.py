@@ -156,7 +156,7 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
 
 
 def has_names(value: Any) -> bool:
-    """Return whether a value is by name: a dict, a Series, or a DataFrame; not one numbered from 0."""
+    """Return whether a value has names: a dict, or a Series or DataFrame not numbered from 0."""
     if isinstance(value, Mapping):
         return True
     labels = value.keys() if hasattr(value, "keys") else ()

@@ -14,7 +14,7 @@ from diag_dynamics.sweeps import workspace as ws
 
 @nk.large_kernel
 def _initialize(bodies, q, qd, x, work):
-    """Placed bodies with their own inertias, at rest as yet; x are further rates, which are checked."""
+    """Placed bodies with their own inertias, at rest as yet; checks further rates x."""
     if not (joints.are_finite(qd) and joints.are_finite(x)):
         return -1
     joints.set_base_at_rest(work)

@@ -46,7 +46,7 @@ def couple_with_rates(q, qd, work):
 
 @nk.kernel
 def start_motion(bodies, q, qd, work):
-    """Couple followers to q and q̇, with the base at rest; returns a status, -1 for wrong numbers."""
+    """Couple followers to q and q̇, the base at rest; returns a status, -1 for wrong numbers."""
     if not (are_positions(bodies, q) and are_finite(qd)):
         return -1
     set_base_at_rest(work)
@@ -137,7 +137,7 @@ def pose(bodies, i, base, work):
 
 @nk.kernel
 def initialize(bodies, q, work):
-    """X of every body and P before any child has been added; returns a status, -1 for wrong positions."""
+    """X of every body and P without its children; returns a status, -1 for wrong positions."""
     if not are_positions(bodies, q):
         return -1
     status = couple(q, work)

@@ -183,8 +183,8 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     and the forgetting rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and
     Y_g − Y_∂ of the last state and of this one, and Φ, their low-pass. `matrices`, (3, 5, 5), are
     the information of [π, m r], the same after the elimination of π (estimate, negative covariance,
-    energy of the residual), and memory. `whitening` is W of the covariance Σ of m r, an upper triangle
-    with WᵀW = Σ⁻¹, `prior` the prior's information.
+    energy of the residual), and memory. `whitening` is W of the covariance Σ of m r, upper
+    triangular with WᵀW = Σ⁻¹, `prior` the prior's information.
     """
     bodies, gravity, work, _ = ws.opened(robot)
     if not ws.lengths_match(robot, q, qd, torque):
