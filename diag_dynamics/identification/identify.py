@@ -138,6 +138,11 @@ def identify(
             raise ConvergenceError(f"{text}.") from error
         selection = Selection(model, steps, None, data)
         selection.warnings.append(f"no payload was identified: {text}")
+    if "gains" in names and reference is None and None in asked.values():
+        selection.warnings.append(
+            "gains contain the weight of the payload. Give a reference without it, or its mass "
+            "(payload:LINK=MASS)"
+        )
     last, free = selection.fit_all(), selection.free(selection.taken)
     quality, curves = quality_of(model, selection, data, last)
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for

@@ -453,6 +453,9 @@ def test_a_known_payload_shows_gains_of_light_joints(arm, seed):
     alone = dd.identify(reference, model, "gains").quality
     assert alone["effort_gain"]["wrist_3_joint"] is None and "wrist_3_joint" not in alone["partial"]
     assert any("wrist_3_joint are in an unknown unit" in text for text in alone["findings"])
+    unknown = dd.identify(reference, model, ("gains", "payload:wrist_3_link")).quality
+    for warnings, is_absorbed in ((quality["warnings"], False), (unknown["warnings"], True)):
+        assert any("contain the weight of the payload" in text for text in warnings) == is_absorbed
 
 
 @pytest.mark.parametrize(
