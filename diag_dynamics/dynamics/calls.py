@@ -24,7 +24,7 @@ from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, Singula
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, loop_error, loop_title
 from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
-from diag_dynamics.model.massless import singular_joints
+from diag_dynamics.model.massless import joint_inertias
 from diag_dynamics.numerics.callback import FAILED
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import (
@@ -160,7 +160,8 @@ class SweepCaller:
             raise InputError(f"{problem}.")
         D = np.nan
         if status > 0:  # in new memory: another thread may have used the shared one since
-            D = singular_joints(self.model, at.q).get(status, np.nan)
+            inertias, _ = joint_inertias(self.model, at.q, FollowerMotion(self.model))
+            D = inertias[self.model.bodies["dof"][status]]
         raise_failure(self.model, status, D, at)
 
     def warn_of_loops(self) -> None:

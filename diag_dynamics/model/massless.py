@@ -5,64 +5,147 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
+from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MasslessLinkError
-from diag_dynamics.model.followers import closed
-from diag_dynamics.sweeps import evaluation, factorization
-from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.sweeps.memory import Workspace
+from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.sweeps import followers
+from diag_dynamics.sweeps.joints import REMOTE, SINGULAR
+from diag_dynamics.sweeps.records import PLANAR, PRISMATIC, REVOLUTE, VIRTUAL
+from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
     from diag_dynamics.model.tree import Tree
 
-LOCKED = 1e100  # armature of a joint that counts as locked [kg m², kg]
 MAX_LISTED = 50  # largest number of joints that a message lists
 
+_UPPER = np.triu_indices(3)
 
-def massless_freedoms(model: RobotModel) -> dict[int, float]:
-    """Return the smallest D of each degree of freedom that moves no inertia in four poses."""
-    if not _is_singular(model, model.start):
-        return {}
-    singular, rng = singular_joints(model, model.start), np.random.default_rng(0)
-    turning = np.array(model.orientations) < 0
-    spread = 1.0 if model.coupling_tables is None else 0.05
-    for _ in range(3):
+
+def massless_freedoms(model: RobotModel) -> tuple[npt.NDArray[np.int64], Array]:
+    """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
+    rng, motion = np.random.default_rng(0), FollowerMotion(model)
+    smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
+    turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
+    for spread in (
+        (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05)
+    ):
         q = model.start
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
-        there = singular_joints(model, closed(model, q) if model.loops else q)
-        singular = {body: min(D, there[body]) for body, D in singular.items() if body in there}
-    return {int(model.bodies["dof"][body]): D for body, D in sorted(singular.items())}
+        D, size = joint_inertias(model, q, motion)
+        massless &= ~(SINGULAR * size < D)
+        smallest = np.minimum(smallest, D)
+    return np.flatnonzero(massless), smallest
 
 
-def _is_singular(model: RobotModel, q: Array) -> bool:
-    """Return whether a joint moves no inertia, by the sweep that most users compile anyway."""
-    at_rest, rows = np.zeros(model.nv), np.empty((ws.N_ROWS, max(model.nq, 1)))
-    workspace = model.new_workspace()
-    status: int = evaluation.evaluate(workspace.robot, q, at_rest, at_rest, rows)
-    return status > 0
+@np.errstate(all="ignore")  # numbers may be too large
+def joint_inertias(model: RobotModel, q: Array, motion: FollowerMotion) -> tuple[Array, Array]:
+    """Return D of each degree of freedom and its size, see sweeps.joints.
+
+    A massless joint counts as locked.
+
+    `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed.
+    The mass matrix of a group belongs to the twist of its carrier and the rates in the group, as in
+    sweeps.groups.
+    """
+    bodies = model.bodies
+    position, ratio = np.zeros(len(bodies)), bodies["multiplier"]
+    if model.coupling_tables is not None:
+        ratios = motion.memory()
+        if followers.ratios(motion.workspace.robot, q, np.zeros(model.nv), ratios) != 0:
+            unknown = np.full(model.nv, np.inf)
+            return unknown, unknown
+        position = ratios[:, 0]
+        ratio = ratios[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
+    elif model.nq:
+        position = ratio * q[bodies["q"]] + bodies["offset"]
+    P, X, lever = _placed(bodies, q, position)
+    magnitude = np.array([_traces(inertia) for inertia in P])
+    total, D = magnitude.copy(), np.zeros(model.nv)
+    size, last = np.zeros(model.nv), len(bodies) - 1
+    while last > 0:
+        first = int(bodies["first"][last])
+        group, base = range(first, last + 1), bodies["parent"][first]
+        column = 6 + bodies["dof"] - bodies["start"][first]
+        width = 1 + max(column[first : last + 1])
+        M, twist, rotor = np.zeros((width, width)), {base: np.eye(6, width)}, dict[int, Array]()
+        to_group = X[first] if first == last else np.eye(6)  # in the axes with the least rounding
+        for i in group:
+            twist[i] = (X[i] if first < last else np.eye(6)) @ twist[bodies["parent"][i]]
+            twist[i][bodies["direction"][i], column[i]] += ratio[i]
+            M += twist[i].T @ P[i] @ twist[i]
+            turning = i - bodies["rank"][i] if bodies["kind"][i] == VIRTUAL else i
+            rotor.setdefault(turning, np.zeros(width))[column[i]] += ratio[i]
+        for i, rate in rotor.items():
+            M += bodies["armature"][i] * np.outer(rate, rate)
+        for i in reversed(group):
+            parent, k = bodies["parent"][i], int(bodies["direction"][i] >= ANGULAR_X)
+            size[bodies["dof"][i]] += ratio[i] ** 2 * max(magnitude[i, k], REMOTE * total[i, k])
+            magnitude[parent] += magnitude[i] if bodies["rank"][i] else lever[i] @ _traces(P[i])
+            total[parent] += lever[i] @ total[i]
+            if parent >= first:
+                P[parent] = P[parent] + X[i].T @ P[i] @ X[i]
+        for k in reversed(range(6, width)):
+            dof = k - 6 + bodies["start"][first]
+            D[dof], row = M[k, k], M[k, :k]
+            if SINGULAR * size[dof] < D[dof]:
+                M[:k, :k] -= np.outer(row / D[dof], row)
+        if base > 0:
+            P[base] = P[base] + to_group.T @ M[:6, :6] @ to_group
+        last = first - 1
+    return D, size
 
 
-def singular_joints(model: RobotModel, q: Array) -> dict[int, float]:
-    """Return D by body of joints that move no inertia; each counts as locked for those inboard."""
-    workspace = Workspace(model.bodies.copy(), model.gravity, model.coupling_tables)
-    factors, D = np.empty((3, model.nv, model.nv)), np.empty(model.nv)
-    singular: dict[int, float] = {}
-    while True:
-        body = factorization.factors(workspace.robot, q, factors, D)
-        if body <= 0 or body in singular:
-            return singular
-        singular[body] = float(workspace.work["D"][body])
-        workspace.bodies["armature"][body] = LOCKED
+def _traces(P: Array) -> Array:
+    """Return the traces of the linear and the angular part of an inertia."""
+    return np.array([np.trace(P[:3, :3]), np.trace(P[3:, 3:])])
 
 
-def positions_to_hold(model: RobotModel, massless: Mapping[int, float]) -> dict[str, float]:
+def _placed(
+    bodies: npt.NDArray[np.void], q: Array, position: Array
+) -> tuple[Array, Array, list[Array]]:
+    """Return inertias of bodies, their twists by those of their parents, and their sizes by their parents'."""
+    P, X, lever = np.zeros((len(bodies), 6, 6)), np.zeros((len(bodies), 6, 6)), []
+    for i, body in enumerate(bodies):
+        moment = _cross(body["first_moment"])
+        P[i, :3, :3], P[i, :3, 3:], P[i, 3:, :3] = body["mass"] * np.eye(3), moment.T, moment
+        P[i, 3:, 3:][_UPPER] = P[i, 3:, 3:].T[_UPPER] = body["inertia"]
+        R, p = np.eye(3), np.zeros(3)
+        if i > 0 and body["rank"] == 0:
+            R, p = _placement(body, q, position[i])
+        X[i, :3, :3] = X[i, 3:, 3:] = R.T
+        X[i, :3, 3:] = R.T @ _cross(p).T
+        lever.append(np.array([[1.0, 0.0], [p @ p, 1.0]]))
+    return P, X, lever
+
+
+def _placement(body: np.void, q: Array, position: float) -> tuple[Array, Array]:
+    """Return rotation and translation of a body that is the first one of its joint."""
+    k, turn, shift = body["q"], np.eye(3), np.zeros(3)
+    if body["kind"] == REVOLUTE:
+        turn = rotations.from_rpy(0.0, 0.0, position)
+    elif body["kind"] == PRISMATIC:
+        shift[2] = position
+    elif body["kind"] == PLANAR:
+        turn, shift[:2] = rotations.from_rpy(0.0, 0.0, q[k + 2]), q[k : k + 2]
+    else:
+        turn, shift = rotations.from_quaternion(*q[k + 3 : k + 7]), q[k : k + 3]
+    R = body["rotation"].reshape(3, 3)
+    return R @ turn, body["translation"] + R @ shift
+
+
+def _cross(r: Array) -> Array:
+    """Return the matrix of the cross product with a vector from the left."""
+    return np.asarray(np.cross(np.eye(3), r))
+
+
+def positions_to_hold(model: RobotModel, massless: npt.NDArray[np.int64]) -> dict[str, float]:
     """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
     at = {name: k for k, name in enumerate(model.coordinate_names)}
     names = [name for name in _names_of(model, massless) if name in at]  # of one degree of freedom
@@ -71,13 +154,15 @@ def positions_to_hold(model: RobotModel, massless: Mapping[int, float]) -> dict[
     }
 
 
-def _names_of(model: RobotModel, dofs: Iterable[int]) -> list[str]:
+def _names_of(model: RobotModel, dofs: npt.NDArray[np.int64]) -> list[str]:
     return [model.dof_names[k] for k in dofs]
 
 
-def reject_massless(model: RobotModel, tree: Tree, massless: Mapping[int, float]) -> None:
+def reject_massless(
+    model: RobotModel, tree: Tree, massless: npt.NDArray[np.int64], smallest: Array
+) -> None:
     """Raise, naming all joints that move no inertia, and their cures."""
-    if not massless:
+    if not len(massless):
         return
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
     inertials = [(link.inertial, body) for link, body, _ in tree.links]
@@ -87,11 +172,13 @@ def reject_massless(model: RobotModel, tree: Tree, massless: Mapping[int, float]
         if inertial is not None and (inertial.mass or np.any(inertial.inertia))
     }
     lines = []
-    for k, D in islice(massless.items(), MAX_LISTED):
+    for k in massless[:MAX_LISTED]:
         link = joints[k].joint.child
         is_heavy = tree.last_body[joints[k].name] in heavy
         why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
-        lines.append(f"joint '{model.dof_names[k]}' (D = {D:.3g}): link '{link}' has {why}")
+        lines.append(
+            f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}"
+        )
     if len(massless) > MAX_LISTED:
         lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
@@ -106,5 +193,5 @@ def reject_massless(model: RobotModel, tree: Tree, massless: Mapping[int, float]
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "
         f"{'; '.join(lines)}. {advice}",
         _names_of(model, massless),
-        massless.values(),
+        smallest[massless],
     )

@@ -526,10 +526,10 @@ def build(
         if applied is not None:
             reject_too_light(tree, applied)
         model = RobotModel(tree, options)
-        massless = massless_freedoms(model)
+        massless, smallest = massless_freedoms(model)
         more = positions_to_hold(model, massless) if options.massless == "lock" else {}
         if not more:
-            reject_massless(model, tree, massless)
+            reject_massless(model, tree, massless, smallest)
             return model
         options = options._replace(held={**options.held, **more})
 
