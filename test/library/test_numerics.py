@@ -18,6 +18,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 import numba
 import numpy as np
@@ -140,12 +141,12 @@ def test_an_interrupt_while_a_callback_is_compiled(monkeypatch):
 
     entry.compile()
     compile_callback = Callback.compile
+    timer = mock.Mock()
     monkeypatch.setattr(Callback, "compile", interrupt_and_compile)
-    monkeypatch.setattr(callback, "INTERRUPT_DELAY", 0.3)
+    monkeypatch.setattr(callback.threading, "Timer", timer)
     assert entry(doubled.address) == 42
-    with pytest.raises(KeyboardInterrupt):
-        for _ in range(6000):
-            time.sleep(0.01)
+    timer.assert_called_once_with(callback.INTERRUPT_DELAY, _thread.interrupt_main)
+    timer.return_value.start.assert_called_once_with()
 
 
 @pytest.mark.parametrize(
