@@ -217,7 +217,7 @@ def arm(peer, tmp_path_factory):
 
 def test_the_launch_file(arm):
     """It activates the effort controller after the node; the arm stays where it is."""
-    assert f"{INACTIVE}: controller '{EFFORTS}' is inactive" in arm.launched.output
+    assert f"Holding gravity: controller '{EFFORTS}' is inactive" in arm.launched.output
     states = arm.first
     states.report("launch file")
     assert arm.state_of(EFFORTS) == "active"
