@@ -15,6 +15,7 @@ import { JointTable } from "./joints.js";
 import { Keys } from "./keys.js";
 import { csv } from "./layout.js";
 import { fromHash, toHash } from "./link.js";
+import { DEFAULT } from "./presets.js";
 import { COLOURINGS } from "./quantities.js";
 import { Stage } from "./stage.js";
 import { Timeline } from "./timeline.js";
@@ -136,7 +137,7 @@ export class App {
     this.notice = notes.map((note) => `link: ${note}`).join("; ");
     if (location.hash === this.hash || !location.hash) return;
     this.wanted = state;
-    this.cards.show({ hidden: state.hide });
+    this.cards.show({ chosen: state.cards });
     if (state.colour && !this.stage.colourBy(state.colour)) this.#note(`colour is '${state.colour}'`);
     if (state.all) this.showAll(true);
     if (state.robot && this.source?.robots.some(({ name }) => name === state.robot)) this.source.choose(state.robot);
@@ -176,7 +177,7 @@ export class App {
       colour: stage.colouring === "share" ? null : stage.colouring,
       camera: pose === "iso" || stage.following ? null : pose,
       card: cards.large,
-      hide: cards.hidden,
+      cards: cards.choice === DEFAULT ? null : cards.choice,
       all: stage.fleet?.on,
     };
   }

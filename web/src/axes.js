@@ -5,12 +5,14 @@
 
 import { powerOfTen } from "./format.js";
 
-// Range of a linear axis: zero and all thresholds are always inside. A stack begins at zero.
-export function linearRange(low, high, stacked = false, thresholds = []) {
+// Range of a linear axis: zero and all thresholds are always inside. A stack begins at zero. smallest: size of the range of
+// noise alone.
+export function linearRange(low, high, stacked = false, thresholds = [], smallest = 1e-6) {
   if (thresholds.length) [low, high] = [Math.min(low ?? 0, ...thresholds), Math.max(high ?? 0, ...thresholds)];
   if (low === null || high === null) return stacked ? [0, 1] : [-1, 1];
-  if (stacked) return [0, Math.max(1e-6, 1.08 * high)];
-  const size = Math.max(Math.abs(low), Math.abs(high), 1e-6);
+  if (stacked) return [0, Math.max(smallest, 1.08 * high)];
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  if (size < smallest) return [low < 0 ? -smallest : 0, smallest];
   const room = 0.08 * Math.max(high - low, 0.05 * size);
   return [Math.min(low - room, 0), Math.max(high + room, 0)];
 }

@@ -10,19 +10,22 @@ import { ContactCard } from "./contact-limits.js";
 import { number, span, statusName, UNKNOWN } from "./format.js";
 import { severity, statusText } from "./health.js";
 import { Plot } from "./plot.js";
+import { cardsOf, DEFAULT, gridOf, PRESETS, textOf } from "./presets.js";
 import { plotsOf } from "./quantities.js";
 
 const BEFORE = 4; // plots before the list of collisions on a live page
+const NOTES = 2; // chapters of a report after its plots: data quality, parameters
 const LEVELS = ["good", "warn", "bad", "warn"];
+const MIN_WIDTH = 19; // [rem] of a card
 
 export class Cards {
   constructor(shared) {
     this.shared = shared;
     this.plots = [];
     this.legends = {}; // state of each plot's legend
-    this.hidden = (stored("diag.hidden") ?? "").split(",").filter(Boolean); // names of cards
+    this.chosen = cardsOf(stored("diag.cards") ?? DEFAULT) ?? PRESETS[DEFAULT]; // names of cards
     this.large = null; // name of the card that fills the page
-    this.menu = el("div", { class: "menu", id: "cardmenu", popover: "auto", onbeforetoggle: () => this.menu.replaceChildren(...[...this.node.children].map((card) => this.#choice(card))) });
+    this.menu = el("div", { class: "menu", id: "cardmenu", popover: "auto", onbeforetoggle: () => this.#fillMenu() });
     this.pointer = null; // function of the time below the pointer, or null
     this.list = el("div", { class: "diagnostics" }, el("p", { class: "none", text: "no diagnostics received yet" }));
     this.statuses = []; // each one with the element of its text
@@ -40,10 +43,11 @@ export class Cards {
     this.plots = plotsOf(layout).map((spec) => new Plot(spec, this.shared, (this.legends[spec.id] ??= { hidden: new Set() })));
     this.contact = layout.size("contact_limits_worst") ? new ContactCard(layout, (link) => this.shared.selectLink(link)) : null;
     const contact = this.contact ? [this.contact.node] : [];
-    const [first, ...others] = this.chapters;
+    const [first, ...results] = this.chapters.slice(0, -NOTES);
+    const notes = this.chapters.slice(-NOTES);
     const plots = this.plots.map((plot) => plot.node);
     const list = this.collisions.node;
-    if (first) this.node.replaceChildren(first, list, ...contact, ...others, ...plots);
+    if (first) this.node.replaceChildren(first, list, ...results, ...contact, ...plots, ...notes);
     else this.node.replaceChildren(...contact, ...plots.slice(0, BEFORE), list, ...plots.slice(BEFORE), this.words);
     for (const card of this.node.children) this.#addButton(card);
     this.show({});
@@ -56,36 +60,55 @@ export class Cards {
     card.querySelector("header").append(el("button", { class: "plain enlarge", title: "enlarge, and back (Esc)", "aria-label": "enlarge", text: "⤢", onclick: enlarge }));
   }
 
-  // hidden: names of cards; large: name of the card that fills the page, or null.
-  show({ hidden = this.hidden, large = this.large }) {
+  // The preset or the names of the cards that are shown, as text.
+  get choice() {
+    return textOf(this.chosen);
+  }
+
+  // chosen: names of cards; large: name of the card that fills the page, or null.
+  show({ chosen = this.chosen, large = this.large }) {
     const cards = [...this.node.children];
-    Object.assign(this, { hidden, large: cards.some((card) => nameOf(card) === large) ? large : null });
+    Object.assign(this, { chosen, large: cards.some((card) => nameOf(card) === large) ? large : null });
     for (const card of cards) {
-      card.hidden = this.large ? nameOf(card) !== this.large : hidden.includes(nameOf(card));
+      card.hidden = this.large ? nameOf(card) !== this.large : !chosen.includes(nameOf(card));
       toggle(card, "large", nameOf(card) === this.large);
     }
     toggle(document.body, "enlarged", Boolean(this.large));
     this.#fill();
   }
 
-  #choice(card) {
-    const name = nameOf(card);
-    const onchange = ({ target }) => {
-      const others = this.hidden.filter((other) => other !== name);
-      this.show({ hidden: target.checked ? others : [...others, name] });
-      store("diag.hidden", this.hidden.join());
-    };
-    return el("label", {}, el("input", { type: "checkbox", name, checked: !this.hidden.includes(name), onchange }), card.querySelector("h2").textContent);
+  // Shows these cards also when the page is opened again.
+  choose(chosen) {
+    this.show({ chosen, large: null });
+    store("diag.cards", this.choice);
+    this.#markMenu();
   }
 
-  // The last card spans the cells that the others leave free.
+  // Fills the menu: presets, and each card of the robot.
+  #fillMenu() {
+    const presets = Object.keys(PRESETS).map((preset) => el("button", { text: preset, onclick: () => this.choose(PRESETS[preset]) }));
+    this.menu.replaceChildren(el("div", { class: "presets" }, ...presets), ...[...this.node.children].map((card) => this.#menuLine(card)));
+    this.#markMenu();
+  }
+
+  #menuLine(card) {
+    const name = nameOf(card);
+    const onchange = ({ target }) => this.choose(target.checked ? [...this.chosen, name] : this.chosen.filter((other) => other !== name));
+    return el("label", {}, el("input", { type: "checkbox", name, onchange }), card.querySelector("h2").textContent);
+  }
+
+  #markMenu() {
+    for (const input of this.menu.querySelectorAll("input")) input.checked = this.chosen.includes(input.name);
+    for (const button of this.menu.querySelectorAll("button")) button.setAttribute("aria-pressed", button.textContent === this.choice);
+  }
+
   #fill() {
     const cards = [...this.node.children].filter((card) => !card.hidden);
-    const last = cards.pop();
-    for (const card of this.node.children) card.style.gridColumn = ""; // else a wide one would add columns
-    const columns = getComputedStyle(this.node).gridTemplateColumns.split(" ").length;
-    const cells = cards.length + (columns > 1 && this.contact && !this.contact.node.hidden ? 1 : 0); // the contact card has two
-    if (last) last.style.gridColumn = `span ${columns - (cells % columns)}`;
+    const size = parseFloat(getComputedStyle(this.node).fontSize);
+    const most = Math.max(1, Math.floor(this.node.clientWidth / (MIN_WIDTH * size)));
+    const { columns, spans } = gridOf(cards.map(kindOf), most);
+    this.node.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
+    cards.forEach((card, k) => (card.style.gridColumn = `span ${spans[k]}`));
   }
 
   draw() {
@@ -181,7 +204,7 @@ export class Cards {
   }
 
   showDiagnostics() {
-    this.show({ hidden: this.hidden.filter((name) => name !== "diagnostics"), large: null });
+    this.show({ chosen: [...new Set([...this.chosen, "diagnostics"])], large: null });
     this.words.scrollIntoView({ block: "nearest", behavior: "smooth" });
   }
 
@@ -200,6 +223,7 @@ export class Cards {
 }
 
 const nameOf = (card) => card.id.replace("plot-", "");
+const kindOf = ({ id }) => (id.startsWith("plot-") ? "plot" : id === "contact-limits" ? "table" : "words");
 
 function scrolls(node) {
   return node.scrollHeight > node.clientHeight + 2 || document.documentElement.scrollHeight > innerHeight + 2;

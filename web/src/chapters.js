@@ -85,7 +85,6 @@ function quality({ summary }) {
     line("gaps", `${q.gaps}, the longest ${span(q.longest_gap)}`),
     line("repeated states", String(q.repeated_states)),
     line("without effort", String(q.without_effort)),
-    line("estimated velocities", String(q.estimated_velocity)),
     line("rejected messages", rejected ? Object.entries(summary.rejected).map(([cause, n]) => `${n} ${cause}`).join(", ") : "0"),
   ];
   if (q.velocity_delay !== null) rows.push(line("velocity delay", span(q.velocity_delay)));

@@ -4,7 +4,8 @@
 // The card of predicted contact: one row per contact point, smallest margin first. Advisory.
 
 import { breakable, el, say, toggle } from "./dom.js";
-import { number, shortNames } from "./format.js";
+import { measure, number, shortNames } from "./format.js";
+import { noiseOf } from "./quantities.js";
 
 const SORT_PERIOD = 1000; // [ms]: rows keep their places so that one can be read and clicked
 const COLUMNS = [
@@ -43,6 +44,7 @@ export class ContactCard {
   draw(data, base) {
     const { layout, rows } = this;
     const { points, half } = layout.json.contact_limits;
+    const noise = noiseOf(layout);
     const all = (name) => data.subarray(base + layout.at(name), base + layout.at(name) + layout.size(name));
     const [worst] = all("contact_limits_worst");
     const [speed, mass, energy, allowed] = ["speed", "mass", "energy", "allowed"].map((name) => all(`contact_limits_${name}`));
@@ -59,7 +61,7 @@ export class ContactCard {
       toggle(node, "above", margin[k] < 0);
       toggle(node, "chosen", k === worst);
       const values = [margin[k], speed[k], mass[k], energy[k], 0.5 * half * speed[k] ** 2];
-      values.forEach((value, column) => say(cells[column], number(value)));
+      values.forEach((value, column) => say(cells[column], measure(value, noise[COLUMNS[column][1]])));
     });
     if (performance.now() - this.sortedAt < SORT_PERIOD || this.body.matches(":hover")) return;
     this.sortedAt = performance.now();

@@ -4,8 +4,8 @@
 // All quantities of the selected joint or link.
 
 import { el, say } from "./dom.js";
-import { metres, number, percent } from "./format.js";
-import { exchange, field, K, ofLimit, share } from "./quantities.js";
+import { measure, metres, number, percent } from "./format.js";
+import { exchange, field, K, noiseOf, ofLimit, share } from "./quantities.js";
 
 export class Details {
   constructor(layout, { close }) {
@@ -20,7 +20,8 @@ export class Details {
     if (link === null) return;
     const { layout } = this;
     const lines = [];
-    const add = (label, get, unit, shown = number) => lines.push({ label, get, unit, shown, cell: el("b") });
+    const noise = noiseOf(layout);
+    const add = (label, get, unit, shown = (x) => measure(x, noise[unit])) => lines.push({ label, get, unit, shown, cell: el("b") });
     const f = (name, k) => field(layout, name, k);
     const slides = layout.json.angular?.[dof] === false;
     const [turn, moment] = slides ? ["m", "N"] : ["rad", "N m"];
@@ -36,7 +37,7 @@ export class Details {
       add("joint torque τ", f("effort", dof), moment);
       if (layout.limits.effort?.[dof] > 0) add("… of its limit", ofLimit(layout, "effort", dof), "", percent);
       add("gravity torque", f("gravity_torque", dof), moment);
-      add("external torque", f("external_torque", dof), moment);
+      add("external torque", f("external_torque", dof), moment, (x) => measure(x, layout.thresholds.external_torque?.[dof] ?? noise[moment]));
       add("residual r", f("residual", dof), "√J/s");
       add("working moment ε", f("epsilon", dof), "√J/s");
       add("gravity term ε_g", f("gravity", dof), "√J/s");

@@ -13,9 +13,30 @@ export function number(x, digits = 3) {
   return text.replace(/^-/, "−").replace("e-", "e−").replace("e+", "e");
 }
 
+const [STEPS, SMALL_SCALE] = [50, 1e-5];
+
+// A number beside others of a scale (a threshold, the end of an axis): without digits below 1/50 of this scale.
+export function measure(x, scale) {
+  if (!Number.isFinite(x) || !(scale > 0)) return number(x);
+  if (Math.abs(x) >= 1e5) return number(x);
+  if (scale < SMALL_SCALE) return Math.abs(x) < scale / STEPS ? "0" : number(x);
+  const decimals = Math.max(0, Math.ceil(Math.log10(STEPS / scale) - 1e-9));
+  const significant = Math.max(0, 2 - Math.floor(Math.log10(Math.abs(x) || 1)));
+  return x.toFixed(Math.min(decimals, significant)).replace(/^-(?=.*[1-9])/, "−").replace(/^-/, "");
+}
+
+// The scale of a number: its threshold, or else a tenth of the end of its axis.
+export function scaleOf(threshold, end) {
+  return threshold > 0 ? threshold : 0.1 * end;
+}
+
 // A number with its unit, in one line.
 export function quantity(x, unit, digits = 3) {
-  return `${number(x, digits)}\u00a0${unit.replace("/", "/\u2060").replace(" ", "\u00a0")}`;
+  return withUnit(number(x, digits), unit);
+}
+
+export function withUnit(text, unit) {
+  return `${text}\u00a0${unit.replace("/", "/\u2060").replace(" ", "\u00a0")}`;
 }
 
 // A coordinate, to a millimetre.
@@ -91,10 +112,11 @@ export function shortened(text, most) {
   return text.length <= most ? text : `${text.slice(0, most - 1).trimEnd()}…`;
 }
 
-// Joints' names without what they all begin with, as "panda_": shorter, and no less clear. What is left of each begins
-// with a word, not with its number.
-export function shortNames(names) {
-  if (names.length < 2) return [...names];
+// Joints' names without what they all begin with, as "panda_", and without "_joint" at the ends of all: shorter, and no less
+// clear. What is left of each begins with a word, not with its number.
+export function shortNames(all) {
+  if (all.length < 2) return [...all];
+  const names = all.every((name) => /._joint$/.test(name)) ? all.map((name) => name.replace(/_joint$/, "")) : all;
   let length = 0;
   while (names.every((name) => name.length > length && name[length] === names[0][length])) length++;
   const ends = (at) => Math.max(names[0].lastIndexOf("_", at), names[0].lastIndexOf("/", at)) + 1;

@@ -5,22 +5,24 @@
 
 import { jointColour } from "./colours.js";
 import { breakable, el, say, toggle } from "./dom.js";
-import { number } from "./format.js";
-import { exchange, field, hasLimits, hasThresholds, ofLimit, ofThreshold, share } from "./quantities.js";
+import { measure, scaleOf } from "./format.js";
+import { exchange, field, hasLimits, hasThresholds, noiseOf, ofLimit, ofThreshold, share, unitOf } from "./quantities.js";
 
-const EXCHANGE = "power by the Coriolis term: positive if the joint gives, negative if it receives";
+const EXCHANGE = "power νC by the Coriolis term: positive if the joint gives, negative if it receives";
 
 export class JointTable {
   constructor(layout, { select, selected }) {
     this.selected = selected;
     this.ends = {};
     this.columns = columnsOf(layout);
+    this.noise = noiseOf(layout);
     const heads = this.columns.map(({ title, unit, help }) => el("th", { title: help }, `${title} `, el("small", { text: unit })));
     this.rows = layout.dofs.map((name, k) => this.#row(name, layout.short[k], k, () => select(k)));
     this.node = el(
       "table",
       { class: "joints" },
-      el("thead", {}, el("tr", {}, el("th", { text: `${layout.dofs.length} joints` }), ...heads)),
+      el("caption", {}, el("h2", { text: "Energy and torque by joint" })),
+      el("thead", {}, el("tr", {}, el("th", { text: "joint" }), ...heads)),
       el("tbody", {}, ...this.rows.map(({ node }) => node)),
     );
   }
@@ -28,7 +30,7 @@ export class JointTable {
   #row(name, short, k, onclick) {
     const colour = `background:${jointColour(k)}`;
     const cells = this.columns.map((column) => {
-      const bar = el("i", { class: column.signed ? "bar both" : "bar", style: colour });
+      const bar = el("i", { class: column.signed ? "level both" : "level", style: colour });
       const mark = column.mark && el("i", { class: "mark" });
       const value = el("b");
       const node = el("td", {}, el("div", {}, bar, ...(mark ? [mark] : []), value));
@@ -44,13 +46,13 @@ export class JointTable {
     this.rows.forEach(({ node }, k) => toggle(node, "chosen", k === this.selected()));
   }
 
-  #column({ id, factor = 1, end, thresholds }, cells, data, base) {
+  #column({ id, unit, factor = 1, end, thresholds }, cells, data, base) {
     const values = cells.map(({ get }) => get(data, base) * factor);
-    this.ends[id] = end ?? Math.max(largestOf(values), 0.99 * (this.ends[id] ?? 0), 1e-9);
+    this.ends[id] = end ?? Math.max(largestOf(values), 0.99 * (this.ends[id] ?? 0), this.noise[unit] ?? 1e-9);
     cells.forEach(({ bar, mark, value, node, getMark, getBar }, k) => {
       const length = getBar ? barLength(getBar(data, base), 1) : barLength(values[k], this.ends[id]);
       bar.style.transform = `scaleX(${length.toFixed(4)})`;
-      say(value, number(values[k]));
+      say(value, measure(values[k], scaleOf(thresholds?.[k], this.ends[id])));
       if (mark) mark.style.left = `${50 + 50 * barLength(getMark(data, base) * factor, this.ends[id])}%`;
       toggle(node, "above", thresholds?.[k] > 0 && Math.abs(values[k]) > thresholds[k]);
     });
@@ -62,17 +64,18 @@ export class JointTable {
 export function columnsOf(layout) {
   const of = (name) => (k) => field(layout, name, k);
   const limited = (name) => (k) => ofLimit(layout, name, k);
+  const unit = unitOf(layout, "N m", "N");
   const torque = { id: "torque", title: "torque", help: "joint torque; mark: gravity torque", signed: true };
   return [
-    { id: "share", title: "½ν²", unit: "J", help: "energy share of the total joint rate", get: (k) => share(layout, k) },
-    { id: "exchange", title: "exchange νC", unit: "W", help: EXCHANGE, signed: true, get: (k) => exchange(layout, k) },
+    { id: "share", title: "energy", unit: "J", help: "energy share ½ν² of the total joint rate", get: (k) => share(layout, k) },
+    { id: "exchange", title: "exchange", unit: "W", help: EXCHANGE, signed: true, get: (k) => exchange(layout, k) },
     hasLimits(layout)
       ? { ...torque, unit: "% of limit", factor: 100, end: 100, get: limited("effort"), mark: limited("gravity_torque") }
-      : { ...torque, unit: "N m", get: of("effort"), mark: of("gravity_torque") },
+      : { ...torque, unit, get: of("effort"), mark: of("gravity_torque") },
     {
       id: "external",
       title: "external",
-      unit: "N m",
+      unit,
       help: "external torque of the disturbance observer",
       signed: true,
       get: of("external_torque"),

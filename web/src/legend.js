@@ -3,8 +3,8 @@
 
 // The legend of a plot: its lines with their values at the cursor. A click hides or shows a line; with Shift, or twice, it is alone.
 
-import { el, resized, say, toggle } from "./dom.js";
-import { number } from "./format.js";
+import { el, say, toggle } from "./dom.js";
+import { measure, scaleOf } from "./format.js";
 
 // The hidden lines after a click on a line. alone: all others are hidden, or shown if they all were hidden.
 export function clicked(hidden, names, name, alone) {
@@ -19,7 +19,6 @@ export class Legend {
     Object.assign(this, { state, names, changed, chips: [], cells: [] });
     const click = (alone) => (event) => this.#click(event.target.closest("button"), alone || event.shiftKey);
     this.node = el("div", { class: "legend", onclick: click(false), ondblclick: click(true) });
-    this.observer = resized(this.node, () => this.#keepHeight());
   }
 
   isShown({ name }) {
@@ -37,17 +36,17 @@ export class Legend {
         el("i", { style: `background:${line.colour}` }),
         el("span", { text: line.short }),
         this.cells[k],
-        ...(line.unit ? [el("small", { text: line.unit })] : []),
       ),
     );
     this.#mark();
     this.node.replaceChildren(...this.chips, ...(omitted ? [el("span", { class: "chip", text: `+ ${omitted} smaller` })] : []));
   }
 
-  setValues(values) {
+  // ends: of the lines' axes; NaN of a logarithmic one.
+  setValues(values, ends) {
     values.forEach((value, k) => {
       const { threshold } = this.lines[k];
-      say(this.cells[k], number(value));
+      say(this.cells[k], measure(value, scaleOf(threshold, ends[k])));
       toggle(this.chips[k], "above", threshold != null && Math.abs(value) > threshold);
     });
   }
@@ -61,15 +60,5 @@ export class Legend {
 
   #mark() {
     this.chips.forEach((chip, k) => chip.setAttribute("aria-pressed", this.isShown(this.lines[k])));
-  }
-
-  // It grows only: else the plot below would change its size with the numbers.
-  #keepHeight() {
-    const { node } = this;
-    if (node.offsetHeight > (parseFloat(node.style.minHeight) || 0)) node.style.minHeight = `${node.offsetHeight}px`;
-  }
-
-  shrink() {
-    this.node.style.minHeight = "";
   }
 }

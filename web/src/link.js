@@ -1,15 +1,17 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The state of the page as the fragment of its address: #robot=/arm&t=12.5&joint=elbow&hide=work,latency
+// The state of the page as the fragment of its address: #robot=/arm&t=12.5&joint=elbow&cards=contact,latency
+
+import { cardsOf } from "./presets.js";
 
 const text = { read: (value) => value || undefined, is: "a name" };
 const number = { read: (value) => (value.trim() && Number.isFinite(Number(value)) ? Number(value) : undefined), is: "a number" };
 const flag = { read: (value) => (value === "1" ? true : undefined), is: "1" };
-const names = { read: (value) => (/^[\w-]+(,[\w-]+)*$/.test(value) ? value.split(",") : undefined), is: "names with commas between them" };
+const cards = { read: (value) => cardsOf(value) ?? undefined, is: "names of presets or cards with commas between them" };
 
 // What a link may have: t [s] is the moment, window [s] the length of the time window.
-const KEYS = { robot: text, joint: text, t: number, window: number, colour: text, camera: text, card: text, hide: names, all: flag };
+const KEYS = { robot: text, joint: text, t: number, window: number, colour: text, camera: text, card: text, cards, all: flag };
 
 // The fragment of a state; keys without a value are left out.
 export function toHash(state) {

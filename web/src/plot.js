@@ -9,12 +9,14 @@ import { faded } from "./colours.js";
 import { el, resized } from "./dom.js";
 import { powerOfTen, tick } from "./format.js";
 import { Legend } from "./legend.js";
-import { chosenLines, othersLine, thresholdsOf } from "./quantities.js";
+import { chosenLines, noiseOf, othersLine, thresholdsOf } from "./quantities.js";
 import { envelope, largest, stacked } from "./sampling.js";
 
 const MAX_LINES = 9;
 const CHOICE_PERIOD = 2000; // [ms] between two choices of lines
 const TINY = 1e-20; // smallest value on a logarithmic axis
+const LETTERS = 0.86; // [rem] of numbers and units at axes
+const [AXIS, DIGIT] = [2.9, 0.55]; // [rem] of an axis, and of a digit
 
 export class Plot {
   // shared: theme, view (see view.js), rows(), selected(); state: of the legend
@@ -24,24 +26,24 @@ export class Plot {
     this.seen = true;
     this.chosenAt = -Infinity;
     this.legend = new Legend(state, spec.lines.map(({ name }) => name), () => this.restyle());
-    this.box = el("div", { class: "plot" });
+    const units = [["unit", spec.unit], ["unit right", spec.right]].filter(([, unit]) => unit);
+    this.box = el("div", { class: "plot" }, ...units.map(([name, text]) => el("span", { class: name, text })));
     this.cursor = el("div", { class: "cursor" });
     this.node = el(
       "section",
       { class: "card", id: `plot-${spec.id}`, title: spec.help },
-      el("header", {}, el("h2", { text: spec.title }), el("span", { class: "unit", text: spec.unit })),
+      el("header", {}, el("h2", { text: spec.title })),
       this.legend.node,
       this.box,
     );
     this.observers = [
       resized(this.box, () => this.#resize()),
-      this.legend.observer,
       new IntersectionObserver(([entry]) => {
         this.seen = entry.isIntersecting;
         if (this.seen) this.draw();
       }),
     ];
-    this.observers[2].observe(this.box);
+    this.observers[1].observe(this.box);
   }
 
   remove() {
@@ -85,6 +87,12 @@ export class Plot {
     return min === undefined ? null : [min, max];
   }
 
+  // The end of a linear axis.
+  #end(name) {
+    const { min, max } = this.plot.scales[name];
+    return this.spec.log ? NaN : Math.max(Math.abs(min), Math.abs(max));
+  }
+
   // Places the cursor, and writes the numbers at it into the legend.
   place() {
     const rows = this.shared.rows();
@@ -92,7 +100,7 @@ export class Plot {
     this.#line();
     const base = rows.base(rows.nearest(this.shared.view.shown()));
     this.values = this.lines.map((line) => line.get(rows.data, base) * (line.factor ?? this.spec.factor ?? 1));
-    this.legend.setValues(this.values);
+    this.legend.setValues(this.values, this.lines.map(({ scale }) => this.#end(scale ?? "y")));
   }
 
   // By the scale as drawn: uPlot applies a new one later.
@@ -150,23 +158,29 @@ export class Plot {
         series: { ...this.#series(line, faint), dash: [3, 4], width: 1, stroke: faded(line.colour, faint ? 0.15 : 0.7) },
       });
     }
-    const thresholds = this.drawn.flatMap(thresholdsOf);
     this.getters = draws.map((draw) => draw.get);
     const size = parseFloat(getComputedStyle(document.documentElement).fontSize);
-    const font = `${Math.round(0.72 * size)}px ${getComputedStyle(document.body).fontFamily}`;
+    const font = `${Math.ceil(LETTERS * size)}px ${getComputedStyle(document.body).fontFamily}`;
     const { colours } = theme;
     const axis = { stroke: colours.dim, font, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, gap: 4 };
-    const extra = this.lines.some((line) => line.scale === "rate");
+    // A low plot has closer numbers: zero alone is no scale.
+    const space = (u, k, low, high, room) => Math.min(2.1 * size, Math.max(size, room / 5));
+    const wide = (u, values) => Math.ceil(size * Math.max(AXIS, 0.6 + DIGIT * Math.max(...(values ?? [""]).map((text) => text.length))));
+    const range = (scale) => {
+      const thresholds = this.drawn.filter((line) => (line.scale ?? "y") === scale).flatMap(thresholdsOf);
+      const smallest = noiseOf(this.shared.layout())[scale === "y" ? spec.unit : spec.right];
+      return (u, low, high) => linearRange(low, high, spec.stacked, thresholds, smallest);
+    };
     const options = {
       ...this.#size(),
       legend: { show: false },
       cursor: { show: false },
-      padding: [Math.round(0.5 * size), extra ? 0 : Math.round(0.9 * size), 0, 0],
+      padding: [Math.round((spec.unit ? 1.5 : 0.5) * size), spec.right ? 0 : Math.round(0.9 * size), 0, 0],
       pxAlign: 0,
       scales: {
         x: { time: false, range: () => this.limits ?? [0, 1] },
-        y: spec.log ? { distr: 3, range: (u, low, high) => logRange(low, high) } : { range: (u, low, high) => linearRange(low, high, spec.stacked, thresholds) },
-        ...(extra ? { rate: { range: (u, low, high) => [0, Math.max(1, 1.15 * (high ?? 1))] } } : {}),
+        y: spec.log ? { distr: 3, range: (u, low, high) => logRange(low, high) } : { range: range("y") },
+        ...(spec.right ? { right: { range: range("right") } } : {}),
       },
       axes: [
         {
@@ -178,13 +192,12 @@ export class Plot {
         },
         {
           ...axis,
-          size: Math.round(3.4 * size),
-          // A low plot has closer numbers: zero alone is no scale.
-          space: (u, k, low, high, room) => Math.min(2.1 * size, Math.max(size, room / 5)),
+          size: wide,
+          space,
           ...(spec.log ? { filter: (u, splits) => splits, grid: { ...axis.grid, filter: (u, splits) => splits.map((x) => (powerOfTen(x) ? x : null)) } } : {}),
           values: spec.log ? (u, splits) => splits.map(labelOf(u)) : (u, splits) => splits.map((x) => tick(x, splits[1] - splits[0] || 1)),
         },
-        ...(extra ? [{ ...axis, scale: "rate", side: 1, size: Math.round(2.6 * size), grid: { show: false }, space: 2.1 * size }] : []),
+        ...(spec.right ? [{ ...axis, scale: "right", side: 1, size: wide, grid: { show: false }, space }] : []),
       ],
       series: [{}, ...draws.map((draw) => draw.series)],
       hooks: { draw: [(u) => this.#thresholds(u), () => this.plot && this.#line()] },
@@ -215,7 +228,7 @@ export class Plot {
     for (const line of this.drawn) {
       ctx.strokeStyle = faded(line.colour, 0.55);
       ctx.beginPath();
-      for (const y of thresholdsOf(line).map((value) => u.valToPos(value, "y", true))) {
+      for (const y of thresholdsOf(line).map((value) => u.valToPos(value, line.scale ?? "y", true))) {
         ctx.moveTo(bbox.left, y);
         ctx.lineTo(bbox.left + bbox.width, y);
       }
@@ -231,7 +244,6 @@ export class Plot {
   #resize() {
     if (!this.plot) return this.draw();
     const { width, height } = this.#size();
-    if (width !== this.plot.width) this.legend.shrink();
     if (width > 20 && height > 20 && (width !== this.plot.width || height !== this.plot.height)) {
       this.plot.setSize({ width, height });
       this.draw();

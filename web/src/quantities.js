@@ -68,6 +68,23 @@ export function thresholdsOf(line) {
   return line.dof === undefined ? [line.threshold] : [-line.threshold, line.threshold];
 }
 
+// Sizes of quantities of a robot of this mass below which all is noise, by their units: energies at 0.1 m/s, torques of a
+// hundredth of the weight at 1 m.
+export function noiseOf(layout) {
+  const half = layout.json.contact_limits?.half; // of the moving mass [kg]
+  const rates = { rad: 0.1, m: 0.1, "rad/s": 0.1, "m/s": 0.1, "% of limit": 1 };
+  if (!(half > 0)) return rates;
+  const [energy, torque, root] = [0.01 * half, 0.1 * half, 0.1 * Math.sqrt(half)];
+  return { ...rates, J: energy, W: energy, "N m": torque, N: torque, "N m or N": torque, "√J": root, "√J/s": root };
+}
+
+// A unit of joints that turn, of joints that slide, or of both.
+export function unitOf(layout, turning, sliding) {
+  const { angular = [] } = layout.json;
+  const units = [[true, turning], [false, sliding]].filter(([turns]) => angular.includes(turns)).map(([, unit]) => unit);
+  return units.join(" or ") || turning;
+}
+
 function ofJoints(layout, getter, { colours = true } = {}) {
   return layout.dofs.map((name, k) => ({
     name,
@@ -88,19 +105,21 @@ const single = (layout, name, label, colour, extra = {}) => ({
 
 const COLOURS = { effort: "#4e79a7", gravity: "#b07aa1", friction: "#9c755f", external: "#e15759", dK: "#59a14f" };
 
-// All plots of a robot, in their order. `of` is what a line belongs to; `twin` a second, dashed line of the same joint.
+// All plots of a robot, in their order. `unit`: of the axis on the left; `right`: of the axis on the right, if a line has it;
+// `twin`: a second, dashed line of the same joint.
 export function plotsOf(layout) {
   const limits = hasLimits(layout);
+  const torque = unitOf(layout, "N m", "N");
   const thresholds = layout.thresholds.external_torque ?? [];
   const plots = [
     {
       id: "energy",
-      title: "Kinetic energy, by joint",
+      title: "Kinetic energy",
       unit: "J",
       stacked: true,
       total: K(layout),
       lines: ofJoints(layout, (k) => share(layout, k)),
-      help: "Energy shares ½ν² of the total joint rates, stacked. Their sum is K.",
+      help: "Kinetic energy K, stacked by joint: energy shares ½ν² of the total joint rates.",
     },
     {
       id: "power",
@@ -118,7 +137,7 @@ export function plotsOf(layout) {
     {
       id: "external",
       title: "External torque",
-      unit: "N m",
+      unit: torque,
       lines: ofJoints(layout, (k) => field(layout, "external_torque", k)).map((line) => ({
         ...line,
         threshold: thresholds[line.dof] ?? null,
@@ -128,15 +147,13 @@ export function plotsOf(layout) {
     {
       id: "norm",
       title: "External torque norms",
-      unit: "√J/s · N m",
+      unit: torque,
+      right: "√J/s",
       lines: [
-        single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, unit: "√J/s" }),
-        single(layout, "torque_norm", "|m r|", "#e15759", {
-          threshold: layout.thresholds.external_torque_norm ?? null,
-          unit: "N m",
-        }),
+        single(layout, "torque_norm", "|m r|", "#e15759", { threshold: layout.thresholds.external_torque_norm ?? null }),
+        single(layout, "norm", "|r|", "#f28e2b", { threshold: layout.thresholds.norm ?? null, scale: "right" }),
       ],
-      help: "Norms of the residual r and of the external torque m r. Dashed: alarm thresholds.",
+      help: "Norms of the external torque m r (left) and of the residual r (right). Dashed: alarm thresholds.",
     },
     {
       id: "exchange",
@@ -147,8 +164,8 @@ export function plotsOf(layout) {
     },
     {
       id: "torque",
-      title: limits ? "Joint torque, % of its limit" : "Joint torque",
-      unit: limits ? "%" : "N m",
+      title: "Joint torque",
+      unit: limits ? "% of limit" : torque,
       factor: limits ? 100 : 1,
       lines: ofJoints(layout, (k) => (limits ? ofLimit(layout, "effort", k) : field(layout, "effort", k))).map((line) => ({
         ...line,
@@ -159,7 +176,7 @@ export function plotsOf(layout) {
     {
       id: "inertia",
       title: "Articulated inertia D",
-      unit: "kg m² · kg",
+      unit: unitOf(layout, "kg m²", "kg"),
       log: true,
       lines: ofJoints(layout, (k) => field(layout, "D", k)),
       help: "Inertia at each joint while all outboard joints are free.",
@@ -178,12 +195,13 @@ export function plotsOf(layout) {
     plots.push({
       id: "latency",
       title: "Latency and rate",
-      unit: "ms · Hz",
+      unit: "ms",
+      right: "Hz",
       lines: [
-        single(layout, "latency", "latency", "#edc948", { factor: 1000, unit: "ms" }),
-        single(layout, "rate", "state rate", "#76b7b2", { scale: "rate", unit: "Hz" }),
+        single(layout, "latency", "latency", "#edc948", { factor: 1000 }),
+        single(layout, "rate", "state rate", "#76b7b2", { scale: "right" }),
       ],
-      help: "Age of each state at reception, and states per second.",
+      help: "Age of each state at reception (left), and states per second (right).",
     });
   }
   return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));
@@ -216,6 +234,7 @@ export function othersLine(plot, others) {
 export const COLOURINGS = {
   share: {
     label: "Energy share",
+    meaning: "kinetic energy of the joint",
     unit: () => "% of K",
     value: (layout) => {
       const total = K(layout);
@@ -227,6 +246,7 @@ export const COLOURINGS = {
   },
   energy: {
     label: "Link energy",
+    meaning: "kinetic energy of the link",
     unit: () => "J",
     value: (layout) => (link) => field(layout, "link_energy", layout.links.indexOf(link)),
     full: () => null,
@@ -234,6 +254,7 @@ export const COLOURINGS = {
   },
   torque: {
     label: "Joint torque",
+    meaning: "joint torque",
     unit: () => "% of limit",
     value: (layout) => {
       const part = (of) => (d, b) => 100 * Math.abs(of(d, b));
@@ -243,6 +264,7 @@ export const COLOURINGS = {
   },
   external: {
     label: "External torque",
+    meaning: "external torque",
     unit: (layout) => (hasThresholds(layout) ? "% of threshold" : "N m"),
     value: (layout) => {
       const [own, factor] = hasThresholds(layout) ? [ofThreshold, 100] : [(_, k) => field(layout, "external_torque", k), 1];

@@ -60,11 +60,14 @@ export class Robot extends Group {
       });
   }
 
-  // What stands for a link without shapes: tubes from its origin to its joints with a ball at each end, and the ellipsoid of
-  // its inertia.
+  // What stands for a link without shapes: tubes from its origin to its joints, and to a centre of mass beyond them, with a
+  // ball at each end, and the ellipsoid of its inertia.
   #standIn(group, { bones = [], ellipsoid }) {
-    if (bones.length) put(group, new SphereGeometry(1.25 * this.bone, 24, 16), new Matrix4());
-    for (const bone of bones) {
+    const centre = ellipsoid ? [3, 7, 11].map((k) => ellipsoid[k]) : [0, 0, 0];
+    const reach = Math.max(this.bone, ...bones.map((bone) => Math.hypot(...bone)));
+    const ends = Math.hypot(...centre) > reach ? [...bones, centre] : bones;
+    if (ends.length) put(group, new SphereGeometry(1.25 * this.bone, 24, 16), new Matrix4());
+    for (const bone of ends) {
       const end = new Vector3(...bone);
       const length = end.length();
       const tube = new CylinderGeometry(this.bone, this.bone, length, 20).translate(0, 0.5 * length, 0);

@@ -16,9 +16,8 @@ import { Robot } from "./robot.js";
 const SLOW = 60; // [ms] between two pictures, from which on less is drawn
 const MAX_PAUSE = 200; // [ms]
 export const VIEWS = { iso: [1, -1.25, 0.55], front: [1, 0, 0], side: [0, -1, 0], top: [0, -1e-3, 1] }; // from the robot to the camera
-const FRACTION = 0.9; // of the picture that the robot takes
-const [HEAD, FOOT] = [4, 7]; // [rem] above it, for words, and below it, for the legend of colours
-const NARROW = 36; // [rem] of a picture in which this legend is below the robot, not beside it
+const [HEAD, FOOT] = [4, 8]; // [rem] above it, for words, and below it, for the legend of colours
+const NARROW = 64; // [rem] of a picture in which this legend is below the robot, not beside it
 const MAX_CELLS = 120; // of the floor, along a side
 const GROWTH_PERIOD = 500; // [ms] between two checks whether the robot has left the picture
 
@@ -198,7 +197,7 @@ export class Scene3D {
 
   // From where all corners of the box are seen, with some room around.
   #distance(bounds) {
-    const across = Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * FRACTION;
+    const across = Math.tan((0.5 * this.camera.fov * Math.PI) / 180);
     const right = new Vector3().crossVectors(this.camera.up, this.from).normalize();
     const up = new Vector3().crossVectors(this.from, right);
     const distances = cornersOf(bounds).map((place) => {
@@ -350,7 +349,7 @@ export class Scene3D {
     this.camera.aspect = width / height;
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const head = Math.min(0.2 * height, HEAD * rem);
-    const foot = width < NARROW * rem ? Math.min(0.2 * height, FOOT * rem) : 0;
+    const foot = width < NARROW * rem ? Math.min(0.25 * height, FOOT * rem) : 0;
     this.free = 1 - (head + foot) / height; // fraction of the picture that is left
     this.camera.setViewOffset(width, height, 0, 0.5 * (foot - head), width, height);
     this.camera.updateProjectionMatrix();

@@ -4,10 +4,10 @@
 // The robot, the legend of its colours, and numbers of the chosen link.
 
 import { eventText, loadText, symmetric } from "./collisions.js";
-import { COLOURINGS, K, linkValues, massAlong, placeOf, roundUp, valueAt } from "./quantities.js";
+import { COLOURINGS, K, linkValues, massAlong, noiseOf, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
-import { number, quantity } from "./format.js";
+import { measure, quantity, shortened, withUnit } from "./format.js";
 import { largestOf } from "./joints.js";
 import { highEnd } from "./sampling.js";
 import { Fleet } from "./fleet.js";
@@ -15,6 +15,7 @@ import { Scene3D, VIEWS } from "./scene3d.js";
 
 const IDS = Object.keys(COLOURINGS);
 const QUANTILE = 0.98; // of the links' largest values in the time window: the end of the colours
+const REASON = 110; // letters of the reason why a mesh is missing
 const SCALE_PERIOD = 1000; // [ms] between two choices of this end
 
 export class Stage {
@@ -28,19 +29,21 @@ export class Stage {
     this.marked = null;
     this.colours = new Map();
     this.choice = el("select", { title: "quantity that colours the links (1 to 4)", "aria-label": "colour of links", onchange: () => this.colourBy(this.choice.value) }, ...IDS.map((id) => el("option", { value: id, text: COLOURINGS[id].label })));
-    this.range = el("select", { title: "end of the colours", "aria-label": "range of colours", onchange: () => this.#setRange(this.range.selectedIndex === 1) }, el("option", { text: `${100 * QUANTILE} % quantile` }), el("option"));
+    this.range = el("select", { title: `end of the scale: ${100 * QUANTILE} % quantile of the time window, or all`, "aria-label": "range of colours", onchange: () => this.#setRange(this.range.selectedIndex === 1) }, el("option", { text: "recent values" }), el("option"));
     const button = (text, title, onclick) => el("button", { text, title, onclick });
     this.followButton = button("Follow", "keep the selected link in view, else a mobile base or the end effector (g)", () => this.follow(!this.following));
     const views = Object.keys(VIEWS).map((view) => button(view[0].toUpperCase() + view.slice(1), `view: ${view} (v: next)`, () => this.look(view)));
     this.camera = el("div", { class: "camera", role: "group", "aria-label": "camera" }, button("Fit", "fit the robot into the view (f)", () => this.look()), ...views, this.followButton);
     this.ticks = ["0", "", ""].map((text) => el("span", { text }));
-    this.legend = el("div", { class: "ramp" }, this.camera, el("div", { class: "choices" }, this.choice, this.range), el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
+    this.meaning = el("div", { class: "meaning" });
+    const colours = el("div", { class: "colours" }, el("div", { class: "choices" }, this.choice, this.range), this.meaning, el("div", { class: "gradient", style: `background-image:${rampGradient()}` }), el("div", { class: "ticks" }, ...this.ticks));
+    this.legend = el("div", { class: "ramp" }, colours, this.camera);
     this.energy = el("b");
     this.marksNote = el("div", { class: "marks" });
     this.forceNote = el("div", { class: "marks force" });
     this.loadNote = el("div", { class: "marks" });
     this.missing = el("div", { class: "marks missing" });
-    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "K" }), this.energy), this.marksNote, this.forceNote, this.loadNote, this.missing);
+    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "kinetic energy K" }), this.energy), this.marksNote, this.forceNote, this.loadNote, this.missing);
     this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
     this.node = el("div", { class: "stage" }, this.head, this.legend, this.banner, this.hint);
@@ -81,19 +84,20 @@ export class Stage {
 
   #value(link) {
     const value = this.values?.get(link);
-    return Number.isFinite(value) ? `${number(value)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
+    return Number.isFinite(value) ? `${measure(value, this.end)} ${COLOURINGS[this.colouring].unit(this.layout)}` : "";
   }
 
   // Shows how many meshes are missing, and why.
   #missing() {
     const reasons = [...new Set([...Object.values(this.layout?.scene.missing ?? {}), ...(this.scene?.robot?.failures ?? [])])];
     const count = Object.keys(this.layout?.scene.missing ?? {}).length + (this.scene?.robot?.failures.length ?? 0);
-    say(this.missing, count ? `${count === 1 ? "1 mesh is" : `${count} meshes are`} missing: ${reasons[0]}` : "");
+    say(this.missing, count ? `${count === 1 ? "1 mesh is" : `${count} meshes are`} missing: ${shortened(reasons[0], REASON)}` : "");
     this.missing.title = reasons.join("\n");
   }
 
   setLayout(layout) {
     this.layout = layout;
+    this.noise = noiseOf(layout);
     this.marked = layout.json.end_effector; // a report has mobility and velocity of this link only
     this.scene?.setLayout(layout);
     this.fleet?.update();
@@ -156,6 +160,8 @@ export class Stage {
     this.choice.selectedIndex = IDS.indexOf(this.colouring);
     this.range.options[1].text = COLOURINGS[this.colouring].full(this.layout) ? "0–100 %" : "0–maximum";
     this.range.selectedIndex = Number(this.full);
+    const { meaning, unit } = COLOURINGS[this.colouring];
+    say(this.meaning, `Colour: ${meaning}, ${unit(this.layout)}`);
     this.valuesAt = linkValues(this.layout, this.colouring);
     if (this.fleet) this.fleet.dirty = true;
   }
@@ -169,7 +175,7 @@ export class Stage {
     const { data } = rows;
     const base = rows.base(i);
     this.time = rows.time(i);
-    say(this.energy, `${number(K(this.layout)(data, base))} J`);
+    say(this.energy, `${measure(K(this.layout)(data, base), this.noise.J)} J`);
     this.#paint(data, base);
     this.scene?.place(data, base);
     this.#mark(data, base);
@@ -189,8 +195,8 @@ export class Stage {
     const colouring = COLOURINGS[this.colouring];
     this.values = this.valuesAt(data, base);
     const end = (this.end = this.#scale(colouring));
-    const label = (place) => number(valueAt(colouring, place, end));
-    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], place < 1 ? label(place) : `${this.full || end >= (colouring.full(this.layout) ?? Infinity) ? "" : "≥ "}${label(1)} ${colouring.unit(this.layout)}`));
+    const isWhole = this.full || end >= (colouring.full(this.layout) ?? Infinity);
+    [0, 0.5, 1].forEach((place, k) => say(this.ticks[k], `${place < 1 || isWhole ? "" : "≥ "}${Number(valueAt(colouring, place, end).toPrecision(3))}`));
     if (this.scene) this.paint(this.scene.robot, this.values);
   }
 
@@ -235,7 +241,7 @@ export class Stage {
     this.scene?.mark(this.marked, root.map((row) => row.map((x) => Math.SQRT2 * x)), Number.isFinite(speed) ? velocity : [0, 0, 0]);
     this.shown = { link: this.marked, speed, mass };
     const reflected = Number.isFinite(mass) ? `, reflected mass ${quantity(mass, "kg")}` : "";
-    say(this.marksNote, `${this.marked}: ${quantity(speed, "m/s")}${reflected}`);
+    say(this.marksNote, `${this.marked}: ${withUnit(measure(speed, this.noise["m/s"]), "m/s")}${reflected}`);
     this.marksNote.title = "Ellipsoid: velocities that 1 J of kinetic energy allows (J M⁻¹ Jᵀ). Arrow: velocity of the link. Reflected mass: along this velocity.";
   }
 

@@ -133,10 +133,12 @@ export class View {
     return found;
   }
 
+  // The first label alone has the unit.
   labels(base, splits) {
     const step = splits.length > 1 ? splits[1] - splits[0] : 1;
     const decimals = decimalsOf(step);
-    return splits.map((x) => (Math.abs(x) < 1e-9 ? (this.live && this.following ? "now" : "0 s") : `${x.toFixed(decimals).replace("-", "−")} s`));
+    const label = (x) => (Math.abs(x) < 1e-9 ? "0" : x.toFixed(decimals).replace("-", "−"));
+    return splits.map((x, k) => (this.following && Math.abs(x) < 1e-9 ? "now" : label(x) + (k ? "" : " s")));
   }
 
   label(t) {

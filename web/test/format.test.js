@@ -5,7 +5,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decadeLabel, linearRange, logRange } from "../src/axes.js";
 import { faded, hex, jointColour, NEUTRAL, ramp, rampGradient } from "../src/colours.js";
-import { clock, decimalsOf, metres, number, percent, powerOfTen, quantity, span, tick } from "../src/format.js";
+import { clock, decimalsOf, measure, metres, number, percent, powerOfTen, quantity, scaleOf, span, tick } from "../src/format.js";
 import { shortened, shortNames, statusName } from "../src/format.js";
 
 function table(name, call, rows) {
@@ -19,6 +19,12 @@ table("number", number, [
   ["1.00", 1], ["−1.00", -1], ["12.3", 12.34], ["1235", 1234.6], ["0.123", 0.12345], ["0.0012", 0.00123],
   ["99999", 99999], ["10.0", 9.9997], ["100", 99.96], ["1.0e5", 1e5], ["−1.0e300", -1e300], ["1.0e−4", 1e-4], ["4.9e−324", 5e-324], ["1.2346", 1.23456, 5],
 ]);
+table("measure", measure, [
+  ["0.0", -5.7e-4, 5], ["0.0", 0, 5], ["−0.1", -0.06, 5], ["60.3", 60.34, 5], ["1203", 1203.4, 5], ["12", 12.3, 100], // no noise of a threshold
+  ["2.91", 2.914, 0.09], ["0.000", 1e-5, 0.09], ["0.000040", 4.01e-5, 1e-4], ["0", 1e-8, 1e-6], ["4.0e−7", 4e-7, 1e-6], ["2.5e5", 2.5e5, 5],
+  ["–", NaN, 5], ["5.7e−4", 5.7e-4], ["5.7e−4", 5.7e-4, NaN], ["5.7e−4", 5.7e-4, null],
+]);
+table("scaleOf", scaleOf, [[5, 5, 100], [10, undefined, 100], [10, null, 100], [10, 0, 100], [NaN, null, NaN]]);
 table("tick", tick, [["0", 0, 1], ["0", -0, 1], ["−2.5", -2.5, 2.5], ["0.25", 0.25, 0.05], ["3", 3, 1], ["2.0e5", 2e5, 1e5]]);
 table("decimalsOf", decimalsOf, [[0, 1], [0, 20], [1, 2.5], [1, 0.1], [2, 0.25], [2, 0.01]]);
 table("powerOfTen", powerOfTen, [
@@ -39,7 +45,8 @@ table("shortNames", shortNames, [
   [[], []], [["panda_joint1"], ["panda_joint1"]],
   [["shoulder", "elbow"], ["arm_shoulder", "arm_elbow"]],
   [["joint1", "joint2"], ["panda_joint1", "panda_joint2"]],
-  [["lwr_0_joint", "lwr_1_joint"], ["lwr_0_joint", "lwr_1_joint"]], // none begins with its number
+  [["lwr_0", "lwr_1"], ["lwr_0_joint", "lwr_1_joint"]], // none begins with its number
+  [["a", "b_joint_1"], ["a", "b_joint_1"]], [["arm_joint"], ["arm_joint"]], [["_joint", "a_joint"], ["_joint", "a_joint"]],
   [["a", "b"], ["left/a", "left/b"]],
   [["a_x", "b_y"], ["a_x", "b_y"]],
 ]);
@@ -61,6 +68,7 @@ table("metres", metres, [["0.123", 0.1234], ["−0.100", -0.1], ["0.000", -1e-9]
 table("linearRange", linearRange, [
   [[-1, 1], null, null], [[0, 1], null, null, true], [[0, 2.16], -5, 2, true], [[0, 1e-6], 0, 0, true],
   [[-0.64, 8.64], 0, 0.1, false, [8]], [[-13.92, 13.92], -0.1, 0.2, false, [-12, 12]], [[-13.92, 13.92], null, null, false, [-12, 12]],
+  [[-0.5, 0.5], -1e-9, 1e-9, false, [], 0.5], [[0, 0.5], 0, 1e-9, false, [], 0.5], [[0, 0.5], 0, 1e-9, true, [], 0.5], // noise
 ]);
 table("logRange", logRange, [
   [[1e-3, 1], null, null], [[1e-3, 1], 0, 5], [[1e-3, 1], NaN, 1], [[0.1, 100], 0.2, 30], [[1, 100], 10, 10],

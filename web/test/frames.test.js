@@ -10,9 +10,9 @@ import { test } from "node:test";
 import { gunzipSync } from "node:zlib";
 import { barLength, columnsOf as tableColumns, largestOf } from "../src/joints.js";
 import { csv, FLAGS, Layout, shortFields } from "../src/layout.js";
-import { clicked } from "../src/legend.js";
+import { clicked, Legend } from "../src/legend.js";
 import { chosenLines, COLOURINGS, othersLine, plotsOf, roundUp } from "../src/quantities.js";
-import { exchange, K, massAlong, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
+import { exchange, K, massAlong, noiseOf, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
 import { Tree } from "../src/tree.js";
 import { columnsOf, meshOf, rowsOf, timesOf } from "../src/tracks.js";
@@ -140,10 +140,33 @@ test("colours of energies tell 32 joints apart, and one infinite value spoils no
 test("plots: a line for each joint, thresholds, and none of what a report lacks", () => {
   const plots = Object.fromEntries(plotsOf(layout).map((plot) => [plot.id, plot]));
   assert.deepEqual(plots.external.lines.map(({ threshold }) => threshold), [12, null]);
-  assert.equal(plots.norm.lines[0].threshold, 8);
+  assert.equal(plots.norm.lines.find(({ name }) => name === "|r|").threshold, 8);
   near(plots.energy.lines.map(({ get }) => get(known, 0)), [6, 0.5]);
   near(plots.power.lines.map(({ get }) => get(known, 0)).slice(0, 4), [9, 0, 0, 1.25]);
   assert.ok(!plotsOf(new Layout({ ...fixture.layout, report: true })).some(({ id }) => id === "latency"));
+});
+
+test("units: once per axis, of joints that turn, slide, or both", () => {
+  for (const { id, unit, right, lines } of plotsOf(layout)) {
+    assert.equal(right !== undefined, lines.some(({ scale }) => scale === "right"), id);
+    assert.ok(unit !== right && lines.every((line) => line.unit === undefined), id);
+  }
+  const units = (angular) => plotsOf(new Layout({ ...fixture.layout, limits: {}, angular })).map(({ id, unit }) => [id, unit]);
+  const torques = ([turns, slides]) => ["external", "norm", "torque", "inertia"].map((id) => Object.fromEntries(units([turns, slides]))[id]);
+  assert.deepEqual(torques([true, true]), ["N m", "N m", "N m", "kg m²"]);
+  assert.deepEqual(torques([true, false]), ["N m or N", "N m or N", "N m or N", "kg m² or kg"]);
+  assert.deepEqual(torques([false, false]), ["N", "N", "N", "kg"]);
+});
+
+test("noise: by the moving mass; none where it is unknown", () => {
+  const { J, "N m": torque, "m/s": speed } = noiseOf(layout);
+  near([J, torque, speed], [0.015, 0.15, 0.1]); // of 1.5 kg
+  assert.deepEqual([undefined, 0, null].map((half) => noiseOf(new Layout({ ...fixture.layout, contact_limits: { half } })).J), Array(3).fill(undefined));
+  assert.deepEqual(plotsOf(layout).filter(({ unit, log }) => !log && !(noiseOf(layout)[unit] > 0)).map(({ id }) => id), ["latency"]);
+});
+
+test("colours say what they mean", () => {
+  for (const { label, meaning, unit } of Object.values(COLOURINGS)) assert.ok(label && meaning && unit(layout), label);
 });
 
 test("of many lines the largest and the selected one, and the others' sum", () => {
@@ -229,4 +252,15 @@ test("the time window as CSV: names are quoted, unknown numbers are empty", asyn
   const column = (name) => lines.map((line) => line.split(",")[names.indexOf(name)]);
   assert.deepEqual([column("effort.arm_elbow"), column("contact_limits_energy.arm"), column("contact_limits_allowed.arm")], [["1", ""], ["0", ""], ["", ""]]);
   assert.equal((await csv(named, rows, [0, 1]).text()).trimEnd().split("\n").length, 1);
+});
+
+test("a legend has no noise below a threshold", () => {
+  const lines = [{ threshold: 5 }, { threshold: null }, {}];
+  const cells = lines.map(() => ({ textContent: "" }));
+  const chips = lines.map(() => ({ classList: new Set() }));
+  for (const { classList } of chips) Object.assign(classList, { contains: (name) => classList.has(name), toggle: (name) => classList.add(name) });
+  Legend.prototype.setValues.call({ lines, cells, chips }, [-5.7e-4, -5.7e-4, 5.7e-4], [12, 12, NaN]);
+  assert.deepEqual(cells.map(({ textContent }) => textContent), ["0.0", "0.00", "5.7e−4"]);
+  Legend.prototype.setValues.call({ lines, cells, chips }, [-6, -6, 6], [12, 12, NaN]);
+  assert.deepEqual(chips.map(({ classList }) => classList.has("above")), [true, false, false]);
 });

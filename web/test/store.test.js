@@ -129,5 +129,5 @@ test("a report: the whole, a part, and nothing before there is anything", () => 
   view.see(9, 30);
   assert.equal(view.window()[1], 10);
   assert.deepEqual(view.splits(0, 0.1, 1, 0.25), [0.25, 0.5, 0.75, 1]);
-  assert.deepEqual(view.labels(0, [-0.5, 0, 0.5]), ["−0.5 s", "0 s", "0.5 s"]);
+  assert.deepEqual([[-0.5, 0, 0.5], [0, 5]].map((splits) => view.labels(0, splits)), [["−0.5 s", "0", "0.5"], ["0 s", "5"]]);
 });
