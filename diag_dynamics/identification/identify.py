@@ -237,6 +237,14 @@ class FitData:
         ]
         self.unloaded = sum(sums) if sums else None
 
+    def beginnings(self):
+        """Return names and beginnings [s] of recordings on the time axis of all blocks."""
+        begin, names = 0.0, []
+        for dataset in sorted(self.loaded, key=lambda one: one.key):
+            names.append((dataset.name, begin))
+            begin += float(dataset.duration)
+        return names
+
     def sum_recordings(self):
         """Return the normal equations of each recording."""
         add = self.regressors.sum_segment

@@ -37,7 +37,7 @@ class Curves(NamedTuple):
     """Efforts below 5 Hz on held-out parts, downsampled to minima and maxima: times [s] (P,), others (P, nv) [N m, N].
 
     Efforts were measured, or are those of the model before and after with friction; NaN interrupts
-    them.
+    them. `files` are the recordings with the times at which they begin [s].
     """
 
     t: np.ndarray
@@ -46,6 +46,7 @@ class Curves(NamedTuple):
     after: np.ndarray
     error_before: np.ndarray
     error_after: np.ndarray
+    files: list
 
 
 def validate(models, parts):
@@ -170,13 +171,10 @@ def quality_of(model, selection, data, last):
     if layout.payload:
         quality["warnings"] += _warn_of_reach(model, layout.payload, quality["payload"])
         quality["warnings"] += _warn_of_payloads(selection, data, last)
-    first[:, 1:][:, ~np.tile(data.measured, 3)] = then[:, 1:][:, ~np.tile(data.measured, 3)] = (
-        np.nan
-    )
-    (t, measured, model_effort, error), (_, _, fitted, rest) = (
-        _split(rows, model.nv) for rows in (first, then)
-    )
-    return quality, Curves(t[:, 0], measured, model_effort, fitted, error, rest)
+    rows = np.stack([first, then])
+    rows[:, :, np.r_[False, ~np.tile(data.measured, 3)]] = np.nan
+    t, measured, efforts, errors = np.split(rows, 1 + model.nv * np.arange(3), axis=2)
+    return quality, Curves(t[0, :, 0], measured[0], *efforts, *errors, data.beginnings())
 
 
 def _shared_texts(datasets):
@@ -189,11 +187,6 @@ def _shared_texts(datasets):
         text if len(owners) == len(datasets) else f"{', '.join(owners)}: {text}"
         for text, owners in names.items()
     ]
-
-
-def _split(rows, nv):
-    """Return times and the three kinds of columns of curves."""
-    return np.split(rows, [1, 1 + nv, 1 + 2 * nv], axis=1)
 
 
 def _pair(names, before, after):

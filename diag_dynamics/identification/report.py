@@ -3,72 +3,82 @@
 
 """The report of an identification: curves, parameters with intervals, steps and base parameters in one HTML file."""
 
-from importlib import resources
-
 import numpy as np
 
 import diag_dynamics
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.identification.regressors import COLUMNS
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
+from diag_dynamics.recordings.balance import MIN_EXPLAINED
 
 WIDTH, HEIGHT = 1000.0, 100.0  # of a drawing, which the page stretches
 UNITS = {"damping": "N m s/rad", "friction": "N m", "effort_offset": "N m", "armature": "kg m²"}
 UNITS |= {"load_friction": "1", "root_friction": "N m √(s/rad)"}
 SIGMAS = 2.0  # of an interval
+GOOD, POOR = 0.05, 0.15  # error of the effort over its measured range
+TICKS = 5.0  # of the time axis, about
 
 
 def write_report(path, found):
     """Write the report of an :class:`~diag_dynamics.identification.result.Identification` into an HTML file."""
     jinja2 = require("jinja2", f"'{path}'")
-    text = (
-        resources.files("diag_dynamics.identification")
-        .joinpath("report.html.j2")
-        .read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("diag_dynamics", "identification"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
     )
-    template = jinja2.Template(text, autoescape=True, undefined=jinja2.StrictUndefined)
     quality = found.quality
-    page = template.render(
-        robot=found.model.name,
+    page = environment.get_template("report.html.j2").render(
+        found=found,
         quality=quality,
-        curves=[_draw_joint(found, name, k) for k, name in enumerate(found.model.dof_names)],
+        curves=[
+            _draw_joint(found, k, slides) for k, slides in enumerate(sliding_dofs(found.model))
+        ],
+        axis=_time_axis(found.curves.t),
+        good=(GOOD, POOR, MIN_EXPLAINED),
         units=UNITS,
-        joints={name: _parameters(found, name) for name in found.model.dof_names},
-        links=found.parameters.links,
+        joints={name: _parameters(found, k, name) for k, name in enumerate(found.model.dof_names)},
         base=[_base_parameter(parameter) for parameter in quality["base_parameters"]["parameters"]],
         version=diag_dynamics.__version__,
     )
     write_text(path, page)
 
 
-def _draw_joint(found, name, k):
-    """Return the drawings of a joint: paths of efforts and of errors, with their ranges."""
-    curves, t = found.curves, found.curves.t
-    drawings = {}
-    for key, columns in (
-        ("effort", (curves.measured, curves.before, curves.after)),
-        ("error", (curves.error_before, curves.error_after)),
-    ):
-        values = [column[:, k] for column in columns]
-        finite = np.concatenate([value[np.isfinite(value)] for value in values])
-        low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-        margin = 0.04 * (high - low) or 1.0
-        span = low - margin, high + margin
-        paths = [_path(t, value, float(np.nanmax(t, initial=1e-9)), span) for value in values]
-        zero = HEIGHT * span[1] / (span[1] - span[0])
-        drawings[key] = {
-            "paths": paths,
-            "low": low,
-            "high": high,
-            "zero": round(float(np.clip(zero, 0.0, HEIGHT)), 1),
-        }
-    rms = found.quality["torque_rms"][name]
-    return drawings | {"name": name, "rms": rms, "duration": float(np.nanmax(t, initial=0.0))}
+def _time_axis(t):
+    """Return the duration of the curves and the ticks of their axis [s]."""
+    duration = float(np.nanmax(t, initial=1e-9))
+    step = float(f"{duration / TICKS:.0e}")
+    return {"duration": duration, "ticks": np.arange(0.0, duration, step).tolist()}
 
 
-def _path(t, values, end, span):
+def _draw_joint(found, k, slides):
+    """Return drawings of a joint's efforts and errors, and its error over the range of its measured effort."""
+    curves, name = found.curves, found.model.dof_names[k]
+    error = found.quality["torque_rms"][name][1]
+    measured = curves.measured[:, k]
+    extent = np.nanmax(measured, initial=-np.inf) - np.nanmin(measured, initial=np.inf)
+    return {
+        "name": name,
+        "unit": "N" if slides else "N m",
+        "share": error / extent if error is not None and extent > 0.0 else None,
+        "effort": _draw(curves, k, "before", "after", "measured"),
+        "error": _draw(curves, k, "error_before", "error_after"),
+    }
+
+
+def _draw(curves, k, *names):
+    """Return the paths of a joint's curves, the last one on top, and their range, which contains zero."""
+    t, values = curves.t, np.array([getattr(curves, name)[:, k] for name in names])
+    low, high = float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
+    scale = HEIGHT / (high - low or 1.0)
+    x, y = WIDTH * t / np.nanmax(t, initial=1e-9), scale * (high - values)
+    paths = {name: _path(x, row) for name, row in zip(names, y, strict=True)}
+    return {"paths": paths, "low": low, "high": high, "zero": round(scale * high, 1)}
+
+
+def _path(x, y):
     """Return the path of a curve, which is interrupted where it is NaN."""
-    x, y = WIDTH * t / end, HEIGHT * (span[1] - values) / (span[1] - span[0])
     begins, parts = True, []
     for point in zip(x.round(1).tolist(), y.round(1).tolist(), strict=True):
         is_finite = all(np.isfinite(point))
@@ -78,19 +88,17 @@ def _path(t, values, end, span):
     return "".join(parts)
 
 
-def _parameters(found, name):
+def _parameters(found, k, name):
     """Return value, half of its interval and whether it was fitted of each parameter of a joint."""
-    fitted = found.parameters.joints.get(name)
+    fitted, cells = found.parameters.joints.get(name), {}
     deviations = found.quality["deviations"].get(name, {})
-    k, cells = found.model.dof_names.index(name), {}
     for key in COLUMNS:
-        identified = None if fitted is None else getattr(fitted, key)
-        value = float(getattr(found.model, key)[k]) if identified is None else identified
+        value = float(getattr(found.model, key)[k])
         half = SIGMAS * deviations[key] if key in deviations else None
         cells[key] = {
             "value": value,
             "half": half,
-            "fitted": identified is not None,
+            "fitted": getattr(fitted, key, None) is not None,
             "weak": half is not None and half > abs(value),
         }
     return cells

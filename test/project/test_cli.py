@@ -371,18 +371,32 @@ def assert_report(page, quality):
     for name, (_, after) in quality["torque_rms"].items():
         (section,) = root.xpath(f"//section[starts-with(h3, '{name} ')]")
         assert f"{after:.3g}" in section.findtext("h3/span/b")
+        assert section.xpath(".//svg")[0].xpath("path/@class") == [
+            *("zero", "before", "after", "measured"),
+        ]
+        ticks = section.xpath("div[@class='times']/span/text()")
+        assert ticks[0] == "0 s" and len(ticks) >= 3 and float(ticks[1]) > 0.0
         curves = section.xpath(".//path[not(@class='zero')]/@d")
         assert len(curves) == 5 and all(curve.count("L") > 100 for curve in curves)
     for name in TRUTH:
         (row,) = tables["joint"].xpath(f"tr[th='{name}']")
         half = 2.0 * quality["deviations"][name]["friction"]
-        assert f"± {half:.1g}" in row.xpath("td")[1].findtext("i")
+        assert f"± {half:#.2g}" == row.xpath("td")[1].findtext("i")
         assert float(row.xpath("td")[1].text) == pytest.approx(TRUTH[name].friction, rel=0.05)
-    verdicts = [row.xpath("td")[1].text for row in tables["steps"].xpath("tr")]
-    assert verdicts == [
+    heads = tables["steps"].xpath("thead/tr/th")[1:]
+    assert [head.text for head in heads] == [
+        "before",
+        *(rung["steps"][-1] for rung in quality["ladder"][1:]),
+    ]
+    assert [row.findtext("td") for row in tables["steps"].xpath("tr")] == [
+        "geometric mean",
+        *quality["torque_rms"],
+    ]
+    assert [head.findtext("i") for head in heads] == [
         "start",
         *("accepted" if rung["taken"] else "rejected" for rung in quality["ladder"][1:]),
     ]
+    assert tables["combination"].xpath("ancestor::details[not(@open)]")
     names = [row.findtext("td") for row in tables["combination"].xpath("tr")]
     assert names == [one["name"] for one in quality["base_parameters"]["parameters"]]
     assert not root.xpath("//script | //link[@href != 'data:,'] | //img")
@@ -415,6 +429,29 @@ def test_identify(run, tmp_path):
     assert_report((tmp_path / "page.html").read_text(encoding="utf-8"), quality)
     dynamics = etree.parse(tmp_path / "new.urdf").xpath("//joint[@name='elbow_joint']/dynamics")[0]
     assert float(dynamics.get("friction")) == found.joints["elbow_joint"].friction
+
+
+def test_report_of_two_files(run, tmp_path, columns):
+    """The report shows where files begin, and errors relative to the range of the effort. The model
+    lacks rotors.
+    """
+    write(tmp_path / "tuesday.csv", *columns)
+    outputs = "--report {tmp}/page.html --json {tmp}/q.json"
+    run(f"identify monday.csv {{tmp}}/tuesday.csv --urdf ur5_robot --what friction {outputs}")
+    quality = json.loads((tmp_path / "q.json").read_text())
+    root = etree.HTML((tmp_path / "page.html").read_text(encoding="utf-8"))
+    (begin, *others) = root.xpath("//svg/line[@class='file']/@x1")
+    assert float(begin.rstrip("%")) == pytest.approx(50.0, abs=1.0) and {*others} == {begin}
+    (text,) = root.xpath("//p[contains(., 'beginnings of files')]")
+    assert re.findall(r"(\w+)\.csv' ([\d.]+) s", "".join(text.itertext())) == [
+        ("monday", "0.0"),
+        ("tuesday", "20.0"),
+    ]
+    heads = {head.text.strip(): head.findtext("span/em") for head in root.iter("h3")}
+    for name in ("shoulder_pan_joint", "elbow_joint"):
+        effort = columns[1][:, columns[0].index(f"tau_{name}")]
+        expected = 100.0 * quality["torque_rms"][name][1] / np.ptp(effort)
+        assert 1.0 < float(heads[name].split()[0]) == pytest.approx(expected, rel=0.15)
 
 
 def test_known_parameters(run, tmp_path):
