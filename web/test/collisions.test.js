@@ -5,6 +5,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { collisionNotes } from "../src/chapters.js";
 import { CollisionList, eventText, eventsOf, forceText, loadText, touchAt } from "../src/collisions.js";
 import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
@@ -90,4 +91,11 @@ test("next and previous are those of the moment shown", () => {
   const list = { events: [{ t: 0.5 }, { t: 1 }, { t: 2 }], nodes: [], shared: { view: { now: () => now }, show: ({ t }) => (now = t) } };
   const seen = [1, 1, -1, -1, -1].map((step) => (CollisionList.prototype.step.call(list, step), now));
   assert.deepEqual(seen, [2, 2, 1, 0.5, 0.5]);
+});
+
+test("a report says how many alarms have thresholds, or why collisions are unknown", () => {
+  const notes = (judged, missing, text) => collisionNotes({ summary: { observer: { judged, missing, text, gain: 25, observed: 9 } } });
+  assert.deepEqual(notes(["norm"], [], ""), [true, ["Thresholds of 1 alarm; observer gain 25.0/s."]]);
+  assert.deepEqual(notes(["a", "norm"], [], "")[1], ["Thresholds of 2 alarms; observer gain 25.0/s."]);
+  assert.deepEqual(notes([], ["collision.threshold"], "not set"), [false, ["not set"]]);
 });
