@@ -17,23 +17,31 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import symmetric
 
 MIN_MASS, MIN_RADIUS = 0.5, 0.03
-"""Minimum mass [kg] and radius of gyration [m] of the body at the start: the lighter, the slower it adapts at first."""
+"""Minimum mass [kg] and radius of gyration [m] of the body at the start.
+
+A lighter body adapts more slowly at first.
+"""
 
 MAX_CHANGE, MAX_CONDITION = 0.5, 1e6
-"""Maximum change of the logarithm of the pseudo-inertia in a step, and condition of its factor beyond which it stays."""
+"""Limits of the pseudo-inertia.
+
+The logarithm changes by at most the first number in a step. Above the second one, the condition of
+its factor, the pseudo-inertia stays.
+"""
 
 MARGIN = 0.25
 """Fraction of the stable rate at rest that is accepted, because motion adapts faster."""
 
 
 class AdaptiveTracking(JointTracking):
-    """Joint tracking with an adaptive payload on a link: τ = (that of JointTracking) + Y(q, q̇, q̇_r, q̈_r)(π̂ − π₀).
+    """Joint tracking with an adaptive payload on a link.
 
-    π are the ten parameters of the link's body with the payload, π₀ those of the model. Their
-    pseudo-inertia is P = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite
-    for every physical body. Points of the body move by Hr̄, their reference accelerations less
-    gravity are Gr̄, so that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of HᵀG for the rates
-    q̇ − q̇_r. With the natural metric (Lee, Kwon and Park 2018)
+    The command is τ = (that of JointTracking) + Y(q, q̇, q̇_r, q̈_r)(π̂ − π₀). π are the ten
+    parameters of the link's body with the payload, π₀ those of the model. Their pseudo-inertia is P
+    = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite for every physical
+    body. Points of the body move by Hr̄, their reference accelerations less gravity are Gr̄, so
+    that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of HᵀG for the rates q̇ − q̇_r. With the
+    natural metric (Lee, Kwon and Park 2018)
 
         dP̂/dt = −γP̂LP̂,
 
@@ -51,7 +59,7 @@ class AdaptiveTracking(JointTracking):
     >>> dyn = dd.DiagonalDynamics(dd.load_robot("ur5"))
     >>> law = dd.AdaptiveTracking(dyn, "tool0", gain=20.0, convergence=10.0, rate=3.0)
     >>> q = [0, -1, 1, 0, 0, 0]
-    >>> command = law.command(q, [0] * 6, desired_q=[0, -1.1, 1, 0, 0, 0])  # the arm has sunk by 0.1 rad
+    >>> command = law.command(q, [0] * 6, desired_q=[0, -1.1, 1, 0, 0, 0])  # sunk by 0.1 rad
     >>> law.adapt(0.1)
     >>> law.payload[0] > 0.01  # [kg]
     True
@@ -123,7 +131,10 @@ class AdaptiveTracking(JointTracking):
         return tau + J.T @ _wrench(G @ change), g + J.T @ _wrench(weight @ change)
 
     def require_stable(self, q: VectorLike, period: float) -> None:
-        """Raise InputError for gains as of JointTracking, and unless the largest weight adapts stably, ω²·period < K/2."""
+        """Raise InputError for gains that JointTracking rejects or that adapt without stability.
+
+        The largest weight is stable if ω²·period < K/2.
+        """
         super().require_stable(q, period)
         J, G = self.dynamics.jacobian(q, self.link), self._upward(q)
         powers = [_velocities(column).T @ G for column in J.T]
@@ -142,7 +153,10 @@ class AdaptiveTracking(JointTracking):
         return G
 
     def _accelerations(self, q: Array, J: Array, qd: Array, qd_r: Array, qdd_r: Array) -> Array:
-        """Return G without gravity: Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇."""
+        """Return G without gravity.
+
+        It is Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇.
+        """
         acceleration = self.dynamics.link_acceleration
         plus, minus = (
             acceleration(q, self.link, x, self._zero, spatial=True) for x in (qd + qd_r, qd - qd_r)
@@ -155,7 +169,10 @@ class AdaptiveTracking(JointTracking):
 
 
 def _velocities(twist: Array) -> Array:
-    """Return H, shape (3, 4), by which points r̄ of a body move at a twist: linear, then angular velocity."""
+    """Return H, shape (3, 4), by which points r̄ of a body move at a twist.
+
+    The twist has the linear velocity first, then the angular velocity.
+    """
     (vx, vy, vz), (x, y, z) = twist[:3], twist[3:]
     return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz]])
 

@@ -10,32 +10,43 @@ from diag_dynamics.text import distinct
 
 
 def by_dof(parameter, entries, names, default=None):
-    """Return a positive number for each name from entries such as ``joint=5.0`` and ``*=3.0``, or its default."""
+    """Return a positive number for each name, or its default.
+
+    Entries are such as ``joint=5.0`` and ``*=3.0``.
+    """
     values = by_name(parameter, assignments(parameter, entries), names)
     if default is not None:
         values = dict(zip(names, default, strict=True)) | values
     for name in names:
         if name not in values:
             raise InputError(
-                f"parameter '{parameter}' has no entry for joint '{name}', and none for * (all others)."
+                f"parameter '{parameter}' has no entry for joint '{name}', "
+                "and none for * (all others)."
             )
     return per_name(f"parameter '{parameter}'", values, names, "a number > 0", lambda x: x > 0.0)
 
 
 def effort_limits(entries, model):
-    """Return the effort limits [N m, N] from entries as of :func:`by_dof`, at most and by default those of the URDF."""
+    """Return the effort limits [N m, N] from entries as of :func:`by_dof`.
+
+    They are at most, and by default, those of the URDF.
+    """
     limits = by_dof("effort_limit", entries, model.dof_names, model.effort_limit)
     for name, limit, maximum in zip(model.dof_names, limits, model.effort_limit, strict=True):
         if limit > maximum > 0.0:
             value, bound = distinct(limit, maximum)
             raise InputError(
-                f"parameter 'effort_limit' of '{name}' is {value}, expected at most {bound}, the limit of the URDF."
+                f"parameter 'effort_limit' of '{name}' is {value}, "
+                f"expected at most {bound}, the limit of the URDF."
             )
     return limits
 
 
 def command_order(entries, names, complete=True):
-    """Return the joints of a command's entries and their indices among `names`; by default and if `complete`, all."""
+    """Return the joints of a command's entries and their indices among `names`.
+
+    All joints are the default, and required if `complete`.
+    """
     joints = tuple(name for name in entries if name) or tuple(names)
     parameter = "parameter 'command_joints'"
     for name in joints:

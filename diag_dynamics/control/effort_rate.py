@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Limit on the rate of efforts that neither pumps energy into a stable loop nor breaks an energy limit."""
+"""Limit on the rate of efforts.
+
+It neither pumps energy into a stable loop nor breaks an energy limit.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ DECAY, GROWTH = 200.0, 5.0
 """Rates at which the scale of a law's efforts falls, and grows back to 1 [1/s]."""
 
 CYCLES = 3
-"""Successive cycles in which a joint has to demand too much: noise and jumps do so in single ones."""
+"""Successive cycles in which a joint has to demand too much.
+
+Noise and jumps do so in single cycles.
+"""
 
 ROUNDING = 1e-12
 """Rounding error of efforts from and to those without gravity."""
@@ -60,7 +66,10 @@ class EffortRate:
         self._demands = CYCLES * [self._moving]
 
     def scaled(self, command: Command, period: float) -> Command:
-        """Return the command of a law, scaled for the rate of its efforts since the last one a period [s] before."""
+        """Return the command of a law, scaled for the rate of its efforts.
+
+        The last command was a period [s] before.
+        """
         moving = command.tau - command.gravity_torque
         if period:
             ratio = np.abs(moving - self._moving) / (SHARE * period * self.rate)

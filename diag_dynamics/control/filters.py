@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All filters of commands in their order, for robots with and without gravity compensation of their own."""
+"""All filters of commands in their order.
+
+Robots may have gravity compensation of their own.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,10 @@ MAX_RAMP_TIME = 0.1
 """Maximum time in which efforts reach gravity compensation without a warning [s]."""
 
 SPRING_SHARE, SPRING_EFFORT, SPRING_TIME = 0.5, 10.0, 0.1
-"""Effort of a spring at a position limit: fraction of the effort limit, without one [N m, N]; damping per stiffness [s]."""
+"""Effort of a spring at a position limit, and its damping per stiffness [s].
+
+The effort is a fraction of the effort limit. Without a limit it is the second number [N m, N].
+"""
 
 CONTACT_RATE = 30.0
 """Rate of the approach to contact limits [1/s]."""
@@ -150,7 +156,10 @@ class Limits:
             self.tank.fill()
 
     def reset(self, effort: VectorLike | None = None) -> None:
-        """Start from an effort that has been sent [N m, N]; without it from gravity compensation in the next state."""
+        """Start from an effort that has been sent [N m, N].
+
+        Without it, start from gravity compensation in the next state.
+        """
         self._is_new = effort is None
         start = self.gravity_compensation if effort is None else effort
         self.sent = vector("effort", start, self._names)
@@ -163,7 +172,7 @@ class Limits:
         period: float,
         external: VectorLike | None = None,
     ) -> Limited:
-        """Return the :class:`Limited` command of a law at positions q [rad, m] and rates qd [rad/s, m/s].
+        """Return the :class:`Limited` command of a law at q [rad, m] and qd [rad/s, m/s].
 
         `period` is the length of a cycle [s], since the last command and until the next one; 0 for
         a first command leaves efforts as they are. `external` are working moments of external
@@ -207,7 +216,10 @@ class Limits:
         )
 
     def ramp(self, effort: VectorLike, period: float) -> Array:
-        """Return the efforts to send without a law: those nearest to `effort` [N m, N] within a period [s]."""
+        """Return the efforts to send without a law.
+
+        They are those nearest to `effort` [N m, N] within a period [s].
+        """
         demand = vector("effort", effort, self._names)
         return self._send(self._rate.towards(demand, self.sent, period))
 
@@ -217,13 +229,19 @@ class Limits:
         return effort
 
     def limit_to_gravity(self, command: Command) -> None:
-        """Start from the last effort, clipped between zero and gravity compensation in the state of a command."""
+        """Start from the last effort, clipped between zero and gravity compensation.
+
+        The compensation is that in the state of a command.
+        """
         self._gravity = command.gravity_torque
         gravity = self.gravity_compensation
         self.reset(np.clip(self.sent, np.minimum(gravity, 0.0), np.maximum(gravity, 0.0)))
 
     def reaches_gravity(self, command: Command, period: float) -> bool:
-        """Return whether efforts reach the range from gravity compensation to a command within a period [s]."""
+        """Return whether efforts reach the range of a command within a period [s].
+
+        The range is from gravity compensation to the command.
+        """
         self._gravity = command.gravity_torque
         gravity = self.gravity_compensation
         effort = gravity + (command.tau - command.gravity_torque)
@@ -233,7 +251,10 @@ class Limits:
 
     @property
     def gravity_compensation(self) -> Array:
-        """Effort of gravity compensation in the last state [N m, N]; zero for a robot with its own."""
+        """Effort of gravity compensation in the last state [N m, N].
+
+        It is zero for a robot with its own.
+        """
         if self._compensated:
             return np.zeros_like(self._gravity)
         return np.clip(self._gravity, -self._saturation.limit, self._saturation.limit)

@@ -21,7 +21,10 @@ _KINDS = ("position", "velocity")
 
 
 class Tolerances(NamedTuple):
-    """Maximum errors of position [rad, m] and velocity [rad/s, m/s], shape (2, nv); infinite: none."""
+    """Maximum errors of position [rad, m] and velocity [rad/s, m/s], shape (2, nv).
+
+    An infinite number is no limit.
+    """
 
     path: np.ndarray  # before the end of the trajectory
     goal: np.ndarray  # at its end
@@ -49,9 +52,10 @@ class Outcome(NamedTuple):
 
 
 class Following:
-    """Motion of joints `names` along a trajectory that ends at a time [ns]; `continuous` is a mask of joints.
+    """Motion of joints `names` along a trajectory that ends at a time [ns].
 
-    `outcome` is None until the end. `state` and `desired` are those of the last cycle.
+    `continuous` is a mask of joints. `outcome` is None until the end. `state` and `desired` are
+    those of the last cycle.
     """
 
     def __init__(self, names, trajectory, tolerances, continuous):
@@ -73,7 +77,7 @@ class Following:
         return np.array([position, desired.velocity - state.velocity])
 
     def check(self, state, desired):
-        """Compare the errors of a RobotState with the tolerances; return the reason of a failure, else an empty text.
+        """Return why the errors of a RobotState exceed the tolerances; empty if they do not.
 
         A joint must remain within its path tolerance until the end, and be within its goal
         tolerance from the end to the goal time at least once, with all others.

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control laws in (ν, ε) and their commands: damping, gravity compensation, joints that track or are regulated, poses.
+"""Control laws in (ν, ε) and their commands.
+
+The laws are damping, gravity compensation, tracking and regulation of joints, and regulation of
+poses.
 
 Gains are one number for all degrees of freedom, or one for each. `law.require_stable(q, period)`
 raises InputError if a loop of this period [s] would make a gain unstable, and names the largest
@@ -40,7 +43,10 @@ STIFF = "a finite number > 0 [N m/rad, N/m]"
 
 
 class PoseError(NamedTuple):
-    """Error of a frame's pose in the root link's axes, desired less actual; a part that is not regulated is None."""
+    """Error of a frame's pose in the root link's axes, desired less actual.
+
+    A part that is not regulated is None.
+    """
 
     position: Array | None  # [m], shape (3,)
     orientation: (
@@ -49,9 +55,10 @@ class PoseError(NamedTuple):
 
 
 class Command(NamedTuple):
-    """Joint efforts and their reasons: one evaluation of a law. Arrays have shape (nv,) and are the caller's own.
+    """Joint efforts and their reasons, from one evaluation of a law.
 
-    A robot with gravity compensation of its own receives τ − g.
+    Arrays have shape (nv,) and are the caller's own. A robot with gravity compensation of its own
+    receives τ − g.
     """
 
     tau: Array  # joint efforts [N m, N], τ = m(ε + ε_g)
@@ -59,14 +66,18 @@ class Command(NamedTuple):
     gravity_torque: Array  # g(q) [N m, N], the part of tau that holds the robot
     nu: Array  # total joint rates ν [J^½]
     lyapunov: float  # Lyapunov function V of the law [J]
-    lyapunov_rate: float  # dV/dt [W] by the law alone: without filters, pushes and friction, for a target at rest
+    # dV/dt [W] by the law alone, for a target at rest: without filters, pushes and friction.
+    lyapunov_rate: float
     error: Array | PoseError | None = None  # q_d − q of a joint-space target, or that of a pose
     scale: float = 1.0  # factor of the effort limits on the part of tau that moves the robot
     limited: tuple[str, ...] = ()  # degrees of freedom at their effort limits
 
 
 def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
-    """Return the dynamics of a robot with a motor at every degree of freedom; raise UnsupportedError for others."""
+    """Return the dynamics of a robot with a motor at every degree of freedom.
+
+    Raise UnsupportedError for others.
+    """
     model = instance("dynamics", dynamics, DiagonalDynamics).model
     if model.floating_base:
         raise UnsupportedError(f"robot '{model.name}' has a floating base, which no motor drives.")
@@ -100,7 +111,10 @@ class Law(ABC):
 
     @abstractmethod
     def require_stable(self, q: VectorLike, period: float) -> None:
-        """Raise InputError if a gain is unstable at the positions q [rad, m] in a loop of a period [s] without delay."""
+        """Raise InputError if a gain is unstable at the positions q [rad, m].
+
+        The loop has a period [s] and no delay.
+        """
 
     def _require_rates(self, name: str, rates: Array, period: float) -> None:
         """Raise InputError if ṡ = −Ks is unstable for the largest of the rates K [1/s]."""
@@ -124,9 +138,10 @@ def require_at_most(what: str, value: float, largest: float, unit: str, period: 
 def require_slow(
     root: Array, names: list[str], stiffness: Array, largest: float, period: float
 ) -> None:
-    """Raise InputError unless all modes of springs K̃ = root rootᵀ are slower than a frequency [rad/s].
+    """Raise InputError unless all modes of springs are slower than a frequency [rad/s].
 
-    `names` and `stiffness` are those of the springs, the columns of the root.
+    The springs are K̃ = root rootᵀ. `names` and `stiffness` are those of the springs, the columns
+    of the root.
     """
     _, frequencies, modes = np.linalg.svd(root)
     k = int(np.argmax(np.abs(modes[0])))  # the spring with most of the mode
@@ -135,10 +150,10 @@ def require_slow(
 
 
 class RateDamping(Law):
-    """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own; the gain is c > 0 [1/s].
+    """Rate control ε = −cν (Control 8.1): every total joint rate decays on its own.
 
-    V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as exp(−2ct), in any configuration
-    and motion.
+    The gain is c > 0 [1/s]. V = K = ½|ν|² and dV/dt = −νᵀcν. With equal gains K decays as
+    exp(−2ct), in any configuration and motion.
     """
 
     def __init__(self, dynamics: DiagonalDynamics, gain: Gain) -> None:
@@ -146,7 +161,7 @@ class RateDamping(Law):
         self.gain = per_name("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
+        """Return the command at q [rad, m] and qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         epsilon = -self.gain * nu
         return self._command(q, nu, epsilon, float(nu @ epsilon))
@@ -163,7 +178,7 @@ class GravityCompensation(Law):
     """
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Return the command at the positions q [rad, m] and rates qd [rad/s, m/s], each of shape (nv,)."""
+        """Return the command at q [rad, m] and qd [rad/s, m/s], each of shape (nv,)."""
         nu = self.dynamics.nu_from_qd(q, qd)
         return self._command(q, nu, 0.0 * nu, 0.0)
 
@@ -190,9 +205,10 @@ class JointLaw(Law):
         desired_qd: VectorLike | None = None,
         desired_qdd: VectorLike | None = None,
     ) -> Command:
-        """Return the command at q [rad, m] and qd [rad/s, m/s] for a desired motion, whose derivatives are 0 by default.
+        """Return the command at q [rad, m] and qd [rad/s, m/s] for a desired motion.
 
-        All have shape (nv,). The error is q_d − q, of a continuous joint the shorter way round.
+        The derivatives of the motion are 0 by default. All have shape (nv,). The error is q_d − q,
+        of a continuous joint the shorter way round.
         """
         names = self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
@@ -206,7 +222,10 @@ class JointLaw(Law):
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command: ...
 
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
-        """Return M q̈_r + C_s q̇_r + g and g [N m, N], by a Newton–Euler pass with two velocities."""
+        """Return M q̈_r + C_s q̇_r + g and g [N m, N].
+
+        One Newton–Euler pass with two velocities computes both.
+        """
         tau = self.dynamics.inverse_dynamics(q, self._zero, qdd_r)
         tau += self.dynamics.coriolis_matrix_times(q, qd, qd_r)
         return tau, self.dynamics.gravity_torque(q)
@@ -221,7 +240,10 @@ class JointLaw(Law):
         error: Array,
         spring: Array,
     ) -> Command:
-        """Return the command of m(reference − braking) and springs: V = ½|s|² + ½ springᵀerror, dV/dt = −sᵀbraking."""
+        """Return the command of m(reference − braking) and springs.
+
+        V = ½|s|² + ½ springᵀerror has the rate dV/dt = −sᵀbraking.
+        """
         tau, g = reference
         tau = tau + spring - self.dynamics.tau_from_epsilon(q, braking)
         epsilon = self.dynamics.epsilon_from_tau(q, tau - g)
@@ -288,7 +310,9 @@ class JointTracking(JointLaw):
 
 
 class JointRegulation(JointLaw):
-    """Joint springs with one damping ratio ζ: τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c s, s = ν − mᵀq̇_d.
+    """Joint springs with one damping ratio ζ.
+
+    The command is τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c s, with s = ν − mᵀq̇_d.
 
     With K̃ = ℓK_qℓᵀ and c = 2ζK̃^½ (symmetric root) the motion about a set-point is
     z̈ + 2ζK̃^½ż + K̃z = 0: every mode has the damping ratio ζ in every configuration.
@@ -342,12 +366,17 @@ def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> A
 
 
 def largest_frequency(ratio: float, period: float) -> float:
-    """Return the frequency [rad/s] below which springs of a damping ratio are stable if their torques last for a period."""
+    """Return the frequency [rad/s] below which springs of a damping ratio are stable.
+
+    Their torques last for a period.
+    """
     return min(4.0 * ratio, 1.0 / ratio) / period
 
 
 class PoseRegulation(Law):
-    """Pose regulation ε = −c₁ν + ℓJᵀC₂e (Control 8.2, with the sign that converges): springs pull a frame to its target.
+    """Pose regulation ε = −c₁ν + ℓJᵀC₂e: springs pull a frame to its target.
+
+    This is Control 8.2 with the sign that converges.
 
     e = Y_d − Y(q), Y the frame's position and its three axes a_j, and JᵀC₂e = J₆ᵀ[c_p; Σ a_j × c_j]
     with c = C₂e, a wrench at the frame. V = ½|ν|² + ½eᵀC₂e falls at −νᵀc₁ν, which includes the null
@@ -408,10 +437,11 @@ class PoseRegulation(Law):
     def aim(
         self, position: VectorLike | None = None, orientation: MatrixLike | None = None
     ) -> None:
-        """Set the target in the root link's axes, which a command requires; a part that is None is not regulated.
+        """Set the target in the root link's axes, which a command requires.
 
-        The position [m] is from the root link's origin, shape (3,). The orientation is a rotation
-        matrix, with the frame's axes as columns, or a unit quaternion (x, y, z, w).
+        A part that is None is not regulated. The position [m] is from the root link's origin, shape
+        (3,). The orientation is a rotation matrix, with the frame's axes as columns, or a unit
+        quaternion (x, y, z, w).
         """
         if position is None and orientation is None:
             raise InputError("position and orientation are both None: there is nothing to aim at.")
@@ -424,12 +454,18 @@ class PoseRegulation(Law):
         self._axes = axes
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:
-        """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q in the root link's axes."""
+        """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q.
+
+        They are in the root link's axes.
+        """
         X = self.dynamics.placement(q, self.link)
         return X[:3, :3] @ self.point + X[:3, 3], X[:3, :3]
 
     def command(self, q: VectorLike, qd: VectorLike) -> Command:
-        """Return the command towards the target at q [rad, m] and qd [rad/s, m/s], each of shape (nv,)."""
+        """Return the command towards the target.
+
+        Both q [rad, m] and qd [rad/s, m/s] have shape (nv,).
+        """
         if self._position is None and self._axes is None:
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
@@ -456,7 +492,11 @@ class PoseRegulation(Law):
         return command._replace(error=PoseError(distance, rotation))
 
     def require_stable(self, q: VectorLike, period: float) -> None:
-        """Raise InputError unless c₁·period < 2 and ω²·period < 2c₁, for a ratio ω·period < min(4ζ, 1/ζ), in every mode."""
+        """Raise InputError for unstable gains.
+
+        Every mode requires c₁·period < 2 and ω²·period < 2c₁; with a damping ratio, ω·period <
+        min(4ζ, 1/ζ).
+        """
         root = self.dynamics.wrench_factor(q, self.link, self.point, "world") * self._root
         if self.damping is None:
             largest = largest_frequency(self.damping_ratio, period)

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Filters of commands: limits of kinetic energy, contact, efforts and joint positions; :class:`.filters.Limits` calls them.
+"""Filters of commands: limits of kinetic energy, contact, efforts and joint positions.
 
-Limits and gains are one number for all degrees of freedom, or one for each. `external` are working
-moments of external forces [J^½/s], such as a disturbance observer's residual.
+:class:`.filters.Limits` calls the filters. Limits and gains are one number for all degrees of
+freedom, or one for each. `external` are working moments of external forces [J^½/s], such as a
+disturbance observer's residual.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ HEAVY = 0.9
 """Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
 
 SPRING, DAMPER = 0.2, 0.5
-"""Maximum impulses of springs and dampers at position limits in a cycle; see :class:`PositionRepulsion`."""
+"""Maximum impulses of springs and dampers at position limits in a cycle.
+
+See :class:`PositionRepulsion`.
+"""
 
 AIM = 0.99
 """Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle."""
@@ -87,7 +91,7 @@ class EnergyLimiter:
         period: float,
         external: VectorLike | None = None,
     ) -> Command:
-        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
+        """Return the command at q [rad, m] and qd [rad/s, m/s], or one that keeps the limits.
 
         `period` is h > 0, until the next command [s].
         """
@@ -103,7 +107,9 @@ class EnergyLimiter:
 
 
 class EffortSaturation:
-    """Effort limits |τ_k| ≤ L_k that keep the direction of ε: τ = g + s(τ − g) with one s in [0, 1].
+    """Effort limits |τ_k| ≤ L_k that keep the direction of ε.
+
+    The filter returns τ = g + s(τ − g) with one s in [0, 1].
 
     Gravity compensation has priority over motion. One factor for the rest keeps the sign of its
     power νᵀε, where cuts joint by joint can turn braking into driving. A joint whose gravity torque
@@ -121,7 +127,10 @@ class EffortSaturation:
         )
 
     def filter(self, command: Command) -> Command:
-        """Return the command within the limits, with its `scale` s and the joints at their limits in `limited`."""
+        """Return the command within the limits.
+
+        It has the `scale` s, and the joints at their limits in `limited`.
+        """
         limit, g = self.limit, command.gravity_torque
         if (np.abs(command.tau) <= limit).all():
             return command
@@ -141,7 +150,9 @@ class EffortSaturation:
 
 
 class PositionRepulsion:
-    """Springs before the position limits: within the margin of one, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
+    """Springs before the position limits.
+
+    Within the margin of a limit, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
 
     d is the depth of the joint in the margin, at most the margin: beyond the limit the spring is no
     stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
@@ -175,7 +186,7 @@ class PositionRepulsion:
         dynamics.compile("epsilon_from_tau", "factors")
 
     def filter(self, q: VectorLike, qd: VectorLike, command: Command, period: float) -> Command:
-        """Return the command with these efforts added at positions q [rad, m] and rates qd [rad/s, m/s].
+        """Return the command with these efforts added at q [rad, m] and qd [rad/s, m/s].
 
         `period` is h > 0, until the next command [s].
         """
@@ -195,17 +206,20 @@ class PositionRepulsion:
 
 
 class ContactSeen(NamedTuple):
-    """Contact at a state, by its worst entry: that with the largest fraction of its allowed speed."""
+    """Contact at a state, by the entry with the largest fraction of its allowed speed."""
 
     contact: PredictedContact
     worst: int  # the entry; -1 if nothing moves
     energy: float  # its transferable energy [J]
-    limit: float  # its limit [J]: the energy at the allowed speed, scaled; inf at rest or without a limit
+    # Its limit [J] is the energy at the allowed speed, scaled; inf at rest or without a limit.
+    limit: float
     link: str  # its link; empty if nothing moves
 
 
 class ContactLimiter:
-    """Contact limiter, a filter on any law's command: no point with a limit exceeds its allowed speed.
+    """Contact limiter: no point with a limit exceeds its allowed speed.
+
+    It is a filter on any law's command.
 
     B = (v/v_max)² of a point along its own motion is its transferable energy, or the square of its
     contact force, relative to its limit. The filter predicts the state at the end of the cycle.
@@ -240,7 +254,10 @@ class ContactLimiter:
 
     @property
     def scale(self) -> float:
-        """σ in [0, 1]: fraction of the allowed speeds that is allowed now, for instance by the distance of people."""
+        """Fraction σ in [0, 1] of the allowed speeds that is allowed now.
+
+        It may depend on the distance of people, for instance.
+        """
         return self._scale
 
     @scale.setter
@@ -267,7 +284,7 @@ class ContactLimiter:
         period: float,
         external: VectorLike | None = None,
     ) -> Command:
-        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that keeps the limits.
+        """Return the command at q [rad, m] and qd [rad/s, m/s], or one that keeps the limits.
 
         `period` is h > 0, until the next command [s].
         """
@@ -302,7 +319,10 @@ class ContactLimiter:
         return qd * min(1.0, float(_fraction(contact.usage**2, allowed).min()))
 
     def _impulse(self, q: Array, qd: Array, contact: PredictedContact, k: int) -> Array:
-        """Return M⁻¹JᵀΛv, the change of rates by an impulse that stops the worst point of an entry."""
+        """Return M⁻¹JᵀΛv of an entry, the change of rates by an impulse.
+
+        The impulse stops the worst point of the entry.
+        """
         dynamics, link = self.dynamics, contact.links[k]
         point = self.points.points[k][contact.point[k]]
         v = dynamics.link_velocity(q, link, qd, point)[:3]

@@ -31,9 +31,10 @@ MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
 
 
 class Load(NamedTuple):
-    """Result of the estimator for one state: a point-like body on the link, beside the payload of the model.
+    """Result of the estimator for one state.
 
-    The mass is negative if (a part of) that payload has been put down.
+    It is a point-like body on the link, beside the payload of the model. The mass is negative if (a
+    part of) that payload has been put down.
     """
 
     valid: bool  # False for the first state and after a reset
@@ -71,7 +72,9 @@ class Load(NamedTuple):
 
 
 class LoadEstimator:
-    """Recursive least squares of mass and first moment of a load on a link, from the external torque m r of an observer.
+    """Recursive least squares of mass and first moment of a load on a link.
+
+    The input is the external torque m r of an observer.
 
     The torque of a load π = (m, mc) on the robot is −[d/dt(Y_p π) + (Y_g − Y_∂)π], linear in π. The
     estimator filters these columns as an observer that settles on torque filters the external
@@ -134,7 +137,10 @@ class LoadEstimator:
         self.use(dynamics)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
-        """Use another model of the same degrees of freedom, and reset unless it differs in gravity alone."""
+        """Use another model of the same degrees of freedom.
+
+        Reset unless it differs in gravity alone.
+        """
         body, placement = dynamics.model.placement_in_body(self.link)
         if body == 0:
             raise InputError(f"link is '{self.link}'; expected a link that a joint moves.")
@@ -207,7 +213,10 @@ class LoadEstimator:
         return self.last
 
     def _add_constant(self, torque: Array, interval: float, weight: float) -> None:
-        """Add a state to the least squares of a constant torque, whose low-pass from the restart on is `_response`."""
+        """Add a state to the least squares of a constant torque.
+
+        The low-pass of this torque from the restart on is `_response`.
+        """
         decay = math.exp(-interval / self.memory)
         self._response -= math.expm1(-self.gain * interval) * (1.0 - self._response)
         self._count = self._count * decay + weight
@@ -217,7 +226,7 @@ class LoadEstimator:
         )
 
     def _is_moved(self) -> bool:
-        """Return whether the load leaves less of the energy of m r than the best constant torque."""
+        """Return whether the load leaves less energy of m r than the best constant torque."""
         energy = (
             self._matrices[0, LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
         )
@@ -258,7 +267,9 @@ class LoadEstimator:
         return MIN_SIGNIFICANCE * load.mass_deviation + MAX_REST * self._known().mass
 
     def payload(self) -> Payload:
-        """Return the payload of the model with the estimated load: a point at its centre; mass 0 if little remains.
+        """Return the payload of the model with the estimated load, a point at its centre.
+
+        The mass is 0 if little remains.
 
         Raises
         ------
@@ -274,8 +285,8 @@ class LoadEstimator:
                 else f"unknown: {load.reason}"
             )
             raise InputError(
-                f"load on link '{self.link}' is {found}; expected a mass above two standard deviations. "
-                "Move the arm with the load."
+                f"load on link '{self.link}' is {found}; "
+                "expected a mass above two standard deviations. Move the arm with the load."
             )
         if remaining < uncertain:
             return Payload(0.0)

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control loop: one call per cycle, with or without a valid state; see :mod:`supervisor` for its states."""
+"""Control loop with one call per cycle, with or without a valid state.
+
+See :mod:`supervisor` for its states.
+"""
 
 from typing import NamedTuple
 
@@ -32,10 +35,17 @@ SLOW = 0.1
 """Fraction of its maximum speed below which every joint must be at the end of a start."""
 
 CHECK_EVERY, MAX_PERIODS = 8, 100
-"""Number of states between checks of the gains, the first one included, and of the last periods that their mean counts."""
+"""Numbers of states and of periods.
+
+Gains are checked every `CHECK_EVERY` states, from the first state on. The mean counts the last
+`MAX_PERIODS` periods.
+"""
 
 START_TIMEOUT = 1.0
-"""Timeout for the arm to slow down under gravity compensation [s]; an unknown load may prevent it."""
+"""Timeout for the arm to slow down under gravity compensation [s].
+
+An unknown load may prevent it.
+"""
 
 
 class Sent(NamedTuple):
@@ -174,7 +184,10 @@ class ControlLoop:
         chosen.stop()
 
     def _unstable(self, mode):
-        """Return why the gains of a mode are unstable at the measured rate of the states; empty if they are not."""
+        """Return why the gains of a mode are unstable at the measured rate of the states.
+
+        The text is empty if they are stable.
+        """
         mode.adapt(self.state.position, self._period)
         try:
             mode.law.require_stable(self.state.position, self._period)
@@ -183,7 +196,10 @@ class ControlLoop:
         return ""
 
     def _check_gains(self, before):
-        """Measure the period; replace modes that it makes unstable by damping or gravity compensation, and return why."""
+        """Measure the period, and replace modes that it makes unstable.
+
+        Damping or gravity compensation replaces them. Return the reason.
+        """
         if (
             before is None
             or not 0 < (gap := self.state.newest - before.newest) * 1e-9 <= self.supervisor.max_age
@@ -216,10 +232,10 @@ class ControlLoop:
             )
 
     def take_pose(self, link, position, orientation):
-        """Go to a position [m] and an orientation, as unit quaternion x y z w or rotation matrix; see :class:`PoseTarget`.
+        """Go to a position [m] and an orientation; see :class:`PoseTarget`.
 
-        They are in the axes of a link and from its origin, where these are now. Each target
-        replaces the one before.
+        The orientation is a unit quaternion x y z w or a rotation matrix. Both are in the axes of a
+        link and from its origin, where these are now. Each target replaces the one before.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
@@ -235,10 +251,10 @@ class ControlLoop:
         return self._mode.desired or at_rest(self.state.position)
 
     def take_trajectory(self, waypoints, stamp, now, tolerances=None):
-        """Follow Waypoints within position and velocity limits and Tolerances; see :class:`Trajectory`.
+        """Follow Waypoints within position and velocity limits and Tolerances.
 
-        The trajectory starts from the desired position, at a stamp [ns] or, if that is 0, with the
-        last state.
+        See :class:`Trajectory`. The trajectory starts from the desired position, at a stamp [ns]
+        or, if that is 0, with the last state.
         """
         self.require("joint_trajectory")
         tolerances = tolerances or self.tolerances
@@ -271,7 +287,10 @@ class ControlLoop:
         self._scale = scale, now
 
     def _scale_contact(self, now):
-        """Set the scale of the contact limiter; with a timeout, a missing or stale scale counts as 0."""
+        """Set the scale of the contact limiter.
+
+        With a timeout, a missing or stale scale counts as 0.
+        """
         limiter, timeout = self.limits.contact, self._scale_timeout
         if limiter is not None:
             scale, time = self._scale or (1.0, None)
@@ -281,7 +300,10 @@ class ControlLoop:
     # --- Cycles ---
 
     def step(self, state, now):
-        """Return the :class:`Sent` for a RobotState at the time `now` [ns]; None before the first valid state."""
+        """Return the :class:`Sent` for a RobotState at the time `now` [ns].
+
+        It is None before the first valid state.
+        """
         supervisor = self.supervisor
         problem = self.age_problem(state, now)
         if not problem and supervisor.will_start:
@@ -332,7 +354,10 @@ class ControlLoop:
         return not 0.0 <= gap <= self.supervisor.max_age + self.supervisor.hold_time
 
     def _start(self, before, external, now):
-        """Return damping; None once efforts have reached gravity compensation and joints are slow."""
+        """Return damping until efforts have reached gravity compensation and joints are slow.
+
+        Return None then.
+        """
         state, limits = self.state, self.limits
         command, time = self._braking.command(state), state.newest
         if before is None:
@@ -377,17 +402,26 @@ class ControlLoop:
         return Sent(*limited, state.newest, (now - state.newest) * 1e-9)
 
     def _elapsed(self, time):
-        """Return the time since the last command [s], after a stall no more than the longest cycle."""
+        """Return the time since the last command [s].
+
+        After a stall it is no more than the longest cycle.
+        """
         elapsed = 0.0 if self._time is None else (time - self._time) * 1e-9
         return min(max(elapsed, 0.0), self._max_period)
 
     def _count_time(self, time):
-        """Count the period of the next command from a time [ns]; a step back within the longest cycle is ignored."""
+        """Count the period of the next command from a time [ns].
+
+        Ignore a step back within the longest cycle.
+        """
         if self._time is None or not -self._max_period * 1e9 <= time - self._time < 0:
             self._time = time
 
     def _outside_limits(self, q):
-        """Return the error of positions outside of their limits, where springs would throw a joint; None if valid."""
+        """Return the error of positions outside of their limits; None if they are valid.
+
+        Springs would throw a joint there.
+        """
         model = self.dynamics.model
         beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
         for k in np.flatnonzero(beyond):
@@ -405,9 +439,10 @@ class ControlLoop:
         )
 
     def without_state(self, now, reason):
-        """Return the :class:`Sent` without a valid state at the time `now` [ns]; None before the first one.
+        """Return the :class:`Sent` without a valid state at the time `now` [ns].
 
-        There is no damping, because invalid velocities can drive the robot.
+        It is None before the first valid state. There is no damping, because invalid velocities can
+        drive the robot.
         """
         self.supervisor.invalid(now, reason)
         if self.supervisor.phase == INACTIVE:
@@ -431,7 +466,10 @@ class ControlLoop:
 
     @property
     def at_rest(self):
-        """Effort without a law [N m, N]: gravity compensation during the hold, and zero after it."""
+        """Effort without a law [N m, N].
+
+        It is gravity compensation during the hold, and zero after it.
+        """
         gravity = self.limits.gravity_compensation
         return np.zeros_like(gravity) if self.supervisor.phase == RAMPING_DOWN else gravity
 

@@ -25,7 +25,10 @@ from diag_dynamics.rotations import to_vector
 from diag_dynamics.text import distinct
 
 MAX_WAIT = 10.0
-"""Maximum time from the arrival of a trajectory to its start [s]; meanwhile the robot approaches its first point."""
+"""Maximum time from the arrival of a trajectory to its start [s].
+
+Meanwhile the robot approaches its first point.
+"""
 
 DEFAULT_SPEED = 1.0
 """Speed limit of joints without one in the URDF [rad/s, m/s]."""
@@ -49,7 +52,7 @@ ARRIVED, PATIENCE = 0.01, 2.0
 """Distance at which a target is reached [rad, m], and time until one that rests has to be [s]."""
 
 FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
-"""Error at which springs overcome Coulomb friction [rad, m], and fraction of it compensated at rest."""
+"""Error at which springs overcome Coulomb friction [rad, m], and compensated fraction at rest."""
 
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
@@ -113,7 +116,10 @@ class Mode:
         self.shortfall = distance if is_late else ""
 
     def _describe_distance(self, command):
-        """Return a joint or link with its distance from a target that rests; empty at the target."""
+        """Return a joint or link with its distance from a target that rests.
+
+        The text is empty at the target.
+        """
         return ""
 
     def command(self, state):
@@ -121,7 +127,10 @@ class Mode:
         return self.law.command(state.position, state.velocity)
 
     def measured_rate(self, command, time):
-        """Return dV/dt from the last command to this one at a time [ns]; None unless both have the same target."""
+        """Return dV/dt from the last command to this one at a time [ns].
+
+        It is None unless both have the same target.
+        """
         V, last = command.lyapunov, self._last
         self._lag, self._last = V / self._max_error, None if self._moving else (V, time)
         if last is None or time <= last[1]:
@@ -162,7 +171,10 @@ class DampingMode(Mode):
 
 
 class PoseMode(Mode):
-    """Pose regulation of a link, whose springs pull to a pose that moves to the target at bounded speed."""
+    """Pose regulation of a link.
+
+    Its springs pull to a pose that moves to the target at bounded speed.
+    """
 
     name, targets = "pose", ("target",)
 
@@ -186,7 +198,10 @@ class PoseMode(Mode):
         self.law.aim(*self._aim)
 
     def take_pose(self, state, link, position, orientation):
-        """Go to a position [m], shape (3,), and an orientation in the axes of a link, from a RobotState on."""
+        """Go to a position [m], shape (3,), and an orientation in the axes of a link.
+
+        The motion starts from a RobotState.
+        """
         name = "target.pose.position"
         position = numbers(name, position, (3,), "three finite numbers [m]")
         axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
@@ -278,7 +293,10 @@ class JointMode(Mode):
         return Following(self._model.dof_names, trajectory, tolerances, self._continuous)
 
     def _require_within_limits(self, what, positions):
-        """Reject positions, shape (..., nv), beyond limits: a robot would press on its stops there."""
+        """Reject positions, shape (..., nv), beyond limits.
+
+        A robot would press on its stops there.
+        """
         model, positions = self._model, np.atleast_2d(positions)
         beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
         if len(beyond):
@@ -313,7 +331,10 @@ class JointMode(Mode):
             )
 
     def follow(self, state):
-        """Return the command, and why the position replaced the target: V exceeds following_energy."""
+        """Return the command, and why the position replaced the target.
+
+        The reason is that V exceeds following_energy.
+        """
         command, _ = super().follow(state)
         if command.lyapunov <= self._max_error:
             return command, ""

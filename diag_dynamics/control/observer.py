@@ -58,19 +58,20 @@ class _Sample(NamedTuple):
 
 
 class DisturbanceObserver:
-    """Observer of the external torque τ_ext, and of its working moment r = ℓτ_ext. |r|² has one unit for all joints.
+    """Observer of the external torque τ_ext, and of its working moment r = ℓτ_ext.
 
-    It needs no acceleration. Each component of m r follows as a first-order filter, on a moving arm
-    as well: (m r)˙ = K_O(τ_ext − m r), from ṗ = τ + τ_ext + C_sᵀq̇ − g − τ_fric with p = M q̇. In total
-    joint rates this is ṙ = K_O(ε_ext − r) − ℓṁ r.
+    The unit of |r|² is the same for all joints. The observer needs no acceleration. Each component
+    of m r follows as a first-order filter, on a moving arm as well: (m r)˙ = K_O(τ_ext − m r), from
+    ṗ = τ + τ_ext + C_sᵀq̇ − g − τ_fric with p = M q̇. In total joint rates this is ṙ = K_O(ε_ext −
+    r) − ℓṁ r.
 
-    The mean of τ_ext between two samples is the change of p over the interval, minus the mean of the
-    other terms by the trapezoidal rule. The filter's response to it is exact:
-    stable for any K_O dt, where an Euler step requires K_O dt < 0.5.
+    The mean of τ_ext between two samples is the change of p over the interval, minus the mean of
+    the other terms by the trapezoidal rule. The filter's response to it is exact: stable for any
+    K_O dt, where an Euler step requires K_O dt < 0.5.
 
-    The gain is K_O > 0 [1/s], one for all components or one for each. Efforts are "sampled" with the
-    state, or "held" on the joints since the last sample, as a command is. The friction is that of
-    the model, if any, without static friction, which remains in r:
+    The gain is K_O > 0 [1/s], one for all components or one for each. Efforts are "sampled" with
+    the state, or "held" on the joints since the last sample, as a command is. The friction is that
+    of the model, if any, without static friction, which remains in r:
     :meth:`DiagonalDynamics.friction_torque`. An interval of more than `max_gap` [s] resets. Use an
     observer in one thread.
     """
@@ -94,7 +95,10 @@ class DisturbanceObserver:
         self.use(dynamics)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
-        """Use another model of the same degrees of freedom, and reset unless it differs in gravity alone."""
+        """Use another model of the same degrees of freedom.
+
+        Reset unless it differs in gravity alone.
+        """
         if dynamics.model.dof_names != self._names:
             others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
             raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")

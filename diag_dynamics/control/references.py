@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Desired motions: to a set-point or a pose at bounded speed and acceleration, and along a joint trajectory.
+"""Desired motions to a set-point or a pose, and along a joint trajectory.
 
-Trajectories are interpolated like those of ros2_control's joint trajectory controller.
+Motions to a set-point or a pose have bounded speed and acceleration. Trajectories are interpolated
+like those of ros2_control's joint trajectory controller.
 """
 
 from collections import namedtuple
@@ -34,7 +35,10 @@ SAMPLES = 9
 """Samples of the velocity in each segment."""
 
 MAX_COAST = 0.3
-"""Maximum distance by which the initial velocity moves a joint off its way to the first point [rad, m]."""
+"""Maximum distance by which the initial velocity moves a joint off its way [rad, m].
+
+The way leads to the first point.
+"""
 
 
 Desired = namedtuple("Desired", "position velocity acceleration")
@@ -47,7 +51,7 @@ def at_rest(position):
 
 
 def nearest(position, to, continuous):
-    """Return a position [rad, m], counted in the turn nearest to another one for continuous joints."""
+    """Return a position [rad, m], for continuous joints in the turn nearest to another one."""
     whole = 2.0 * np.pi * np.round((to - position) / (2.0 * np.pi))
     return position + np.where(continuous, whole, 0.0)
 
@@ -100,7 +104,9 @@ class SetPoint:
 
 
 class PoseTarget:
-    """Motion to a pose as of a :class:`SetPoint`: straight, and about the axis of the smallest rotation.
+    """Straight motion to a pose, as of a :class:`SetPoint`.
+
+    It turns about the axis of the smallest rotation.
 
     `goal` and `start` are position [m], shape (3,), and axes as columns, shape (3, 3), at the end
     and at a time [ns]. `speed` [m/s, rad/s] and `rate` [1/s] have shape (2,). The motion of the
@@ -206,14 +212,20 @@ class Trajectory:
         self._segments = _polynomials([x[:-1] for x in knots], [x[1:] for x in knots])
 
     def fastest(self):
-        """Return the maximum speeds [rad/s, m/s], shape (segments, nv), of each segment that is left after the start."""
+        """Return the maximum speeds of each segment that is left after the start.
+
+        They are [rad/s, m/s] of shape (segments, nv).
+        """
         left = self._times > self._begin
         c = np.moveaxis(self._segments[left], 1, 0)[:, :, None]
         s = (np.diff(self._knots)[left, None] * np.linspace(0.0, 1.0, SAMPLES))[..., None]
         return np.abs(_velocity(c, s)).max(axis=1)
 
     def sample(self, time, lag=0.0):
-        """Return the desired motion at a time [ns]; unlike a SetPoint, it does not wait for a robot that lags behind."""
+        """Return the desired motion at a time [ns].
+
+        Unlike a SetPoint, it does not wait for a robot that lags behind.
+        """
         t = (time - self.start) * 1e-9
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
@@ -257,7 +269,10 @@ def _require_numbers(field, table, names):
 
 
 def _polynomials(start, end):
-    """Return the coefficients from fields of Waypoints to the next ones: quintic, cubic or linear, shape (points, 6, nv)."""
+    """Return the coefficients from fields of Waypoints to the next ones.
+
+    They are quintic, cubic or linear, of shape (points, 6, nv).
+    """
     (times, q, v, a, has_v, has_a), (times1, q1, v1, a1, has_v1, has_a1) = start, end
     T, step = (times1 - times)[:, None], q1 - q
     c = np.zeros((len(T), 6, q.shape[1]))

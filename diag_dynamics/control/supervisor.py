@@ -45,7 +45,10 @@ class Supervisor:
         return self.phase in (INACTIVE, RAMPING_DOWN)
 
     def age_problem(self, stamp, now):
-        """Return the error of the age of a state, both times in nanoseconds; None if it is valid."""
+        """Return the error of the age of a state; None if it is valid.
+
+        Both times are in nanoseconds.
+        """
         age = (now - stamp) * 1e-9
         if abs(age) <= self.max_age:
             return None
@@ -56,7 +59,9 @@ class Supervisor:
         return f"the state is {where}: {age} s; expected at most max_state_age = {limit} s"
 
     def valid(self, now, carried=True):
-        """Accept a valid state at a time [ns]; `carried`: efforts have reached gravity compensation.
+        """Accept a valid state at a time [ns].
+
+        `carried` is whether efforts have reached gravity compensation.
 
         Valid states shorten an outage by no more than the time that they cover: else single states
         of a failing connection would prolong the hold without end.

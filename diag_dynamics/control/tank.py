@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Energy tank: a bound on the energy that any law adds to a robot, and that a person or a device can extract."""
+"""Energy tank: a bound on the energy that any law adds to a robot.
+
+It also bounds the energy that a person or a device can extract.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,13 @@ from diag_dynamics.control.references import nearest
 from diag_dynamics.dynamics import DiagonalDynamics
 
 RESERVE = 0.1
-"""Fraction of the capacity that is left to the work which an effort does because it is held for a cycle."""
+"""Fraction of the capacity for the work of an effort because it is held for a cycle."""
 
 
 class EnergyTank:
-    """Energy x that a law may still add, a filter on any law's command; what the robot gives back refills it.
+    """Energy x that a law may still add: a filter on any law's command.
+
+    The energy that the robot returns refills it.
 
     K̇ = νᵀε + νᵀε_ext, because νᵀC = 0 and the law compensates gravity. An effort τ held for a
     cycle does the work τᵀΔq exactly, so `measure` takes W = τᵀΔq − ΔU from x, with the potential
@@ -63,10 +68,10 @@ class EnergyTank:
         self.energy = self.capacity
 
     def measure(self, q: VectorLike, tau: VectorLike | None = None, held: bool = True) -> float:
-        """Take from x the work of the effort `tau` [N m, N] since the last call, and return x; q [rad, m] are positions now.
+        """Take from x the work of the effort `tau` [N m, N] since the last call, and return x.
 
-        Without an effort x stays. Where it was not `held` all the time, its work counts only if it
-        is positive.
+        The positions now are q [rad, m]. Without an effort x stays. Where it was not `held` all the
+        time, its work counts only if it is positive.
         """
         names = self.dynamics.model.dof_names
         q = vector("q", q, names)
@@ -86,7 +91,7 @@ class EnergyTank:
         period: float,
         external: VectorLike | None = None,
     ) -> Command:
-        """Return the command at positions q [rad, m] and rates qd [rad/s, m/s], or one that x covers.
+        """Return the command at q [rad, m] and qd [rad/s, m/s], or one that x covers.
 
         `period` is h > 0, until the next command [s]. `external` [J^½/s] improves the prediction.
         """
@@ -116,7 +121,10 @@ class EnergyTank:
         return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon
 
     def _covered(self, linear: float, square: float) -> float:
-        """Return the largest f in [0, 1] with linear·f + square·f² ≤ x [J], or ≤ 0 if x is negative."""
+        """Return the largest f in [0, 1] with linear·f + square·f² ≤ x [J].
+
+        If x is negative, the bound is 0.
+        """
         energy = max(self.energy, 0.0)
         if linear + square <= energy:
             return 1.0
