@@ -42,7 +42,10 @@ class Assembled(NamedTuple):
     outcome: np.ndarray
     """Of memory.OUTCOME."""
     position: np.ndarray
-    """States, (number of messages, nq) and (number of messages, nv); they count where the code is STATE."""
+    """States, (number of messages, nq) and (number of messages, nv).
+
+    They count where the code is STATE.
+    """
     velocity: np.ndarray
     effort: np.ndarray
     rejected: dict
@@ -289,7 +292,10 @@ class StateAssembler:
         return self._accept(layout, sec, nanosec, now)
 
     def _layout_of(self, places):
-        """Return the layout of serialized messages with a buffer; None if their numbers are not aligned there."""
+        """Return the layout of serialized messages with a buffer.
+
+        It is None if their numbers are not aligned there.
+        """
         begins = [
             first + 4 if count else 0
             for first, count in zip(places.first, places.counts, strict=True)
@@ -352,7 +358,10 @@ class StateAssembler:
         return self._summary.tolist()
 
     def _judge_batch(self, batch):
-        """Judge messages with the base of the newest odometry; reset the base where time restarted without it."""
+        """Judge messages with the base of the newest odometry.
+
+        Reset the base where time restarted without it.
+        """
         base = self._base
         if base:
             stamp = -1 if base.stamp is None else base.stamp
@@ -364,7 +373,10 @@ class StateAssembler:
     # --- Many messages ---
 
     def assemble(self, parts, now):
-        """Judge JointStates in `parts`, received at `now` [ns] (k,); a message in no part is malformed."""
+        """Judge JointStates in `parts`, received at `now` [ns] (k,).
+
+        A message in no part is malformed.
+        """
         layouts = [
             self._layout(part.names, *(getattr(part, field).shape[1] for field in FIELDS))
             for part in parts
@@ -484,7 +496,10 @@ def _write(array, **fields):
 
 
 def _check_layout(names, joints, lengths):
-    """Return the code and the text of an error of names and lengths; 0 and an empty text for none."""
+    """Return the code and the text of an error of names and lengths.
+
+    Without an error they are 0 and an empty text.
+    """
     for name, count in Counter(joints).items():
         if count > 1:
             return codes.DUPLICATE_NAME, f"joint '{name}' is listed twice in one message"

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Serialized joint states as columns: messages of one list of names and lengths are read by their numbers' places."""
+"""Serialized joint states as columns.
+
+Messages of one list of names and lengths are read by the places of their numbers.
+"""
 
 import struct
 from dataclasses import dataclass
@@ -60,7 +63,10 @@ class Places:
     text: np.ndarray
     """These bytes."""
     parts: tuple
-    """Slices between the numbers, padding included, and their bytes: a message that has them is alike for certain."""
+    """Slices between the numbers, padding included, and their bytes.
+
+    A message that has them is alike for certain.
+    """
 
     def holds(self, raw):
         """Whether a message of this length has these names and lengths."""
@@ -70,7 +76,10 @@ class Places:
         return bool((np.frombuffer(raw, np.uint8)[self.fixed] == self.text).all())
 
     def read(self, raw, rows):
-        """Return messages of this layout in columns: `raw` is (k, length), `rows` their places among all of a batch."""
+        """Return messages of this layout in columns.
+
+        `raw` is (k, length), and `rows` are their places among all of a batch.
+        """
 
         def read_numbers(at, kind, count):
             dtype = np.dtype(self.order + kind)
@@ -93,7 +102,10 @@ class Layouts(dict):
     _bytes = 0
 
     def keep(self, key, entry, size):
-        """Store an entry of `size` bytes unless it is too large; drop all others if there is no space."""
+        """Store an entry of `size` bytes unless it is too large.
+
+        Drop all others if there is no space.
+        """
         if size > MAX_BYTES:
             return
         if len(self) >= MAX_LAYOUTS or self._bytes + size > MAX_BYTES:

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints of a robot, options of the rules with their limits and the meaning of efforts, states, and positions of links."""
+"""Joints of a robot, options of the rules, states, and positions of links.
+
+Options have limits and the meaning of efforts.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -51,7 +54,10 @@ class Joints(NamedTuple):
 
 
 class Options(NamedTuple):
-    """Options of the rules: the monitor's parameters. Mappings are by joint, ``*`` for all others; 0 disables a rule."""
+    """Options of the rules, from the monitor's parameters.
+
+    Mappings are by joint, ``*`` for all others. The number 0 disables a rule.
+    """
 
     timeouts: Mapping = MappingProxyType({ALL: JOINT_TIMEOUT})
     mimic_tolerance: float = 0.0
@@ -82,9 +88,15 @@ class RobotState(NamedTuple):
 
 
 def joints_of(model):
-    """Return the :class:`Joints` of a model; UnsupportedError names a flexible link, whose modes no joint state has."""
+    """Return the :class:`Joints` of a model.
+
+    UnsupportedError names a flexible link, because no joint state has its modes.
+    """
     for link in model.flexible_links:
-        text = f"robot '{model.name}' has the flexible link '{link}', whose modes no joint state carries."
+        text = (
+            f"robot '{model.name}' has the flexible link '{link}', "
+            "whose modes no joint state carries."
+        )
         raise UnsupportedError(f"{text} Omit flexible_links.")
     names = single_joints(model)
     at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
@@ -145,8 +157,8 @@ class EffortMeaning:
         for name in options.effort_includes_gravity:
             if name in followers:
                 raise InputError(
-                    f"parameter 'effort_includes_gravity' names '{name}', which follows another joint: gravity is "
-                    "declared for the joint it follows."
+                    f"parameter 'effort_includes_gravity' names '{name}', "
+                    "which follows another joint: gravity is declared for the joint it follows."
                 )
         names = (*joints, *followers)
         available = by_name("effort_available", options.effort_available, names)
@@ -162,10 +174,11 @@ class EffortMeaning:
 
 
 class LinkPositions:
-    """Converts states in their order: q = θ − δ, q̇ = θ̇ − δ̇, with the stretch δ = (τ_J − d δ̇)/k and δ̇ = τ̇_J/k.
+    """Conversion of states from motor positions to link positions, in their order.
 
-    τ̇_J is the difference to the state before. Without that state δ̇ is 0, without an effort δ is
-    0, too. `has_any` is whether a joint has a motor position and a spring torque.
+    q = θ − δ and q̇ = θ̇ − δ̇ have the stretch δ = (τ_J − d δ̇)/k and δ̇ = τ̇_J/k. τ̇_J is the
+    difference to the state before. Without that state δ̇ is 0, without an effort δ is 0, too.
+    `has_any` is whether a joint has a motor position and a spring torque.
     """
 
     def __init__(self, model):

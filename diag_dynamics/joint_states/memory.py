@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arrays that the rules of joint states work on: options, memory of joints and followers, layouts, messages, outcomes.
+"""Arrays that the rules of joint states work on.
+
+They are options, memory of joints and followers, layouts, messages and outcomes.
 
 Times are in nanoseconds, but for `filter_time` and `lasting` [s]. A flag is 0 or 1. A stamp of −1
 is none.
@@ -88,7 +90,10 @@ UNUSED = -1
 """Begin of a field that is not used."""
 
 MESSAGE = _record(("i8", "sec nanosec now layout"))
-"""An element for each message; `now` is the time of reception, `layout` a place, UNREADABLE or FORGET."""
+"""One element for each message.
+
+`now` is the time of reception. `layout` is a place, UNREADABLE or FORGET.
+"""
 
 UNREADABLE, FORGET = -1, -2  # bytes that are no joint state; no message, but to forget all joints
 

@@ -14,10 +14,10 @@ from diag_dynamics.joint_states.steps import MAX_POSITION, MAX_VELOCITY
 
 
 class OdometryBase:
-    """Store the newest state of a floating base; `position`, `velocity` and `stamp` [ns] are None before.
+    """Store the newest state of a floating base.
 
-    Stamps follow the rules of those of a joint. `twist_in_header`: twists are in the axes of
-    header.frame_id.
+    `position`, `velocity` and `stamp` [ns] are None before it. Stamps follow the rules of those of
+    a joint. `twist_in_header`: twists are in the axes of header.frame_id.
     """
 
     def __init__(self, model, twist_in_header):
@@ -44,12 +44,16 @@ class OdometryBase:
         self.stamps.forget()
 
     def update(self, message, now):
-        """Store a nav_msgs/Odometry received at `now` [ns]; raise RejectedError for an invalid one."""
+        """Store a nav_msgs/Odometry received at `now` [ns].
+
+        Raise RejectedError for an invalid one.
+        """
         link = message.child_frame_id.lstrip("/")
         if not link:
             raise RejectedError(
                 "malformed",
-                f"odom: child_frame_id is empty, expected '{self._model.root_link}' or a link on it",
+                "odom: child_frame_id is empty, "
+                f"expected '{self._model.root_link}' or a link on it",
             )
         pose, twist = message.pose.pose, message.twist.twist
         p, o, v, w = pose.position, pose.orientation, twist.linear, twist.angular
@@ -92,7 +96,8 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > 1e-2:
         raise InputError(
-            f"orientation of '{link}' is the quaternion {list(quaternion)} of length {length:.3g}, not 1."
+            f"orientation of '{link}' is the quaternion {list(quaternion)} "
+            f"of length {length:.3g}, not 1."
         )
     attached = model.placement_in_root(link)
     R = rotations.from_quaternion(*map(float, quaternion))

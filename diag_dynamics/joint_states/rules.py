@@ -41,13 +41,19 @@ from diag_dynamics.numerics.tables import address_of, array_at
 from diag_dynamics.rotations import wrap_angle
 
 PATIENCE = 10 * SECOND
-"""Time [ns] for which all stamps must differ from this node's clock by the same amount before they are accepted again."""
+"""Time [ns] until stamps of another clock are accepted again.
+
+All stamps must differ from this node's clock by the same amount for so long.
+"""
 
 ODOM_TIMEOUT = SECOND // 2
 """Largest difference [ns] between the stamps of a joint state and of odometry."""
 
 LATE_COUNT, LATE_TIME = 5, SECOND // 2
-"""Late stamps in a row, and time [ns] from the first to the last of them, after which time has restarted instead."""
+"""Late stamps in a row, and their duration [ns], after which time has restarted.
+
+The duration is from the first to the last of them.
+"""
 
 LONGEST = 10.0 * SECOND
 """Longest time [ns] between the first two positions from which a velocity is estimated."""
@@ -197,7 +203,10 @@ def _judge_values(memory, here, position, velocity, one):
 
 @kernel
 def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
-    """Return the code of a stamp out of time, whether time has restarted, and the source that has an earlier stamp or −1."""
+    """Return the code of a stamp out of time, whether time has restarted, and a source.
+
+    The source is the one with an earlier stamp, or −1.
+    """
     span, last, source = float(SECOND), -1, -1
     if len(here):
         named = here[0]
@@ -230,7 +239,10 @@ def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
 
 @kernel
 def _judge_clock(memory, stamp, now, one):
-    """Return the code of a stamp that is far from the clock, unless all stamps have been so for PATIENCE."""
+    """Return the code of a stamp that is far from the clock.
+
+    It is STATE if all stamps have been so for PATIENCE.
+    """
     shared, apart = memory.shared[0], now - stamp
     if abs(apart) <= shared.max_age or (shared.in_step != 1 and not shared.refuse_foreign):
         return codes.STATE
@@ -250,7 +262,10 @@ def _judge_clock(memory, stamp, now, one):
 
 @kernel
 def _judge_late(source, stamp, last, span, one):
-    """Return the code of a stamp older than `last`, unless its source goes on from it: time has restarted."""
+    """Return the code of a stamp older than `last`.
+
+    It is STATE if its source continues from it, because time has restarted.
+    """
     first, before, count = source.late_first, source.late_last, source.late_count
     if count == 0 or not 0 <= stamp - before <= span:
         first, count = stamp, 0
@@ -294,7 +309,10 @@ def _forget(memory):
 
 @kernel
 def _estimate(memory, here, position, velocity, stamp, unstamped, one):
-    """Replace missing velocities by filtered difference quotients; return the code of a step that is too fast."""
+    """Replace missing velocities by filtered difference quotients.
+
+    Return the code of a step that is too fast.
+    """
     shared = memory.shared[0]
     for j in here:
         joint = memory.joints[j]
@@ -367,7 +385,10 @@ def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
 
 @kernel
 def _store_followers(memory, beside, position, velocity, effort, stamp, one):
-    """Store values of followers and compare their positions; return whether an effort is implausible."""
+    """Store values of followers and compare their positions.
+
+    Return whether an effort is implausible.
+    """
     implausible = False
     for j in beside:
         follower = memory.followers[j - len(memory.joints)]
@@ -446,9 +467,9 @@ def _fresh_effort(follower, newest):
 
 @large_kernel
 def _close_loops(memory, position, effort, one):
-    """Reflect efforts of followers with changing ratios and compare their positions; return the code of an open loop.
+    """Reflect efforts of followers with changing ratios and compare their positions.
 
-    Positions are compared with those of the same stamp.
+    Return the code of an open loop. Positions are compared with those of the same stamp.
     """
     shared, n, q = memory.shared[0], len(position), memory.scratch[VALUES]
     for j in range(n):

@@ -22,7 +22,7 @@ from diag_dynamics.joint_states.memory import FAR
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 STATES = 3
-"""Messages in a row that agree on a new place before it is believed. The last of them is accepted."""
+"""Number of successive messages that agree on a new place before the last is accepted."""
 
 MAX_POSITION, MAX_VELOCITY, MAX_EFFORT = 1e8, 1e4, 1e6
 """Bounds of plausible values of any joint [rad, m; rad/s, m/s; N m, N]."""
@@ -150,10 +150,16 @@ def _store_candidate(joint, position, velocity, stamp):
 # timeout to the next. An arm at rest is neither. States further apart than the timeout say nothing.
 
 SAMPLES = 5
-"""Number of states that are compared within the timeout: the first one after each multiple of its fifth part."""
+"""Number of states that are compared within the timeout.
+
+Each is the first one after a multiple of the timeout's fifth part.
+"""
 
 MOVING = 0.05
-"""Speed [rad/s, m/s] at which a joint's position must change. Velocity noise of a joint at rest stays below it."""
+"""Speed [rad/s, m/s] at which a joint's position must change.
+
+Velocity noise of a joint at rest stays below it.
+"""
 
 MOVED = 0.05  # distance [rad, m] within the timeout that a joint with velocity zero does not go
 
