@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator node: a robot that moves by its dynamics and effort commands, and publishes what a driver would."""
+"""Simulator node: a robot that moves by its dynamics and effort commands.
+
+It publishes what a driver would.
+"""
 
 from collections import Counter
 
@@ -57,7 +60,10 @@ MAX_STEPS = 10_000
 """Steps that one request may have: nothing else is served meanwhile."""
 
 UNPACED = 1e-4
-"""Period of ticks where simulated time runs as fast as possible [s]: others are served between two of them."""
+"""Period of ticks where simulated time runs as fast as possible [s].
+
+Other callbacks are served between two ticks.
+"""
 
 WORLD = "world"
 """Frame of a floating base's pose."""
@@ -215,8 +221,8 @@ class SimulatorNode(TableNode, Node):
         else:
             self.create_timer(UNPACED, self._tick, clock=steady_clock())
         self.get_logger().info(
-            f"Ready: robot '{shortened(model.name)}', {model.nv} degrees of freedom, motion '{values['motion']}', "
-            f"{values['rate']:g} Hz."
+            f"Ready: robot '{shortened(model.name)}', "
+            f"{model.nv} degrees of freedom, motion '{values['motion']}', {values['rate']:g} Hz."
         )
 
     def _use(self, model):
@@ -261,7 +267,10 @@ class SimulatorNode(TableNode, Node):
         return not self._paused and not self._failure
 
     def _restart_stamps(self):
-        """Continue stamps that follow the clock from now; those of steps while paused never go back."""
+        """Continue stamps that follow the clock from now.
+
+        Stamps of steps while paused never go back.
+        """
         if not self._keeps_time or self._timeless:
             now = self.time.now()
             self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)

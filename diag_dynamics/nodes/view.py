@@ -509,8 +509,8 @@ class ViewNode(TableNode, Node):
             return ""
         robots = ", ".join(filter(None, self.values["robots"])) or "all"
         return (
-            f"waiting for a monitor: expected a topic <name>/{NODES['monitor']}{STATE} of type {KIND} "
-            f"(robots: {robots})"
+            "waiting for a monitor: "
+            f"expected a topic <name>/{NODES['monitor']}{STATE} of type {KIND} (robots: {robots})"
         )
 
     def _looked(self):

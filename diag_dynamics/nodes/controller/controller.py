@@ -82,18 +82,25 @@ CHECK_TIMEOUT = 1.0
 """Timeout for reading the parameter `joints` of the effort controller [s]."""
 
 RETRY_PERIOD = 0.3
-"""Time [s] after which a request is repeated: a service that does not know its client yet drops the answer."""
+"""Time [s] after which a request is repeated.
+
+A service that has not discovered its client yet drops the response.
+"""
 
 WATCHES = 4
 """Checks of the age of the last state within its largest age."""
 
 BEYOND_LIMITS = 0.5
-"""Plausible distance outside of limits [rad, m]: springs would throw an arm with an encoder a turn off."""
+"""Plausible distance outside of limits [rad, m].
+
+Springs would throw an arm with an encoder a turn off.
+"""
 
 
 class ControllerNode(ManagedNode):
-    """See the module; parameters are in :data:`~parameters.controller.PARAMETERS`, and one more that has no default.
+    """Managed node that answers robot states by commands; see the module.
 
+    Parameters are in :data:`~parameters.controller.PARAMETERS`, and one more that has no default.
     Configured, it loads a robot or waits for its description; active, it answers every state by a
     command.
     """
@@ -169,7 +176,10 @@ class ControllerNode(ManagedNode):
         return self._published[-1]
 
     def activate(self):
-        """Compare the order of joints with the effort controller's, and subscribe to states and targets."""
+        """Compare orders of joints, and subscribe to states and targets.
+
+        The order must be that of the effort controller.
+        """
         self._starting = False  # or a robot that is loaded meanwhile would be activated, too
         self._loader.finish()  # or the model of a robot that is being replaced would move it
         if self._loop is None or self._refused:
@@ -266,7 +276,10 @@ class ControllerNode(ManagedNode):
     # --- The robot
 
     def _make_robot(self, description, values):
-        """Return the control loop, joints, their order and states of a description; a thread calls it."""
+        """Return the control loop, joints, their order and states of a description.
+
+        A thread calls it.
+        """
         model = load_robot(self, description, values | {"floating_base": False})
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
@@ -351,7 +364,10 @@ class ControllerNode(ManagedNode):
     # --- Every cycle
 
     def _cycle(self):
-        """Return the time of a cycle [ns]; forget all states if it has gone back, because their stamps are ahead."""
+        """Return the time of a cycle [ns].
+
+        If it has gone back, forget all states, because their stamps are ahead.
+        """
         now, last = self.time.now(), self._last_time
         if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
@@ -486,7 +502,8 @@ class ControllerNode(ManagedNode):
             tolerances = received.tolerances(goal, names, tolerances)
         if any(len(point.effort) for point in message.points):
             self.get_logger().warning(
-                "trajectory.points have efforts. They are ignored because the law computes efforts.",
+                "trajectory.points have efforts. "
+                "They are ignored because the law computes efforts.",
                 throttle_duration_sec=1.0,
             )
         points = received.trajectory(message, names, loop.desired.position)
@@ -565,7 +582,7 @@ class ControllerNode(ManagedNode):
         return logged is not None and without_numbers(reason) == without_numbers(logged)
 
     def _listeners(self):
-        """Return problems of receivers and limits of commands, and diagnostic values of receivers."""
+        """Return problems of receivers and limits, and diagnostic values of receivers."""
         if self.phase != ACTIVE:
             return [], {}
         topic, problems = self._commands.topic_name, []
@@ -586,7 +603,9 @@ class ControllerNode(ManagedNode):
 
 
 def joints_of_controller(node, controller, timeout):
-    """Return the parameter `joints` of another node; None if it does not answer within the timeout [s].
+    """Return the parameter `joints` of another node.
+
+    It is None if the node does not answer within the timeout [s].
 
     `node` asks, by a node of its own: its executor runs the callback that calls this.
     """

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A managed node whose transitions may fail by an exception, and that no request for a transition ends."""
+"""Managed node whose transitions may fail by an exception.
+
+No request for a transition ends the node.
+"""
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -16,7 +19,10 @@ UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active"
 
 
 class ManagedNode(TableNode, LifecycleNode):
-    """Subclasses have `configure` and `activate`, which may raise, and `deactivate` and `clean_up`, which undo them.
+    """Managed node with transitions that may fail.
+
+    Subclasses have `configure` and `activate`, which may raise, and `deactivate` and `clean_up`,
+    which undo them.
 
     Attributes
     ----------

@@ -29,7 +29,10 @@ def pose(message, model, transforms=None):
     axes = rotation_of((o.x, o.y, o.z, o.w))
     if link in model.link_names:
         return link, position, axes
-    expected = f"target.header.frame_id is '{link}', expected a link of robot '{model.name}' or a frame of tf"
+    expected = (
+        f"target.header.frame_id is '{link}', "
+        f"expected a link of robot '{model.name}' or a frame of tf"
+    )
     if transforms is None:
         raise InputError(f"{expected}, which needs package tf2_ros.")
     try:
@@ -40,7 +43,10 @@ def pose(message, model, transforms=None):
 
 
 def set_point(message, names):
-    """Return the positions of all joints [rad, m] of a JointState, in the order of `names`; the robot rests there."""
+    """Return the positions of all joints [rad, m] of a JointState, in the order of `names`.
+
+    The robot rests there.
+    """
     _columns("set_point.name", message.name, names)
     if len(message.position) != len(message.name):
         raise InputError(
@@ -54,9 +60,10 @@ def set_point(message, names):
 
 
 def trajectory(message, names, position):
-    """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns]; 0: with the first state.
+    """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns].
 
-    Joints that it lacks hold their `position` [rad, m].
+    The start is 0 for a trajectory that starts with the first state. Joints that the message lacks hold
+    their `position` [rad, m].
     """
     columns = _columns("trajectory.joint_names", message.joint_names, names)
     if not columns:
@@ -64,7 +71,8 @@ def trajectory(message, names, position):
     points, stamp = message.points, message.header.stamp
     if not points:
         raise InputError(
-            "trajectory.points is empty, expected at least one point. To stop the robot, request the mode again."
+            "trajectory.points is empty, expected at least one point. "
+            "To stop the robot, request the mode again."
         )
     if len(points) > MAX_POINTS:
         raise InputError(

@@ -141,7 +141,7 @@ def _fault(text, reason, values, level=WARN):
 
 
 def problems_of_limits(limits):
-    """Yield problems of effort limits that are too low, and of an energy tank that a command has overdrawn."""
+    """Yield problems of effort limits that are too low and of an overdrawn energy tank."""
     if limits.tank and limits.tank.energy < -RESERVE * limits.tank.capacity:
         yield "the energy tank is overdrawn (late states, effort_rate or a push)"
     if heavy := limits.heavy:

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of ros2_control's JointTrajectoryController where control_msgs is installed: action and controller state."""
+"""Names of ros2_control's JointTrajectoryController where control_msgs is installed.
+
+They are its action and its controller state.
+"""
 
 import numpy as np
 from action_msgs.srv import CancelGoal
@@ -85,7 +88,10 @@ class Trajectories:
         return bool(self._goals)
 
     def update(self):
-        """End the goals of trajectories that have ended, and publish the feedback of the present one if it is due."""
+        """End the goals of trajectories that have ended.
+
+        Publish the feedback of the present one if it is due.
+        """
         for goal in self._goals.copy():
             following = goal.following
             if following.outcome:

@@ -139,7 +139,10 @@ class CollisionWatch(Watch):
 
     @property
     def touched(self):
-        """TouchedLink at the last state, computed on demand; None without a result or covariance."""
+        """TouchedLink at the last state, computed on demand.
+
+        It is None without a result or covariance.
+        """
         if self._touched is None and self.seen.is_whole and self.covariance is not None:
             self._touched = self._dynamics.touched_link(
                 self._position, self.contact_torque, self.covariance

@@ -27,7 +27,10 @@ STAMPS = {True: "of this node's clock", False: "of another clock", None: "unknow
 
 
 class InputStatistics:
-    """Count messages, each joint state under exactly one of the outcomes in docs/troubleshooting.md."""
+    """Counts of messages by their outcome.
+
+    Each joint state has exactly one of the outcomes in docs/troubleshooting.md.
+    """
 
     def __init__(self, steady):
         self._steady = steady
@@ -78,8 +81,8 @@ class InputStatistics:
         for source, offset in unsynchronized(robot):
             values[f"clock minus stamps of {source} [s]"] = f"{offset:.3f}"
             problems.append(
-                f"stamps of {source} are of another clock, so their age is unknown. Play bags with --clock and "
-                "set use_sim_time, or synchronize the clocks of the hosts"
+                f"stamps of {source} are of another clock, so their age is unknown. Play "
+                "bags with --clock and set use_sim_time, or synchronize the clocks of the hosts"
             )
         if robot:
             values |= _joint_values(robot.assembler, now)
@@ -131,7 +134,10 @@ def _joint_values(assembler, now):
 
 
 def unsynchronized(robot):
-    """Return inputs with stamps of another clock, and this node's clock less the last of them [s]."""
+    """Return inputs with stamps of another clock, and the offsets of that clock.
+
+    An offset is this node's clock less the last stamp [s].
+    """
     sources = {"joint_states": robot.assembler} if robot else {}
     if robot and robot.base:
         sources["odom"] = robot.base.stamps

@@ -184,7 +184,10 @@ def _parts(link, folder):
 
 
 def _sphere(ellipsoid):
-    """Return placement and diameters of an ellipsoid (4x4), whose first columns are its half axes."""
+    """Return placement and diameters of an ellipsoid (4x4).
+
+    Its first columns are its half axes.
+    """
     half_axes, placement = np.linalg.norm(ellipsoid[:3, :3], axis=0), ellipsoid.copy()
     placement[:3, :3] /= half_axes
     placement[:3, 0] *= np.sign(np.linalg.det(placement))  # a mirror is no rotation

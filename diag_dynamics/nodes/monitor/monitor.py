@@ -260,13 +260,17 @@ class MonitorNode(TableNode, Node):
     # --- Parameters
 
     def _take_parameters(self, changed):
-        """Take over new values if all of them together make sense, and load the robot anew where they may change it."""
+        """Apply new values if all of them together are valid.
+
+        Load the robot anew where they may change it.
+        """
         if not changed:
             return
         in_force = self.values["robot_description"]
         if bool(changed.get("robot_description", in_force)) != bool(in_force):
             raise InputError(
-                "parameter 'robot_description' cannot replace the topic or become empty in a running node. Restart it."
+                "parameter 'robot_description' cannot replace the topic or become empty "
+                "in a running node. Restart it."
             )
         settings = Settings.of(self.values | changed)
         if self._robot:

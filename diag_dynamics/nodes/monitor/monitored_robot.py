@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A robot as the monitor keeps it: the model in force, what has arrived of its state, and its energies."""
+"""Robot of the monitor: the model in force, the received state, and its energies."""
 
 from contextlib import suppress
 from typing import NamedTuple
@@ -28,7 +28,10 @@ from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.sweeps import evaluation, workspace
 
 ASSUMED_NOISE = 0.1
-"""Noise of m r in each joint without a calibrated covariance, as of good torque sensors [N m, N]."""
+"""Noise of m r in each joint without a calibrated covariance [N m, N].
+
+It is that of good torque sensors.
+"""
 
 POSES = 20
 """Poses in which a joint's largest D is looked for: it changes little."""
@@ -38,7 +41,9 @@ MIN_LOAD = 0.1
 
 
 class MonitoredRobot:
-    """All that belongs to one description and goes with it, so that nothing of two robots is ever mixed.
+    """All that belongs to one description.
+
+    It goes with the description, so that nothing of two robots is ever mixed.
 
     Parameters
     ----------
@@ -96,7 +101,10 @@ class MonitoredRobot:
         self._compile()
 
     def _compile(self):
-        """Compile what each message needs, or load it from the cache: here, as this is done in a thread."""
+        """Compile what each message needs, or load it from the cache.
+
+        A thread does this.
+        """
         nothing = np.zeros(self.model.nv)
         state = RobotState(self.model.start, nothing, nothing, 0, 0, False)
         with suppress(
@@ -127,7 +135,9 @@ class MonitoredRobot:
         return self.watches[1]
 
     def use(self, model, settings, revision):
-        """Put the same robot in force with other settings or another gravity or payload; `model` is as it shall be.
+        """Put the same robot in force with other settings or another gravity or payload.
+
+        `model` has them already.
 
         Raises
         ------
@@ -188,7 +198,10 @@ class MonitoredRobot:
         return int(np.isfinite(observation.collision.of_names(self.model.dof_names)[:-2]).sum())
 
     def use_gravity(self, gravity):
-        """Turn gravity [m/s²] in the axes of the root link; neither watches nor messages restart."""
+        """Turn gravity [m/s²] in the axes of the root link.
+
+        Neither watches nor messages restart.
+        """
         self.dynamics = DiagonalDynamics(self.model.with_gravity(gravity))
         self.torque.use_gravity(self.dynamics)
 
@@ -280,7 +293,10 @@ class MonitoredRobot:
         return effort + gravity
 
     def wrench(self, frame):
-        """Return the ExternalWrench at a link, without a load, at the last state; None without a result of the observer."""
+        """Return the ExternalWrench at a link, without a load, at the last state.
+
+        It is None without a result of the observer.
+        """
         watch, values = self.torque, self.settings.values
         if not watch.seen.is_whole:
             return None
@@ -314,7 +330,10 @@ class MonitoredRobot:
         return self._markers.message(s, self.state, self.torque)
 
     def messages(self, topics, s):
-        """Return the messages of topics about the last state, or their bytes; `s` is the evaluation of that state."""
+        """Return the messages of topics about the last state, or their bytes.
+
+        `s` is the evaluation of that state.
+        """
         with_inverse = self.settings.values["publish_inverse_factor"]
         return [
             self.encoder.evaluated(topic, s, self.state)
@@ -331,7 +350,10 @@ def joint_names_of(values):
 
 
 def _without_rotors(dynamics):
-    """Names of joints that move nearly nothing, over poses by chance that are the same each time."""
+    """Return the names of joints that move nearly no mass.
+
+    The random poses are the same each time.
+    """
     model, rng = dynamics.model, np.random.default_rng(0)
     if not model.nv:
         return ()
@@ -347,7 +369,10 @@ def _without_rotors(dynamics):
 
 
 class _Text(NamedTuple):
-    """A file that was read when the robot was loaded: its meshes are found beside it, and later changes do not count."""
+    """File of a description, with its text when the robot was loaded.
+
+    Its meshes are found beside it. Later changes do not count.
+    """
 
     text: str
     name: str

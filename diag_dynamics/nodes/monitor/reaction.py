@@ -16,14 +16,17 @@ from diag_dynamics.nodes.support.statuses import ERROR, OK, Status
 from diag_dynamics.text import shortened
 
 RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
-"""Time without a response after which diagnostics report an error, and without a result until ~/collision is false [s]."""
+"""Timeouts of a response and of a result [s].
+
+Without a response diagnostics report an error. Without a result ~/collision becomes false.
+"""
 
 
 class Reaction:
-    """Publish whether there is a collision, and call the service of the parameters when one, or a contact, begins.
+    """Publish whether there is a collision, and call the service of the parameters.
 
-    The topic is latched. It becomes false when judgement ends, because no later result would end
-    the collision.
+    The service is called when a collision or a contact begins. The topic is latched. It becomes
+    false when judgement ends, because no later result would end the collision.
     """
 
     def __init__(self, node):
@@ -71,7 +74,10 @@ class Reaction:
             self._publish(False)
 
     def check(self, now):
-        """End a collision without a judged state for RESULT_TIMEOUT before the steady time `now` [s]."""
+        """End a collision without a judged state for RESULT_TIMEOUT.
+
+        The steady time is `now` [s].
+        """
         if now - self._judged_at > RESULT_TIMEOUT:
             self.end()
 

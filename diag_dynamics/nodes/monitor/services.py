@@ -119,7 +119,8 @@ class PayloadServices:
                 else f"unknown: {found.reason}"
             )
             raise InputError(
-                f"load on link '{link}' is {value}; expected a recognized load. Move the arm with the load."
+                f"load on link '{link}' is {value}; expected a recognized load. "
+                "Move the arm with the load."
             )
         before, payload = self._before(link), watch.estimator.payload()
         self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)

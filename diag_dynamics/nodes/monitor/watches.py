@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kinetic energy of the monitor's states: thresholds, power balance, numerical health, and loops."""
+"""Kinetic energy of the monitor's states: thresholds, power balance, numerical health, loops."""
 
 from collections import deque
 
@@ -251,7 +251,10 @@ def numerical_health(dynamics, state):
 
 
 class LoopWatch(Watch):
-    """Report how nearly singular loops are, and the energy by which measured rates break them, at the last state."""
+    """Report near singularities of loops, and the energy of measured rates that break them.
+
+    Both are those at the last state.
+    """
 
     def __init__(self, robot, node):
         super().__init__(robot, node)

@@ -39,7 +39,10 @@ class NodeTime:
         return time.monotonic()
 
     def on_jump(self, callback):
-        """Call `callback()` when ROS time jumps back, or changes between system and simulated time."""
+        """Call `callback()` when ROS time jumps back or changes its source.
+
+        The sources are system and simulated time.
+        """
         self._callbacks.append(callback)
 
     def _take_jump(self, _):

@@ -74,8 +74,8 @@ class ControllerSwitch:
         """Return the type of the service."""
         if SwitchController is None:
             raise InputError(
-                "parameters 'reaction.deactivate' or 'reaction.activate' have controllers; expected "
-                "an installed package controller_manager_msgs. Install it."
+                "parameters 'reaction.deactivate' or 'reaction.activate' have controllers; "
+                "expected an installed package controller_manager_msgs. Install it."
             )
         return SwitchController
 

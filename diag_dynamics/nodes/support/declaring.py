@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a node by a table: declared with type, description and range, and checked when they are set."""
+"""Parameters of a node by a table.
+
+They are declared with type, description and range, and checked when they are set.
+"""
 
 import os
 from contextlib import suppress
@@ -49,7 +52,10 @@ class TableNode:
             )
 
     def declare_parameters(self, namespace, parameters, ignore_override=False):
-        """Declare parameters as rclpy does, also overrides that are empty lists: these have no type."""
+        """Declare parameters as rclpy does, also overrides that are empty lists.
+
+        Empty lists have no type.
+        """
         for _, *value_and_descriptor in parameters:
             if value_and_descriptor[:1] == [None]:
                 value_and_descriptor[1].dynamic_typing = True
@@ -92,10 +98,11 @@ def _declare(node, name, spec, specs):
 
 
 def convert(name, value, default):
-    """Return the value of a parameter with the type of its default where that is clear, else the value as it is.
+    """Return the value of a parameter with the type of its default where that is clear.
 
-    An empty list has no type, and `ros2 param set` sends a list of integers and floats as a text.
-    Paths of files become absolute, because other nodes read them in other folders.
+    Otherwise return the value as it is. An empty list has no type, and `ros2 param set` sends a
+    list of integers and floats as a text. Paths of files become absolute, because other nodes read
+    them in other folders.
     """
     if isinstance(value, str) and value and name.endswith(("_file", "robot_description")):
         return _absolute(value)
@@ -117,7 +124,10 @@ def convert(name, value, default):
 
 
 def _absolute(value):
-    """Return a path, also with xacro arguments behind it, with its folder; other texts as they are."""
+    """Return a path with its folder, and other texts as they are.
+
+    Arguments of xacro may follow the path.
+    """
     path, _ = split_arguments(value)
     file = os.path.expanduser(path)
     return value.replace(path, os.path.abspath(file), 1) if os.path.isfile(file) else value
@@ -143,7 +153,8 @@ def judge(node, specs, take):
                 and value != node.values[name]
             ):
                 raise InputError(
-                    f"parameter '{name}' is read-only while the node is configured. Call cleanup first."
+                    f"parameter '{name}' is read-only while the node is configured. "
+                    "Call cleanup first."
                 )
         take(changed)
 

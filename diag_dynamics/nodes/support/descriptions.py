@@ -42,10 +42,14 @@ COMPILED = (
 """Methods of DiagonalDynamics that nodes call."""
 
 SMALL = (
-    '<robot name="any"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
-    'ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+    '<robot name="any"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
 )
-"""A robot to compile for: the matrices of a large one take time, and compiled code is the same for all."""
+"""Robot to compile for.
+
+The matrices of a large robot take time, and compiled code is the same for all.
+"""
 
 
 @cache
@@ -64,14 +68,16 @@ def _refuse_mjcf(description):
     """Refuse an MJCF: its gravity and its base would differ from the node's parameters."""
     if is_mjcf(description):
         raise UnsupportedError(
-            f"robot_description is '{description}', an MJCF; expected a URDF or xacro file. Nodes do not read MJCFs."
+            f"robot_description is '{description}', an MJCF; expected a URDF or xacro file. "
+            "Nodes do not read MJCFs."
         )
 
 
 def load_robot(node, description, values):
-    """Return the model of a description by parameters of a node, and log its warnings; raise as :func:`model_of`.
+    """Return the model of a description by parameters of a node, and log its warnings.
 
-    A description is a URDF, or the path of a URDF or xacro file with arguments of xacro behind it.
+    Errors are those of :func:`model_of`. A description is a URDF, or the path of a URDF or xacro
+    file with arguments of xacro behind it.
     """
     _refuse_mjcf(description)
     node.get_logger().info("Loading the robot.")
@@ -127,7 +133,7 @@ class RobotLoader:
             self._timer = None
 
     def finish(self):
-        """Wait until the newest description is loaded and taken over, or a signal ends the process."""
+        """Wait until the newest description is loaded and in use, or a signal ends the process."""
         while self.loading is not None and not Stop.requested:
             self._thread.join(PERIOD)
             self._look()

@@ -51,7 +51,10 @@ def topics_of(node, kind):
 
 
 def clock_notes(node, publishes=False):
-    """Return diagnostic values and problems of simulated time; none if a node neither uses nor `publishes` it."""
+    """Return diagnostic values and problems of simulated time.
+
+    There are none if a node neither uses nor `publishes` it.
+    """
     if not publishes and not node.get_clock().ros_time_is_active:
         return {}, []
     topic = node.resolve_topic_name(CLOCK)

@@ -16,7 +16,10 @@ class Fault(NamedTuple):
 
     @property
     def is_internal(self):
-        """Whether it is a mistake of this package; faults of inputs have exceptions of their own."""
+        """Whether the failure is a mistake of this package.
+
+        Faults of inputs have exceptions of their own.
+        """
         return not isinstance(self.error, (DiagDynamicsError, RejectedError))
 
     @property
@@ -44,10 +47,11 @@ def attempt(action, *arguments):
 
 
 def answered(node, kind, answer, named=str, keep=()):
-    """Return the callback of a service of a `kind` whose response has `success` and `message`: failures are responses.
+    """Return the callback of a service whose failures are responses.
 
-    `answer` takes request and response, and returns the message of success or None. `named` puts a
-    message into the request's own words. The response of a failure keeps the fields `keep`.
+    Responses of a `kind` have `success` and `message`. `answer` takes request and response, and
+    returns the message of success or None. `named` puts a message into the request's own words. The
+    response of a failure keeps the fields `keep`.
     """
 
     def callback(request, response):

@@ -28,7 +28,10 @@ def latched():
 
 
 def connected(create, kind, topic, *arguments, **options):
-    """Return the publisher or subscription that `create` makes with overridable QoS, or raise InputError."""
+    """Return the publisher or subscription that `create` makes with overridable QoS.
+
+    Raise InputError if that fails.
+    """
     try:
         return create(kind, topic, *arguments, qos_overriding_options=OVERRIDABLE, **options)
     except Exception as error:  # rclpy names neither the topic nor the parameter

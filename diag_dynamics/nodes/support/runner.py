@@ -31,7 +31,10 @@ PERIOD = 0.2
 """Longest time [s] until an idle executor notices a signal."""
 
 SHUTDOWN_TIMEOUT = 4.0
-"""Time [s] in which nodes have to leave the graph; after it the process ends and prints its stacks."""
+"""Time [s] in which nodes have to leave the graph.
+
+After it the process ends and prints its stacks.
+"""
 
 
 class Stop:
@@ -60,10 +63,11 @@ class Stop:
 
 
 def run(make_nodes, args=None):
-    """Spin the node, or the list of nodes, that `make_nodes` imports and makes; return the exit status.
+    """Spin the node, or the list of nodes, that `make_nodes` imports and makes.
 
-    A signal ends them, or the future `finished` of a node, whose exception is status 1. `args` is a
-    command line with the name of the program, by default that of the process.
+    Return the exit status. A signal ends them, or the future `finished` of a node, whose exception
+    is status 1. `args` is a command line with the name of the program, by default that of the
+    process.
     """
     stop, nodes, status = Stop(), [], 0
     try:
@@ -106,7 +110,10 @@ def _init(args):
 
 
 def spin(nodes, stop):
-    """Serve callbacks until `stop` is called, a node has finished, whose exception is raised, or the context is shut down."""
+    """Serve callbacks until `stop` is called, a node has finished or the context is shut down.
+
+    Raise the exception of a node that has finished.
+    """
     executor, futures = Executor(), [node.finished for node in nodes if hasattr(node, "finished")]
     for node in nodes:
         executor.add_node(node)
@@ -127,7 +134,10 @@ def spin(nodes, stop):
 
 
 def main(executable):
-    """Run a node by the ROS arguments of the process, and leave the process with its exit status."""
+    """Run a node by the ROS arguments of the process.
+
+    Leave the process with its exit status.
+    """
 
     def make_node():
         parse_arguments(executable, sys.argv)
@@ -148,14 +158,18 @@ def parse_arguments(executable, args):
     """Print the help, or refuse arguments that are not of ROS."""
     argparse.ArgumentParser(
         prog=executable,
-        usage=f"{executable} [--ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO --log-level LEVEL ...]",
+        usage=f"{executable} [--ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO "
+        "--log-level LEVEL ...]",
         epilog=f"Parameters and their defaults: docs/parameters.md and config/{executable}.yaml. "
         "Topics and services: docs/interfaces.md.",
     ).parse_args(remove_ros_args(args)[1:])
 
 
 def leave(status):
-    """End the process at once: a thread that compiles a robot would crash an interpreter that is taken apart."""
+    """End the process at once.
+
+    A thread that compiles a robot would crash an interpreter that shuts down.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(status)

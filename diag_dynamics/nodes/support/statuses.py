@@ -23,7 +23,8 @@ MIN_SHORT = 3
 NO_FAULT = OK, ""
 
 _MEASURED = re.compile(
-    r"'[^']*'|= [^\s,;]+|\[|(?<![\w/.^])(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
+    r"'[^']*'|= [^\s,;]+|\["
+    r"|(?<![\w/.^])(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
 )
 
 _OPEN_END = re.compile(r"(?:[\s:,;(<>=~]|\b(?:is|are|has|for|by|of|to|from|than|at|within))+$")
@@ -32,8 +33,9 @@ _OPEN_END = re.compile(r"(?:[\s:,;(<>=~]|\b(?:is|are|has|for|by|of|to|from|than|
 class Status(NamedTuple):
     """One entry: its name after the node's, level, message, and values by key.
 
-    The message stays the same while a fault lasts; `log` is one with its numbers. `is_logged`: the
-    node has logged the begin of this fault. `age` is how long it had lasted at its first report [s].
+    The message stays the same while a fault lasts; `log` is one with its numbers. `is_logged` is
+    whether the node has logged the begin of this fault. `age` is how long it had lasted at its
+    first report [s].
     """
 
     name: str
@@ -58,7 +60,10 @@ def without_numbers(text):
 
 
 def problem_status(name, problems, message, values, is_logged=False):
-    """Return a status that warns of problems, texts with numbers; without any it has the message."""
+    """Return a status that warns of problems, texts with numbers.
+
+    Without problems it has the message.
+    """
     if not problems:
         return Status(name, OK, message, values)
     stable = "; ".join(map(without_numbers, problems))

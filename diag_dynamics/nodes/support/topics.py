@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of nodes, and the monitor's topics for publishers and docs/interfaces.md; no ROS is needed to import this."""
+"""Names of nodes, and the monitor's topics for publishers and docs/interfaces.md.
+
+The module needs no ROS.
+"""
 
 from typing import NamedTuple
 
@@ -70,7 +73,8 @@ TOPICS = (
     Topic(
         "load",
         "Load",
-        "mass and centre of a load with standard deviations, and whether the external torque is that of a load",
+        "mass and centre of a load with standard deviations, "
+        "and whether the external torque is that of a load",
         condition="load.link",
         beside=True,
     ),
@@ -83,11 +87,15 @@ TOPICS = (
     Topic(
         "markers",
         "visualization_msgs/MarkerArray",
-        "for RViz and Foxglove: links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, collision",
+        "for RViz and Foxglove: "
+        "links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, collision",
         beside=True,
     ),
 )
-"""In the order in which messages of a state go out: what is watched for safety first, matrices last."""
+"""Topics in the order in which messages of a state are published.
+
+Topics for safety are first, matrices last.
+"""
 
 MATRICES = tuple(topic.name for topic in TOPICS if topic.matrix)
 """Topics that are not made of the evaluation of a state."""
