@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of contact, shared by monitor and controller, and the contact points that they select."""
+"""Parameters of contact for monitor and controller, and the contact points that they select."""
 
 from diag_dynamics.collision.contact_points import ContactLimits, ContactPoints
 from diag_dynamics.collision.link_geometry import link_geometry
@@ -11,7 +11,8 @@ from diag_dynamics.parameters.spec import Spec
 PARAMETERS = {
     "contact_limits.file": Spec(
         "",
-        "YAML file of contact points and limits of body regions (config/contact_limits.example.yaml); empty: no limits.",
+        "YAML file of contact points and limits of body regions "
+        "(config/contact_limits.example.yaml); empty: no limits.",
     ),
 }
 """Specs by name."""
@@ -21,7 +22,10 @@ ENERGY_LIMIT = "contact_limits.energy"
 
 
 def limits_of(values):
-    """Return the ContactLimits of parameters by name, None without a file; raise InputError if the file is wrong."""
+    """Return the ContactLimits of parameters by name, None without a file.
+
+    Raise InputError if the file is wrong.
+    """
     try:
         file = values["contact_limits.file"]
         return ContactLimits.load(file) if file else None
@@ -30,7 +34,7 @@ def limits_of(values):
 
 
 def contact_points(model, description, limits):
-    """Return the ContactPoints of a robot, and the reasons why shapes of links do not count, by link.
+    """Return the ContactPoints of a robot, and by link why its shapes do not count.
 
     Links whose list of body regions is empty are out of reach and have no points.
 
@@ -54,7 +58,10 @@ def contact_points(model, description, limits):
 
 
 def bounded_points(model, description, values):
-    """Return the ContactPoints with limits of a controller's parameters by name; None without any limit."""
+    """Return the ContactPoints with limits of a controller's parameters by name.
+
+    Return None without any limit.
+    """
     limits, energy = limits_of(values), values[ENERGY_LIMIT]
     if energy:
         limits = (limits or ContactLimits()).with_energy(energy, ENERGY_LIMIT)
@@ -63,6 +70,7 @@ def bounded_points(model, description, values):
     points, _ = contact_points(model, description, limits)
     if not points.limited.any():
         raise InputError(
-            "parameter 'contact_limits.file' has no limit for a link of this robot. Assign its links to a region with limits."
+            "parameter 'contact_limits.file' has no limit for a link of this robot. "
+            "Assign its links to a region with limits."
         )
     return points

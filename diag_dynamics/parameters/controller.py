@@ -29,8 +29,8 @@ COMPENSATES = "robot_compensates_gravity"
 """The one parameter that has no default."""
 
 WHY_REQUIRED = (
-    "whether the robot adds gravity compensation to commanded efforts, as some vendors' torque interfaces do. "
-    "A wrong value makes the arm jump up or fall"
+    "whether the robot adds gravity compensation to commanded efforts, "
+    "as some vendors' torque interfaces do. A wrong value makes the arm jump up or fall"
 )
 
 _WHILE_UNCONFIGURED = {
@@ -38,7 +38,8 @@ _WHILE_UNCONFIGURED = {
     **{name: spec for name, spec in SHARED.items() if name != "floating_base"},
     "command_joints": Spec(
         [""],
-        "Joints in the order of a command's entries; by default all. Lock joints without effort interface.",
+        "Joints in the order of a command's entries; by default all. "
+        "Lock joints without effort interface.",
     ),
     "initial_mode": Spec(REGULATION, "Mode on activation.", choices=MODES),
     # laws
@@ -71,26 +72,31 @@ _WHILE_UNCONFIGURED = {
     ),
     "set_point_speed": Spec(
         0.25,
-        "Speed of the motion to a set-point, as a fraction of the URDF velocity limits; to a pose, of 1 m/s and 2 rad/s.",
+        "Speed of the motion to a set-point, as a fraction of the URDF velocity limits; "
+        "to a pose, of 1 m/s and 2 rad/s.",
         1e-3,
         1.0,
     ),
     "following_energy": Spec(
         2.0,
-        "Tracking error energy that aborts a target [J]; a quarter pauses set-points and poses. 0 disables.",
+        "Tracking error energy that aborts a target [J]; "
+        "a quarter pauses set-points and poses. 0 disables.",
         0.0,
     ),
     "path_tolerance": Spec(
         [""],
-        "Maximum errors on a trajectory, each as joint=error; * for all others [rad, m]; by default none.",
+        "Maximum errors on a trajectory, each as joint=error; "
+        "* for all others [rad, m]; by default none.",
     ),
     "goal_tolerance": Spec(
         ["*=0.05"],
-        "Maximum errors at the end of a trajectory, each as joint=error; * for all others [rad, m].",
+        "Maximum errors at the end of a trajectory, each as joint=error; "
+        "* for all others [rad, m].",
     ),
     "goal_time_tolerance": Spec(
         1.0,
-        "Maximum time from the end of a trajectory until joints are within tolerances [s]; 0: no limit.",
+        "Maximum time from the end of a trajectory until joints are within tolerances [s]; "
+        "0: no limit.",
         0.0,
     ),
     # filters
@@ -100,7 +106,8 @@ _WHILE_UNCONFIGURED = {
     "energy_limit": Spec(0.0, "Maximum kinetic energy [J]; 0: no limit.", 0.0),
     "joint_energy_limit": Spec(
         [""],
-        "Maximum energy shares of joints, each as joint=energy; * for all others [J]; by default none.",
+        "Maximum energy shares of joints, each as joint=energy; "
+        "* for all others [J]; by default none.",
     ),
     "energy_rate": Spec(
         50.0,
@@ -109,7 +116,8 @@ _WHILE_UNCONFIGURED = {
     ),
     "tank_energy": Spec(
         0.0,
-        "Energy that laws may add to the arm in total [J]; braking refills it, a mode service, too. 0: no limit.",
+        "Energy that laws may add to the arm in total [J]; "
+        "braking refills it, a mode service, too. 0: no limit.",
         0.0,
     ),
     **CONTACT,
@@ -127,7 +135,8 @@ _WHILE_UNCONFIGURED = {
     ),
     "effort_limit": Spec(
         [""],
-        "Maximum efforts, at most those of the URDF, each as joint=effort; * for all others [N m, N].",
+        "Maximum efforts, at most those of the URDF, each as joint=effort; "
+        "* for all others [N m, N].",
     ),
     "effort_rate": Spec(
         ["*=1000.0"], "Maximum effort rates, each as joint=rate; * for all others [N m/s, N/s]."
@@ -135,7 +144,8 @@ _WHILE_UNCONFIGURED = {
     # safety
     "max_state_age": Spec(
         0.02,
-        "Maximum difference between stamp and node clock [s]; beyond it the controller holds gravity.",
+        "Maximum difference between stamp and node clock [s]; "
+        "beyond it the controller holds gravity.",
         1e-4,
         1.0,
     ),

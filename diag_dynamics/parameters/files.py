@@ -22,7 +22,10 @@ EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")  # of a number
 """Name of the node, whose sections of a file count."""
 
 OF_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-"""Parameters of every node, or how their names start; they have no effect on what is computed of a state."""
+"""Parameters of every node, or how their names start.
+
+They have no effect on what is computed of a state.
+"""
 
 OF_OTHERS = {
     *controller.PARAMETERS,
@@ -30,7 +33,10 @@ OF_OTHERS = {
     *simulator.PARAMETERS,
     *view.PARAMETERS,
 } - {*PARAMETERS}
-"""Parameters of other nodes of this package, which may share a section (``/**``) with the monitor."""
+"""Parameters of this package's other nodes.
+
+They may share a section (``/**``) with the monitor.
+"""
 
 
 def parameters_of(files=(), assignments=()):
@@ -110,13 +116,19 @@ def _flatten(section, prefix=""):
 
 
 def _as_float(value):
-    """Return a whole number, or one such as 1e6, which YAML 1.1 reads as text, as float; other values as they are."""
+    """Return a whole number or a text such as 1e6 as float.
+
+    YAML 1.1 reads 1e6 as text. Other values stay as they are.
+    """
     is_number = type(value) is int or (isinstance(value, str) and EXPONENT.fullmatch(value))
     return float(value) if is_number else value
 
 
 def _check(name, value, source):
-    """Return the value with the type of the parameter, by its name; nothing for a parameter of rclpy."""
+    """Return the value by name, with the type of the parameter.
+
+    The result is empty for a parameter of rclpy.
+    """
     if name.startswith(OF_RCLPY):
         return {}
     if name not in PARAMETERS:

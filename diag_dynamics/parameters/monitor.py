@@ -56,7 +56,8 @@ PARAMETERS = {
         {
             "joint_names": Spec(
                 [""],
-                "Map names in joint_states to joints, each as name=joint, with one * in both or none: ur_*=*.",
+                "Map names in joint_states to joints, "
+                "each as name=joint, with one * in both or none: ur_*=*.",
             ),
             "odom_twist_frame": Spec(
                 "child",
@@ -70,18 +71,20 @@ PARAMETERS = {
             ),
             "gravity_imu": Spec(
                 "",
-                "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; empty: none.",
+                "Topic of a sensor_msgs/Imu on a link of the robot that turns gravity; "
+                "empty: none.",
             ),
         }
     ),
     "joint_timeout": Spec(
         [f"*={JOINT_TIMEOUT:g}"],
-        "Maximum ages of joints' values relative to the newest joint, each as joint=time [s]; * for "
-        "all others, without it the default. 0 disables.",
+        "Maximum ages of joints' values relative to the newest joint, each as joint=time [s]; "
+        "* for all others, without it the default. 0 disables.",
     ),
     "max_age": Spec(
         1.0,
-        "Maximum difference between stamp and node clock [s]; later and earlier messages are rejected. 0 disables.",
+        "Maximum difference between stamp and node clock [s]; "
+        "later and earlier messages are rejected. 0 disables.",
         0.0,
     ),
     "missing_velocity": Spec(
@@ -94,7 +97,8 @@ PARAMETERS = {
     ),
     "effort_available": Spec(
         [""],
-        "Whether the reported effort of a joint is valid, as joint=true or joint=false; * for all others.",
+        "Whether the reported effort of a joint is valid, as joint=true or joint=false; "
+        "* for all others.",
     ),
     "effort_scale": Spec(
         [""],
@@ -102,16 +106,19 @@ PARAMETERS = {
     ),
     "effort_includes_gravity": Spec(
         [""],
-        "Whether reported efforts include gravity compensation, as joint=true or joint=false; * for all others.",
+        "Whether reported efforts include gravity compensation, as joint=true or joint=false; "
+        "* for all others.",
     ),
     "plausibility.beyond_limits": Spec(
         6.3,
-        "Maximum distance outside the URDF limits [rad, m]; larger ones reject the message. 0 disables.",
+        "Maximum distance outside the URDF limits [rad, m]; "
+        "larger ones reject the message. 0 disables.",
         0.0,
     ),
     "plausibility.beyond_velocity": Spec(
         3.0,
-        "Maximum velocity as a multiple of the URDF limit; larger ones reject the message. 0 disables.",
+        "Maximum velocity as a multiple of the URDF limit; "
+        "larger ones reject the message. 0 disables.",
         0.0,
         1e6,
     ),
@@ -123,13 +130,15 @@ PARAMETERS = {
     ),
     "stuck_timeout": Spec(
         0.5,
-        "Time with a velocity but no motion, or the reverse, after which a sensor counts as stuck [s]; 0 disables.",
+        "Time with a velocity but no motion, "
+        "or the reverse, after which a sensor counts as stuck [s]; 0 disables.",
         0.0,
         100.0,
     ),
     "mimic_tolerance": Spec(
         0.01,
-        "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; 0 disables.",
+        "Deviation of a mimic joint from its source joint at which diagnostics warn [rad, m]; "
+        "0 disables.",
         0.0,
     ),
     "energy.warn": Spec(
@@ -151,7 +160,8 @@ PARAMETERS = {
     ),
     "external_torque.covariance": Spec(
         [0.0],
-        "Noise of m r: rows of its second moment without contact [N^2 m^2, N^2 of prismatic joints]; 0: unknown.",
+        "Noise of m r: rows of its second moment without contact "
+        "[N^2 m^2, N^2 of prismatic joints]; 0: unknown.",
     ),
     "collision.threshold": Spec(
         [""],
@@ -184,8 +194,8 @@ PARAMETERS = {
     ),
     "external_wrench.frames": Spec(
         [""],
-        "Links at whose origin and in whose axes the external wrench is estimated, the first one with "
-        "~/external_wrench; requires external_torque.gain.",
+        "Links at whose origin and in whose axes the external wrench is estimated, "
+        "the first one with ~/external_wrench; requires external_torque.gain.",
     ),
     "external_wrench.max_force_deviation": Spec(
         10.0,
@@ -203,14 +213,15 @@ PARAMETERS = {
     ),
     "load.link": Spec(
         "",
-        "Link whose loads are estimated and not reported as collisions; requires external_torque.covariance. Empty: none.",
+        "Link whose loads are estimated and not reported as collisions; "
+        "requires external_torque.covariance. Empty: none.",
     ),
     **fixed(
         {
             "reaction.service": Spec(
                 "",
-                "Service that the node calls at reaction.event, a std_srvs/Trigger, or a SwitchController "
-                "where it has controllers; empty: none. Not safety-rated.",
+                "Service that the node calls at reaction.event, a std_srvs/Trigger, "
+                "or a SwitchController where it has controllers; empty: none. Not safety-rated.",
             ),
             "reaction.event": Spec(
                 "collision",
@@ -290,13 +301,16 @@ class Observation(NamedTuple):
     covariance: tuple[float, ...] = ()  # of m r without contact, row by row
 
     def covariance_of(self, names):
-        """Return the covariance in the order of a model's degrees of freedom; None if it is unknown."""
+        """Return the covariance in the order of a model's degrees of freedom.
+
+        It is None if it is unknown.
+        """
         if not self.covariance:
             return None
         if missing := [name for name in names if name not in self.covariance_joints]:
             raise InputError(
-                f"parameter external_torque.covariance_joints lacks '{missing[0]}', expected all degrees of freedom. "
-                "Calibrate again."
+                f"parameter external_torque.covariance_joints lacks '{missing[0]}', "
+                "expected all degrees of freedom. Calibrate again."
             )
         k = [self.covariance_joints.index(name) for name in names]
         return np.array(self.covariance).reshape(2 * [len(self.covariance_joints)])[np.ix_(k, k)]
@@ -327,7 +341,10 @@ class Settings(NamedTuple):
 
     @classmethod
     def of(cls, values):
-        """Return the settings of parameters by name, checked one by one and together; raise InputError."""
+        """Return the settings of parameters by name, checked one by one and together.
+
+        Raise InputError for an invalid value.
+        """
         for name, value in values.items():
             if reason := wrong(name, value, PARAMETERS):
                 raise InputError(f"{reason}.")
@@ -352,7 +369,8 @@ class Settings(NamedTuple):
         )
         if settings.frames and not settings.observation:
             raise InputError(
-                "parameter external_torque.gain is 0, expected a number above 0 because external_wrench.frames is set."
+                "parameter external_torque.gain is 0, "
+                "expected a number above 0 because external_wrench.frames is set."
             )
         settings.check_load()
         settings.check_reaction()
@@ -392,8 +410,8 @@ def _input_options(values):
     effort_scale = assignments("effort_scale", values["effort_scale"])
     if zeros := [name for name, scale in effort_scale.items() if not scale]:
         raise InputError(
-            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number. Set effort_available to false for "
-            "joints without effort."
+            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number. "
+            "Set effort_available to false for joints without effort."
         )
     return Options(
         timeouts=_with_defaults("joint_timeout", values, {ALL: JOINT_TIMEOUT}),
@@ -452,7 +470,8 @@ def _covariance(values):
     )
     if len(numbers) != len(names) ** 2 or len({*names}) != len(names):
         raise InputError(
-            f"parameter external_torque.covariance has {len(numbers)} numbers for {len(names)} covariance_joints, "
+            f"parameter external_torque.covariance has {len(numbers)} numbers "
+            f"for {len(names)} covariance_joints, "
             f"expected {len(names)} x {len(names)}, each joint once."
         )
     matrix = np.array(numbers).reshape(2 * [len(names)])
@@ -462,7 +481,8 @@ def _covariance(values):
         )
     if joint := singular_joint(names, matrix):
         raise InputError(
-            f"parameter external_torque.covariance is singular at '{joint}', expected a positive definite matrix. "
+            f"parameter external_torque.covariance is singular at '{joint}', "
+            "expected a positive definite matrix. "
             "Calibrate with a recording that has noise of each joint."
         )
     return names, numbers

@@ -37,8 +37,8 @@ def model_of(description, values, recorded=None):
     payloads = {link: load for link, load in payloads.items() if link in described.links}
     if floating_base and described.floating_base is False:
         raise InputError(
-            "parameter 'floating_base' is true; expected false, because the MJCF has no free body, or several. "
-            "Give the base a <freejoint/>."
+            "parameter 'floating_base' is true; expected false, "
+            "because the MJCF has no free body, or several. Give the base a <freejoint/>."
         )
     locked = assignments(
         "locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]]
@@ -76,8 +76,8 @@ def require_as_made(values):
     for name, spec in PARAMETERS.items():
         if name != "floating_base" and values[name] != spec.default:
             raise InputError(
-                f"parameter '{name}' is {values[name]!r}, expected its default because a RobotModel is final. "
-                "Pass the URDF, or set the option of load_urdf."
+                f"parameter '{name}' is {values[name]!r}, expected its default "
+                "because a RobotModel is final. Pass the URDF, or set the option of load_urdf."
             )
 
 
@@ -89,6 +89,6 @@ def require_single_joints(model):
             name for name in model.joint_names[model.floating_base :] if name not in single
         )
         raise UnsupportedError(
-            f"joint '{several}' has several degrees of freedom, expected one: joint_states cannot hold its state. "
-            "Only the root may float (floating_base, odom)."
+            f"joint '{several}' has several degrees of freedom, expected one: "
+            "joint_states cannot hold its state. Only the root may float (floating_base, odom)."
         )

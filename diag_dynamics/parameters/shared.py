@@ -48,8 +48,9 @@ PARAMETERS = fixed(_FIXED) | {
     ),
     "payloads": Spec(
         [""],
-        "Payloads, each as link=mass, link=mass x y z, or link=mass x y z ixx iyy izz ixy ixz iyz in link axes "
-        "[kg, m, kg m^2]; unknown links are ignored.",
+        "Payloads, each as link=mass, link=mass x y z, "
+        "or link=mass x y z ixx iyy izz ixy ixz iyz in link axes [kg, m, kg m^2]; "
+        "unknown links are ignored.",
     ),
 }
 """Specs by name."""

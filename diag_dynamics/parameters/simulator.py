@@ -53,7 +53,8 @@ _FIXED = {
     "sensor_noise": Spec([0.0, 0.0, 0.0], f"Standard deviation of white noise on {SENSORS}."),
     "real_time_factor": Spec(
         1.0,
-        "Real-time factor; 0: as fast as possible. With other values than 1 the node publishes /clock.",
+        "Real-time factor; 0: as fast as possible. "
+        "With other values than 1 the node publishes /clock.",
         0.0,
         1000.0,
     ),

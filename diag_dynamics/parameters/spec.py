@@ -12,9 +12,10 @@ from diag_dynamics.entries import LARGEST
 
 
 class Spec(NamedTuple):
-    """One parameter: default, description with unit, range of a float or of ±`maximum` for a list, and when it may change.
+    """One parameter: default, description with unit, range, and when it may change.
 
-    A list has the length of its default, or any if the default is a single number.
+    The range is that of a float, or of ±`maximum` for a list. A list has the length of its default,
+    or any if the default is a single number.
     """
 
     default: Any
@@ -40,7 +41,7 @@ def while_unconfigured(specs):
 
 
 def nearest(name, names):
-    """Return the name that has most in common with an unknown one, in any order of words, or None."""
+    """Return the name that has most in common with an unknown one in any order, or None."""
     by_words = {_words(name): name for name in names}
     matches = get_close_matches(_words(name), by_words, n=1, cutoff=0.65)
     return by_words[matches[0]] if matches else None

@@ -9,7 +9,8 @@ PARAMETERS = fixed(
     {
         "host": Spec(
             "127.0.0.1",
-            "Listen address. 0.0.0.0 allows access from other machines; there is no authentication.",
+            "Listen address. "
+            "0.0.0.0 allows access from other machines; there is no authentication.",
         ),
         "port": Spec(8420, "Port of the page; 0: a free port, which the log reports."),
         "robots": Spec([""], "Namespaces or full names of the monitors to show; by default all."),
