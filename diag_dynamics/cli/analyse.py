@@ -28,8 +28,11 @@ from diag_dynamics.recordings.summary import (
 from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.text import Progress, aligned, plain
 
-EPILOG = """exit status: 0 no problem; 1 unreadable data, rejected messages, a power balance that is missing or explains less
-than 80 %, a wrong unit, or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."""
+EPILOG = (
+    "exit status: 0 no problem; 1 unreadable data, "
+    "rejected messages, a power balance that is missing or explains less than 80 %, a wrong unit, "
+    "or one of several recordings failed; 2 no result. Formats and results: docs/recordings.md."
+)
 
 COLUMNS = {
     "states": "d",
@@ -60,7 +63,10 @@ def add_arguments(parser):
     parser.add_argument(
         "-o", "--mcap", metavar="OUT.mcap", help="messages of the monitor, for ros2 bag play"
     )
-    text = f"topics in OUT.mcap, separated by commas: {', '.join(TOPICS)} (default: {','.join(WRITTEN)})"
+    text = (
+        f"topics in OUT.mcap, separated by commas: {', '.join(TOPICS)} "
+        f"(default: {','.join(WRITTEN)})"
+    )
     parser.add_argument("--topics", help=text)
     parser.add_argument(
         "--parquet", metavar="OUT.parquet", help="table with a column for each quantity and joint"

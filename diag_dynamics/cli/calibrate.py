@@ -18,8 +18,11 @@ from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.summary import REJECTED
 from diag_dynamics.text import Progress
 
-EPILOG = """exit status: 0 calibrated; 1 calibrated with warnings: recordings too short for the rate, parts that differ,
-wrong efforts, or unreadable data; 2 not calibrated. Requirements of recordings: docs/collision.md."""
+EPILOG = (
+    "exit status: 0 calibrated; 1 calibrated with warnings: recordings too short for the rate, "
+    "parts that differ, wrong efforts, or unreadable data; 2 not calibrated. "
+    "Requirements of recordings: docs/collision.md."
+)
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -38,9 +41,15 @@ def add_arguments(parser):
     common.add_recording(
         parser, "recordings without any contact: bag, MCAP, CSV, TSV, Parquet, npz"
     )
-    text = "accepted rate of false alarms, all detectors together: N/s, N/min or N/h (default: %(default)s)"
+    text = (
+        "accepted rate of false alarms, all detectors together: N/s, N/min or N/h "
+        "(default: %(default)s)"
+    )
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
-    text = "accepted rate of false contacts, for the lower thresholds (default: ten times that of false alarms)"
+    text = (
+        "accepted rate of false contacts, for the lower thresholds "
+        "(default: ten times that of false alarms)"
+    )
     parser.add_argument("--false-contacts", metavar="N/min", help=text)
     for option, default, text in (
         ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
@@ -108,7 +117,8 @@ def _notes(chosen):
     ]
     if chosen.parameters or chosen.set:
         notes.append(
-            f"With {', '.join([*map(repr, chosen.parameters), *chosen.set])}, which the monitor also needs."
+            f"With {', '.join([*map(repr, chosen.parameters), *chosen.set])}, "
+            "which the monitor also needs."
         )
     return notes
 

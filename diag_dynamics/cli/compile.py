@@ -48,7 +48,7 @@ UNITS = {
     "sweeps.limits": 1,
     "identification.regressors": 1,
 }
-"""Modules with entry kernels, and their time to compile one after the other [CPU-s], the longest first."""
+"""Modules with entry kernels and their compile times in sequence [CPU-s], the longest first."""
 
 
 def add_arguments(parser):
@@ -64,7 +64,8 @@ def run(chosen):
     """Compile what the cache lacks; return the exit status."""
     if cache_folder() is None:
         print(
-            "diag-dynamics compile: there is no folder to keep compiled code in, so nothing is done.",
+            "diag-dynamics compile: "
+            "there is no folder to keep compiled code in, so nothing is done.",
             file=sys.stderr,
         )
         return 1
@@ -91,7 +92,10 @@ def run(chosen):
 
 
 def _compile(jobs, progress):
-    """Compile all units in processes; return why that failed, or None. An interrupt ends the processes."""
+    """Compile all units in processes, and return the reason of a failure or None.
+
+    An interrupt ends the processes.
+    """
     context = multiprocessing.get_context("spawn")  # a fork would share the compiler's locks
     pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent), 0
     try:
@@ -133,8 +137,14 @@ def compile_unit(unit):
     kernel.precompile(f"diag_dynamics.{unit}")
 
 
-COPY = f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}.py{sys.version_info[0]}{sys.version_info[1]}"
-"""Part of the names of this copy's files: copies of the package and versions of Python share the folder."""
+COPY = (
+    f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}"
+    f".py{sys.version_info[0]}{sys.version_info[1]}"
+)
+"""Part of the names of this copy's files.
+
+Copies of the package and versions of Python share the folder.
+"""
 
 
 def _stamp_file():
@@ -142,10 +152,10 @@ def _stamp_file():
 
 
 def _stamp():
-    """Return a text that changes with the sources, their times, the machine, the units and the files of compiled code.
+    """Return a text that changes with the sources and the files of compiled code.
 
-    numba ignores compiled code if the time of its source is another one, as after a checkout of
-    another version and back.
+    It also changes with the times of the sources, the machine and the units. numba ignores compiled
+    code if the time of its source is another one, as after a checkout of another version and back.
     """
     modules = [f"diag_dynamics.{unit}" for unit in UNITS]
     times = [str(path.stat().st_mtime_ns) for path in map(source_path, modules) if path.is_file()]

@@ -12,8 +12,10 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.excite import excite
 from diag_dynamics.text import Progress, aligned, plain
 
-EPILOG = """Collisions are not checked. Try the trajectory on the simulator first, limit the motion by --range, and start with
-a low --velocity."""
+EPILOG = (
+    "Collisions are not checked. Try the trajectory on the simulator first, "
+    "limit the motion by --range, and start with a low --velocity."
+)
 
 OUTPUTS = {"-o": "output", "--trajectory": "trajectory"}
 

@@ -21,9 +21,11 @@ from diag_dynamics.recordings.balance import MIN_EXPLAINED
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, aligned, plain
 
-EPILOG = """exit status: 0 identified, or the model needs nothing; 1 doubtful: less than 80 % of dK/dt
-explained on held-out data, or the efforts cannot be verified; 2 not identified, for example efforts with a
-wrong unit, sign or order. Requirements of recordings: docs/identification.md."""
+EPILOG = (
+    "exit status: 0 identified, or the model needs nothing; 1 doubtful: less than 80 % of dK/dt "
+    "explained on held-out data, or the efforts cannot be verified; 2 not identified, for example "
+    "efforts with a wrong unit, sign or order. Requirements of recordings: docs/identification.md."
+)
 
 COLUMNS = (
     "damping",
@@ -178,4 +180,7 @@ def _arrow(pair):
 def _payload(payload):
     com = zip(payload["com"], payload["com_deviation"], strict=True)
     mass = f"{payload['mass']:.4g} ± {payload['mass_deviation']:.1g} kg"
-    return f"payload of {payload['link']}: {mass} at {', '.join(f'{x:.4g} ± {off:.1g}' for x, off in com)} m"
+    return (
+        f"payload of {payload['link']}: {mass} at "
+        f"{', '.join(f'{x:.4g} ± {off:.1g}' for x, off in com)} m"
+    )

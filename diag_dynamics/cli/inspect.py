@@ -18,8 +18,10 @@ WIDTH = 80
 MAX_NAMES = 6  # names that a finding shows; --json has all
 JOINED = "\u00a0"  # space at which no line is broken
 
-EPILOG = """exit status: 0 notes at most, 1 warnings, 2 errors. A note is information. A warning is very likely a mistake in
-the URDF. An error prevents results from being computed."""
+EPILOG = (
+    "exit status: 0 notes at most, 1 warnings, 2 errors. A note is information. "
+    "A warning is very likely a mistake in the URDF. An error prevents results from being computed."
+)
 
 OUTPUTS = {"-o": "output"}
 
@@ -31,7 +33,10 @@ def add_arguments(parser):
     group.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
     parser.add_argument("--loops", metavar="FILE.yaml", help="closed loops of the robot")
-    text = "write a URDF in which links without an inertia have one from geometry at this density [kg/m³]"
+    text = (
+        "write a URDF in which links without an inertia have one from geometry "
+        "at this density [kg/m³]"
+    )
     group.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
     parser.add_argument(
         "-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias"

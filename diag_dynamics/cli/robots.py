@@ -5,7 +5,10 @@
 
 from diag_dynamics.description.catalog import example_urdfs
 
-EPILOG = "load_robot and all commands accept these names. `pip install example-robot-data` adds 80 robots."
+EPILOG = (
+    "load_robot and all commands accept these names. "
+    "`pip install example-robot-data` adds 80 robots."
+)
 
 
 def add_arguments(parser):

@@ -117,7 +117,10 @@ class FrameMaker:
         self._motion = FollowerMotion(model) if model.followers else None
 
     def frames(self, states):
-        """Return frames of states, shape (T,) of ``layout.dtype``; dK goes on from the last call."""
+        """Return frames of states, shape (T,) of ``layout.dtype``.
+
+        The change dK continues from the last call.
+        """
         states = self._forces.with_touched_links(states)
         frames = np.empty(len(states.t), dtype=self.layout.dtype)
         frames["t"], x, places = states.t, frames["numbers"], self.layout.places

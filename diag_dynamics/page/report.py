@@ -22,8 +22,8 @@ HEAD = """<!doctype html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; script-src 'unsafe-inline'; \
-style-src 'unsafe-inline'; img-src data: blob:">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; \
+script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:">
 <title>diag_dynamics</title>
 <link rel="icon" href="data:,">
 <style>STYLE</style>
@@ -123,7 +123,8 @@ def write_report(path, content, tracks, meshes, static=STATIC):
             f'<script type="text/plain" id="block-{k}">{block}</script>\n'
             for k, block in enumerate(texts)
         ),
-        f"<script>{script}</script>\n<!--\n{licences.replace('--', '- -')}\n-->\n</body>\n</html>\n",
+        f"<script>{script}</script>\n<!--\n{licences.replace('--', '- -')}\n-->\n"
+        "</body>\n</html>\n",
     ]
     with open(path, "w", encoding="utf-8", newline="\n") as file:
         file.writelines(parts)
