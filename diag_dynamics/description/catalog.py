@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots as people name them: by name, or as the path of a URDF, a xacro file with arguments, or an MJCF."""
+"""Robots by name, or by the path of a URDF, a xacro file with arguments, or an MJCF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
 
-DESCRIPTIONS = "robot_descriptions"  # its modules, one for each robot, clone a repository when they are imported
+# Its modules, one for each robot, clone a repository when they are imported.
+DESCRIPTIONS = "robot_descriptions"
 _FOLDER = "example-robot-data/robots/"
 _OWN = Path(__file__).parents[1] / "robots"  # robots of this package, each in a folder of its name
 
@@ -42,7 +43,10 @@ def robot_path(name: str) -> Path:
 
 def _cloned(name: str) -> Path:
     """Return the path of the URDF of a description."""
-    text = f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, which may take a minute."
+    text = (
+        f"robot '{name}': {DESCRIPTIONS} gets it from the net if it has not yet, "
+        "which may take a minute."
+    )
     print(f"diag_dynamics: {text}", file=sys.stderr, flush=True)
     try:
         module = import_module(f"{DESCRIPTIONS}.{name}")
@@ -50,9 +54,8 @@ def _cloned(name: str) -> Path:
         raise InputError(
             f"robot '{name}': {DESCRIPTIONS} could not get it: {type(error).__name__}: {error}"
         ) from error
-    path = getattr(module, "URDF_PATH", None) or getattr(
-        module, "XACRO_PATH", None
-    )  # load_urdf expands the latter
+    # load_urdf expands a xacro file.
+    path = getattr(module, "URDF_PATH", None) or getattr(module, "XACRO_PATH", None)
     if path is None:
         raise InputError(
             f"robot '{name}': {DESCRIPTIONS} has neither a URDF nor a xacro file of it."
@@ -61,7 +64,10 @@ def _cloned(name: str) -> Path:
 
 
 def example_urdfs() -> dict[str, Path]:
-    """Return the paths of the URDFs of this package and of example-robot-data, if installed, by their short names."""
+    """Return paths of URDFs by short name: those of this package and of example-robot-data.
+
+    Those of example-robot-data are listed if it is installed.
+    """
     of_package, examples = {path.stem: path for path in _OWN.glob("*/*.urdf")}, {}
     with suppress(metadata.PackageNotFoundError):
         for file in metadata.files("example-robot-data") or ():
@@ -89,12 +95,16 @@ def find_urdf(robot: str) -> Path:
 
 
 def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
-    """Return a robot's path or name, see :func:`load_robot`, as a path with xacro arguments ``NAME:=VALUE`` behind it."""
+    """Return a robot's path or name with xacro arguments ``NAME:=VALUE`` behind it.
+
+    See :func:`load_robot` for names.
+    """
     name, in_name = split_arguments(robot)
     path = os.path.expanduser(name)
     if os.path.isdir(path):
         raise InputError(
-            f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, or a robot by its name."
+            f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, "
+            "or a robot by its name."
         )
     if not os.path.isfile(path):
         path = str(robot_path(name))
@@ -108,7 +118,7 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
 
 
 def describe(source: Any) -> Description:
-    """Return the description of a robot by a source of :func:`load_urdf`, or by the path of an MJCF."""
+    """Return the description of a robot by a source of :func:`load_urdf` or the path of an MJCF."""
     if is_mjcf(source):
         return read_mjcf(source)
     return describe_urdf(read_text(source))
@@ -117,7 +127,7 @@ def describe(source: Any) -> Description:
 def link_elements(source: Any) -> dict[str, Any]:
     """Return the elements of the links of a URDF, by name.
 
-    Empty for an MJCF, whose geometry is not read.
+    The result is empty for an MJCF, whose geometry is not read.
     """
     if is_mjcf(source):
         return {}

@@ -30,7 +30,7 @@ LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 
 
 class Check(NamedTuple):
-    """A check of links or joints: severity, unit of its numbers, text with places for words, and remedy."""
+    """A check of links or joints: severity, unit of its numbers, text with fields, and remedy."""
 
     severity: str
     unit: str
@@ -347,7 +347,7 @@ def handle_warnings(handler: Callable[[ModelWarning], object]) -> Iterator[None]
 
 
 def warn(text: str, category: type[ModelWarning] = ModelWarning, stacklevel: int = 3) -> None:
-    """Warn of a robot's file by the function of :func:`handle_warnings`, or by Python's own warning."""
+    """Warn of a robot's file by the function of :func:`handle_warnings`, or by a Python warning."""
     if handler := _handler.get():
         handler(category(text))
     else:

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers of XML attributes, and the placement that an `<origin>` describes: every reader of origins calls this module."""
+"""Numbers of XML attributes, and the placement of an `<origin>`.
+
+Every reader of origins calls this module.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +76,10 @@ def short(value: object) -> str:
 
 
 def placement_of(element: Any, where: str) -> Array:
-    """Return the placement (4, 4) of an `<origin>`: xyz, then Rz(yaw) Ry(pitch) Rx(roll) or quat_xyzw, normalized."""
+    """Return the placement (4, 4) of an `<origin>`.
+
+    The rotation is Rz(yaw) Ry(pitch) Rx(roll), or that of quat_xyzw, which is normalized.
+    """
     numbers = {
         name: numbers_of(element, name, count, where)
         for name, count in {"xyz": 3, "rpy": 3, "quat_xyzw": 4}.items()
@@ -81,7 +87,8 @@ def placement_of(element: Any, where: str) -> Array:
     }
     if "rpy" in numbers and "quat_xyzw" in numbers:
         raise UrdfError(
-            f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. Remove the other."
+            f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. "
+            "Remove the other."
         )
     placement, turn = np.eye(4), np.eye(4)
     placement[:3, 3] = numbers.get("xyz", (0.0, 0.0, 0.0))

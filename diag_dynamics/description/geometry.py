@@ -38,9 +38,10 @@ LARGEST_DENSITY = (
 
 
 class Shape(NamedTuple):
-    """A shape of a URDF, of a kind in :data:`KINDS`, with its placement (4, 4) in the link's axes and a mesh's file.
+    """A shape of a URDF, of a kind in :data:`KINDS`.
 
-    Its numbers [m] are size x, y, z; radius, length; radius; or the scale of a mesh.
+    It has its placement (4, 4) in the link's axes and a mesh's file. Its numbers [m] are size x, y,
+    z; radius, length; radius; or the scale of a mesh.
     """
 
     kind: str
@@ -50,7 +51,7 @@ class Shape(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Content of one or several shapes: volume [m³], centre (3,) [m] and inertia (3, 3) of unit density about it [m⁵].
+    """Volume [m³], centre (3,) [m] and inertia (3, 3) of unit density about it [m⁵] of shapes.
 
     The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes.
     """
@@ -187,7 +188,10 @@ def _body(solid: Solid) -> RigidBody:
 
 
 class Estimate(NamedTuple):
-    """Estimated mass [kg], centre (3,) in the link's axes [m], inertia (3, 3) about it [kg m²], and the shapes behind."""
+    """Estimated mass [kg], centre (3,) [m], inertia (3, 3) [kg m²], and the shapes behind them.
+
+    The centre is in the link's axes, the inertia about the centre.
+    """
 
     link: str
     mass: float
@@ -197,7 +201,7 @@ class Estimate(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Text of a URDF with estimated inertias at a density [kg/m³], and by link why an inertia could not be estimated."""
+    """Text of a URDF with estimated inertias at a density [kg/m³], and failures by link."""
 
     text: str
     estimates: tuple[Estimate, ...]
@@ -215,20 +219,24 @@ class Estimated(NamedTuple):
             or "none"
         )
         at = f"at {self.density:g} kg/m³"
-        return f"links with an inertia estimated from geometry {at}: {names}; links without one: {reasons}."
+        return (
+            f"links with an inertia estimated from geometry {at}: {names}; links without one: "
+            f"{reasons}."
+        )
 
 
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
-    """Return the URDF with an inertia for every link that has geometry and lacks one, at a uniform density [kg/m³].
+    """Return the URDF with estimated inertias at a uniform density [kg/m³].
 
-    The collision geometry counts, or the visual one if that cannot be measured. Primitives and
-    watertight meshes are exact, other meshes are replaced by their convex hull. Meshes begin from
-    `folder`.
+    Every link that has geometry and lacks an inertia receives one. The collision geometry counts,
+    or the visual one if that cannot be measured. Primitives and watertight meshes are exact, other
+    meshes are replaced by their convex hull. Meshes begin from `folder`.
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
     if rho > LARGEST_DENSITY:
         raise InputError(
-            f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; steel has 7850."
+            f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; "
+            "steel has 7850."
         )
     robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
     estimates, failed = [], {}

@@ -58,7 +58,7 @@ def checked_body(
 def negative_moments(inertia: Array, mass: float) -> str:
     """Return the principal moments of an inertia as text if one is negative beyond rounding.
 
-    Else an empty text.
+    Otherwise the text is empty.
     """
     moments, rounding = _moments(inertia, mass)
     return _short(moments) if moments[0] < -rounding else ""
@@ -75,7 +75,7 @@ def not_physical(inertia: Array, mass: float) -> str | None:
 
 
 def _moments(inertia: Array, mass: float) -> tuple[Array, float]:
-    """Return the principal moments, and how far beyond a bound they may be by rounding to three digits [kg m²]."""
+    """Return the principal moments, and their tolerance for rounding to three digits [kg m²]."""
     moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
     return moments, float(max(1e-3 * np.abs(moments).max(), 1e-12 * mass))
 

@@ -48,7 +48,10 @@ def loops_of(robot: Any) -> tuple[Loop, ...]:
 
 
 def curves_of(robot: Any) -> dict[str, Curve]:
-    """Return the mimic joints whose `polynomial` has the coefficients of their positions, the constant first."""
+    """Return the mimic joints with a `polynomial`.
+
+    It has the coefficients of their positions, the constant first.
+    """
     curves = {}
     for joint in robot.findall("joint"):
         mimic = joint.find("mimic")

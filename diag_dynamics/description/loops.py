@@ -101,7 +101,8 @@ def _curve(where: str, entry: Any) -> Curve:
     )
     if ("polynomial" in entry) == ("table" in entry):
         raise InputError(
-            f"{where} has {listed(list(map(repr, entry)))}, expected source, and polynomial or table."
+            f"{where} has {listed(list(map(repr, entry)))}, expected source, "
+            "and polynomial or table."
         )
     if "polynomial" in entry:
         values = array_of(entry["polynomial"])

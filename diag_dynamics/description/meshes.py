@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Meshes that a URDF names: where their files are, and what is in them. trimesh reads them, if it is installed."""
+"""Files of the meshes that a URDF names, and their content by trimesh, if it is installed."""
 
 from __future__ import annotations
 
@@ -18,21 +18,24 @@ from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError, UrdfError
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
-_REMOTE = re.compile(
-    r"[A-Za-z][A-Za-z0-9+.-]+:"
-)  # scheme of a URL; one letter, as in C:, is a drive
+# Scheme of a URL; one letter, as in C:, is a drive
+_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 
 
 def find_mesh(name: str, folder: Path | None) -> Path:
-    """Return the path of a mesh that a URDF names ``package://<package>/<file>``, ``file://<file>`` or by a path.
+    """Return the path of a mesh of a URDF.
 
-    Packages are in AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder`
-    relative paths begin from.
+    Its name is ``package://<package>/<file>``, ``file://<file>`` or a path. Packages are in
+    AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder` relative paths begin
+    from.
     """
     if found := _PACKAGE.fullmatch(name.strip()):
         package, file = found.groups()
         places = [share / file for share in _packages(package, folder)]
-        where = f"no package '{package}' around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH has it"
+        where = (
+            f"no package '{package}' around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH "
+            "has it"
+        )
     elif _REMOTE.match(name) and not name.startswith("file:"):
         raise UrdfError(f"mesh '{name}' is no file.")
     else:
@@ -88,9 +91,8 @@ def _read(name: str, path: Path) -> Any:
             raise UrdfError(f"mesh '{name}' is a pointer of Git LFS. Run git lfs pull.")
     try:
         scene = trimesh.load_scene(path)
-        metres = re.fullmatch(
-            r"([\d.eE+-]+) \* meters", str(scene.units)
-        )  # of a COLLADA file that has another unit
+        # A COLLADA file may have another unit.
+        metres = re.fullmatch(r"([\d.eE+-]+) \* meters", str(scene.units))
         mesh = scene.to_mesh()
         if metres:
             mesh.apply_scale(float(metres[1]))

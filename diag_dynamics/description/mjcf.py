@@ -97,9 +97,8 @@ class _Compiled:
             kind in ("joint", "jointinparent") for kind in self.kinds("mjtTrn", "actuator_trntype")
         ]
         ends = {a: int(m.actuator_trnid[a, 0]) for a in self.actuators if at_joint[a]}
-        self.actuated = {
-            a: j for a, j in ends.items() if j in self.single
-        }  # the hinge or slide of an actuator
+        # The hinge or slide of an actuator
+        self.actuated = {a: j for a, j in ends.items() if j in self.single}
         self.equality_kinds = self.kinds("mjtEq", "eq_type")
         self.equalities = (
             [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
@@ -114,7 +113,10 @@ class _Compiled:
         self.armature = self._with_actuators("armature")
 
     def _with_actuators(self, name: str) -> Array:
-        """Return damping or armature by degree of freedom, with that of actuators, which MuJoCo adds at run time."""
+        """Return damping or armature by degree of freedom.
+
+        It includes that of actuators, which MuJoCo adds at run time.
+        """
         m = self.m
         values: Array = getattr(m, f"dof_{name}").copy()
         for a in self.nonzero(self.actuated, f"actuator_{name}"):
@@ -124,7 +126,10 @@ class _Compiled:
         return values
 
     def kinds(self, enum: str, attribute: str) -> list[str]:
-        """Return the kind of each object, named as by an enumeration of MuJoCo: "hinge" of mjtJoint's mjJNT_HINGE."""
+        """Return the kind of each object, named as by an enumeration of MuJoCo.
+
+        The kind of mjtJoint's mjJNT_HINGE is "hinge".
+        """
         kind = getattr(self.mujoco, enum)
         return [
             kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)
@@ -163,7 +168,7 @@ class _Compiled:
         )
 
     def reference(self, j: int) -> float:
-        """Return the position of a hinge or slide at which its body is where the file has it [rad, m]."""
+        """Return the position of a hinge or slide in the pose of the file [rad, m]."""
         return float(self.m.qpos0[self.m.jnt_qposadr[j]])
 
     def locked_joints(self) -> dict[str, float]:
@@ -198,7 +203,7 @@ class _Compiled:
         return [(of[0], first, turn), (of[1], second, np.eye(3))]
 
     def _holds(self, e: int) -> bool:
-        """Return whether an equality is active, and not between bodies that cannot move against each other."""
+        """Return whether an equality is active and its bodies can move against each other."""
         m = self.m
         if not m.eq_active0[e] or self.equality_kinds[e] not in ("connect", "weld"):
             return bool(m.eq_active0[e])
@@ -250,7 +255,8 @@ def _reject_unsupported(c: _Compiled) -> None:
             coupled.add(joint)
             continue
         raise UnsupportedError(
-            f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies of the robot nor the one "
+            f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies "
+            "of the robot nor the one "
             'equality of a joint, and is not supported. A model without it (active="false") has '
             "more degrees of freedom."
         )
@@ -268,7 +274,7 @@ def _omitted(c: _Compiled) -> Iterator[str]:
 
 
 def _omitted_objects(c: _Compiled) -> Iterator[tuple[str, Iterable[int]]]:
-    """Yield texts that end with a kind of object, and which of these exert forces that are omitted."""
+    """Yield texts that end with a kind of object, and the objects whose forces are omitted."""
     m = c.m
     spring, damper = not c.is_disabled("spring"), not c.is_disabled("damper")
     if spring:

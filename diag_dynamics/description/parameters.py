@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a robot beside its URDF, mostly identified from recordings, in a file, or written into a URDF."""
+"""Parameters of a robot beside its URDF, mostly identified, in a file or written into a URDF."""
 
 from __future__ import annotations
 
@@ -50,13 +50,19 @@ _POSITIVE = {"stiffness": "[N m/rad, N/m]", "rotor_inertia": "[kg m²]", "gear":
 _CHOICES = {"position": ("motor", "link"), "effort": ("motor", "spring")}
 
 _HEAD = """\
-# Parameters of a robot beside its URDF: load_urdf(…, parameters=…), and parameters_file of every node of diag_dynamics.
-# Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], armature (reflected rotor) [kg m²],
-# load_friction (Coulomb, by the torque of gravity) [1], root_friction (by the root of the rate) [N m √(s/rad)],
-# effort_scale (effort by reported unit, .nan if unknown) [N m]; prismatic: N s/m, N, N, kg, 1, N √(s/m), N.
-# Of flexible_joints: stiffness [N m/rad], rotor_inertia of the motor [kg m²], damping [N m s/rad], gear, and what joint
+# Parameters of a robot beside its URDF: load_urdf(…, parameters=…), \
+and parameters_file of every node of diag_dynamics.
+# Of a joint: damping [N m s/rad], friction (Coulomb) [N m], effort_offset [N m], \
+armature (reflected rotor) [kg m²],
+# load_friction (Coulomb, by the torque of gravity) [1], \
+root_friction (by the root of the rate) [N m √(s/rad)],
+# effort_scale (effort by reported unit, .nan if unknown) [N m]; prismatic: N s/m, N, N, kg, 1, \
+N √(s/m), N.
+# Of flexible_joints: stiffness [N m/rad], rotor_inertia of the motor [kg m²], \
+damping [N m s/rad], gear, and what joint
 # states carry, position: motor or link, effort: motor or spring.
-# Of links (in place of the URDF's) and payloads (beside it): mass [kg], com [m] in the axes of the link, inertia about com
+# Of links (in place of the URDF's) and payloads (beside it): mass [kg], \
+com [m] in the axes of the link, inertia about com
 # [kg m²].
 """
 
@@ -66,10 +72,11 @@ _END = "# End of file. Number of joints: {}\n"
 class JointParameters(NamedTuple):
     """Numbers of a joint of one degree of freedom; None leaves what the model has.
 
-    Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N], the effort that is measured where none acts,
-    `effort_offset` [N m, N], the reflected rotor inertia `armature` [kg m², kg], Coulomb friction by the torque of gravity
-    `load_friction` [1], friction by √|q̇| `root_friction` [N m √(s/rad), N √(s/m)], and the effort by reported unit
-    `effort_scale` [N m, N], NaN if it is unknown. Only offset and scale may be negative.
+    Viscous friction `damping` [N m s/rad, N s/m], Coulomb `friction` [N m, N], the effort that is
+    measured where none acts, `effort_offset` [N m, N], the reflected rotor inertia `armature` [kg
+    m², kg], Coulomb friction by the torque of gravity `load_friction` [1], friction by √|q̇|
+    `root_friction` [N m √(s/rad), N √(s/m)], and the effort by reported unit `effort_scale` [N m,
+    N], NaN if it is unknown. Only offset and scale may be negative.
     """
 
     damping: float | None = None
@@ -93,18 +100,20 @@ class Parameters:
     Attributes
     ----------
     joints, links, payloads : mapping
-        :class:`JointParameters` by joint; inertia of a link, as :class:`Payload`, in place of what the URDF says; and
-        :class:`Payload` by link, added to its own inertia and not listed by `RobotModel.payloads`. The mass of a payload
-        is negative if the robot lacks a part that the URDF has.
+        :class:`JointParameters` by joint; inertia of a link, as :class:`Payload`, in place of what
+        the URDF says; and :class:`Payload` by link, added to its own inertia and not listed by
+        `RobotModel.payloads`. The mass of a payload is negative if the robot lacks a part that the
+        URDF has.
     couplings : mapping
         :class:`Coupling` by the joint whose motor also turns others, as in wrists of six-axis arms.
     motor_efforts : bool
-        Whether reported efforts are of these motors, at the side of the joints: τ = Tᵀu with motor rates T q̇.
+        Whether reported efforts are of these motors, at the side of the joints: τ = Tᵀu with motor
+        rates T q̇.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
-        Origin of the numbers, as plain values of YAML: recordings, date, method, quality, and the `locked_joints` with which
-        they were identified.
+        Origin of the numbers, as plain values of YAML: recordings, date, method, quality, and the
+        `locked_joints` with which they were identified.
     flexible_joints : mapping
         :class:`FlexibleJoint` by joint.
     """
@@ -137,7 +146,7 @@ class Parameters:
     def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
         """Return these parameters with another effort by reported unit, by joint.
 
-        NaN if it is unknown.
+        NaN is an unknown one.
         """
         joints = dict(self.joints)
         for name, value in scale.items():
@@ -159,7 +168,10 @@ class Parameters:
 
     @classmethod
     def from_dict(cls, content: object, source: str = "parameters") -> Parameters:
-        """Return the parameters of a dict that has attributes of this class as keys, all optional, as the file has them."""
+        """Return the parameters of a dict that has attributes of this class as keys.
+
+        All keys are optional, as in a file.
+        """
         if isinstance(content, Parameters):
             return content
         content = mapping(source, content, tuple(cls.__dataclass_fields__))
@@ -186,8 +198,8 @@ class Parameters:
     def merged_with(self, later: Parameters) -> Parameters:
         """Return these parameters merged with later ones, identified with a model that had these.
 
-        Later numbers replace earlier ones; the later inertia of a link also its payload, which was fitted with it. Later
-        payloads are added.
+        Later numbers replace earlier ones; the later inertia of a link also its payload, which was
+        fitted with it. Later payloads are added.
         """
         joints = dict(self.joints)
         for name, entry in later.joints.items():
@@ -279,7 +291,8 @@ READERS: dict[str, tuple[str, Callable[[object, str, str], object]]] = {
     "couplings": ("coupling", _coupling),
     "flexible_joints": ("flexible joint", _flexible),
 }
-"""Kind of the entries of each key of a file, and how one is read: content, text for errors, name."""
+"""Kind of the entries of each key of a file, and how one is read: content, text for errors,
+name."""
 
 
 def with_parameters(description: Description, parameters: Parameters) -> Description:
@@ -292,7 +305,8 @@ def with_parameters(description: Description, parameters: Parameters) -> Descrip
     for name in named:
         if joints[name].type not in SINGLE:
             raise InputError(
-                f"parameters: joint '{name}' is {joints[name].type}, expected one degree of freedom."
+                f"parameters: joint '{name}' is {joints[name].type}, "
+                "expected one degree of freedom."
             )
     for name, spring in parameters.flexible_joints.items():
         joints[name] = joints[name]._replace(spring=spring, armature=0.0)
@@ -339,8 +353,8 @@ def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
     """Return a body and a payload of a link as one."""
     if abs(body.mass + payload.mass) <= NEGLIGIBLE * abs(payload.mass):
         raise InputError(
-            f"parameters: the payload of {payload.mass:g} kg leaves link '{link}' without mass, and so without a centre. "
-            f"To remove it, give links: {link}: {{mass: 0}}."
+            f"parameters: the payload of {payload.mass:g} kg leaves link '{link}' without mass, "
+            f"and so without a centre. To remove it, give links: {link}: {{mass: 0}}."
         )
     whole = RigidBody.union(body, payload.body)
     return Payload(whole.mass, whole.centre, whole.inertia)
@@ -396,9 +410,8 @@ def insert_inertia(link: Any, said: str, mass: float, centre: Array, inertia: Ar
 
 
 def _comment(said: str) -> Any:
-    return etree.Comment(
-        f" {said} ".replace("--", "- -")
-    )  # a comment has no two dashes in a row, a file's name may
+    # A comment has no two dashes in a row, but a file's name may have them.
+    return etree.Comment(f" {said} ".replace("--", "- -"))
 
 
 def _insert_first(parent: Any, element: Any) -> None:
@@ -447,7 +460,6 @@ def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:
         _insert_first(joint, dynamics)
     dynamics.attrib.update(numbers)
     comment, before = _comment(source), dynamics.getprevious()
-    comment.tail = (
-        joint.text if before is None else before.tail
-    )  # on a line of its own, as the element is
+    # The comment is on a line of its own, as the element is.
+    comment.tail = joint.text if before is None else before.tail
     joint.insert(joint.index(dynamics), comment)

@@ -56,11 +56,12 @@ class Payload(NamedTuple):
 
 
 class FlexibleJoint(NamedTuple):
-    """Spring and rotor of a joint in the reduced model, in which a rotor has the energy of its own spin alone.
+    """Spring and rotor of a joint in the reduced model.
 
-    With the motor's position θ = θ_motor/N and the link's q the spring torque is τ_J = k(θ − q) +
-    d(θ̇ − q̇), and B = N²J_rotor. Joint states carry the position of the "motor" (θ) or the "link"
-    (q), and the effort of the "motor" (N τ_motor) or of the "spring" (τ_J).
+    The energy of a rotor is that of its own spin alone. With the motor's position θ = θ_motor/N and
+    the link's q the spring torque is τ_J = k(θ − q) + d(θ̇ − q̇), and B = N²J_rotor. Joint states
+    carry the position of the "motor" (θ) or the "link" (q), and the effort of the "motor" (N
+    τ_motor) or of the "spring" (τ_J).
     """
 
     stiffness: float  # k [N m/rad, N/m]
@@ -77,7 +78,7 @@ class FlexibleJoint(NamedTuple):
 
 
 class Coupling(NamedTuple):
-    """Motor that turns several joints: its rate by that of each joint, its damping and Coulomb friction.
+    """Motor that turns several joints: ratios of its rate, its damping and Coulomb friction.
 
     `joints` maps names to ratios, 1 for the joint that the coupling is named after. Friction [N m
     s/rad, N m] at the motor's rate acts on each of the joints times its ratio, beside friction of
@@ -123,7 +124,10 @@ class Curve(NamedTuple):
 
 
 class LoopEnd(NamedTuple):
-    """A frame on a link where a loop is closed: position [m] and roll, pitch, yaw [rad] in the link's frame."""
+    """A frame on a link where a loop is closed, in the link's frame.
+
+    Its position is in m, its roll, pitch and yaw in rad.
+    """
 
     link: str
     xyz: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -138,12 +142,12 @@ class LoopEnd(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """A loop that is closed where two frames meet: their origins ("point"), axes too ("revolute"), or all ("weld").
+    """A loop that is closed where two frames meet.
 
-    `axis` is in both frames. `independent` are joints of the loop whose rates are degrees of
-    freedom, chosen if it is empty. `start` has positions [rad, m] near those in which loops are
-    first closed, by joint: they choose the branch. Those of all loops of a robot count for each of
-    its loops.
+    Their origins meet ("point"), or axes too ("revolute"), or all of both ("weld"). `axis` is in
+    both frames. `independent` are joints of the loop whose rates are degrees of freedom, chosen if
+    it is empty. `start` has positions [rad, m] near those in which loops are first closed, by
+    joint: they choose the branch. Those of all loops of a robot count for each of its loops.
     """
 
     name: str
@@ -165,7 +169,7 @@ class Loop(NamedTuple):
 
 
 class Inertial(NamedTuple):
-    """Mass [kg], axes of the inertia in the link (4, 4), and inertia (3, 3) about their origin [kg m²]."""
+    """Mass [kg], axes of the inertia in the link (4, 4), and inertia in them (3, 3) [kg m²]."""
 
     mass: float
     placement: Array
@@ -185,7 +189,7 @@ class Link(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A joint: what its file, parameters beside the file, and arguments state, merged in this order.
+    """A joint by its file, parameters beside the file, and arguments, merged in this order.
 
     Numbers of a joint of one degree of freedom are by its own rate and effort; those from
     `effort_offset` on, and `armature`, stand in no URDF.

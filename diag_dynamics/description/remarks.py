@@ -55,7 +55,10 @@ MAX_MISTAKES = 10  # mistakes that a warning lists
 
 
 class Remark(NamedTuple):
-    """A check of an element that fails: its row in CHECKS, the words there, the "robot", "link" or "joint", and an angle."""
+    """A check of an element that fails: its row in CHECKS, its words, the object, and an angle.
+
+    The object is "robot", "link" or "joint".
+    """
 
     row: str
     kind: str
@@ -124,7 +127,10 @@ def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
 
 
 def _angle(element: Any) -> tuple[str, float]:
-    """Return the largest angle of an <origin> or of the <mimic> of a joint that turns [rad], and its attribute."""
+    """Return the attribute and the largest angle [rad] of an <origin>, or of a <mimic>.
+
+    A <mimic> has an angle if its joint turns.
+    """
     turns = element.getparent().get("type") in ("revolute", "continuous")
     if element.tag == "origin":
         return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)

@@ -3,7 +3,7 @@
 
 """Text of a URDF from a path, text, bytes or an open file: decoded, with well-formed comments.
 
-Xacro, expanded.
+Xacro is expanded.
 """
 
 from __future__ import annotations
@@ -23,9 +23,8 @@ from diag_dynamics.description.elements import is_xacro, local_name, short
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
 
-MAX_BYTES = (
-    32 * 1024 * 1024
-)  # largest URDF accepted; the largest public robot descriptions have some 200 kB
+# Largest URDF accepted; the largest public robot descriptions have some 200 kB
+MAX_BYTES = 32 * 1024 * 1024
 
 GIT_LFS = b"version https://git-lfs"  # first bytes of a pointer of Git LFS
 
@@ -50,10 +49,10 @@ _CONTROL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def urdf_text(source: Any) -> str:
-    """Return the XML text of a URDF given as text, bytes, path or open file, without its XML declaration.
+    """Return the XML text of a URDF given as text, bytes, path or open file.
 
-    Bytes are UTF-8, in the declared encoding, or Latin-1. Comments with ``--`` and bare ampersands,
-    which XML forbids, are corrected. Lines keep their numbers.
+    The XML declaration is removed. Bytes are UTF-8, in the declared encoding, or Latin-1. Comments
+    with ``--`` and bare ampersands, which XML forbids, are corrected. Lines keep their numbers.
     """
     data = _read(source)
     text = data if isinstance(data, str) else _decoded(bytes(data))
@@ -105,7 +104,8 @@ def _read(source: Any) -> Any:
         is_name = path.name == str(source) and not path.suffix
         hint = f" Load a robot by its name with load_robot('{path}')." if is_name else ""
         raise UrdfError(
-            f"Cannot read the URDF file '{path}': {getattr(error, 'strerror', None) or error}.{hint}"
+            f"Cannot read the URDF file '{path}': "
+            f"{getattr(error, 'strerror', None) or error}.{hint}"
         ) from error
 
 
@@ -131,7 +131,10 @@ def reject_other_kinds(start: bytes) -> None:
 
 
 def _decoded(data: bytes) -> str:
-    """Return the text of XML bytes: UTF-16 with a mark, UTF-8, the declared encoding, or Latin-1."""
+    """Return the text of XML bytes.
+
+    They are UTF-16 with a mark, UTF-8, in the declared encoding, or Latin-1.
+    """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
     reject_other_kinds(data)
@@ -148,7 +151,10 @@ def _decoded(data: bytes) -> str:
 
 
 def _corrected(text: str) -> str:
-    """Return the text with comments and ampersands as XML has them: tinyxml2, so all of ROS, accepts others."""
+    """Return the text with comments and ampersands as XML has them.
+
+    tinyxml2, and so all of ROS, accepts others.
+    """
     parts, at = [], 0
     while found := _OPENING.search(text, at):
         closing = {"<!--": "-->", "<?": "?>"}.get(found[0], "]]>")
@@ -191,7 +197,7 @@ class _Arguments(dict[str, str]):
 def expanded(source: Any, arguments: Any) -> Any:
     """Return the text of a xacro file, a path that ends with .xacro and may have arguments behind.
 
-    Else the source.
+    Return another source as it is.
     """
     if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
         source = source.name  # of an open file: xacro finds what it includes by its place

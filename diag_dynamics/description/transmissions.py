@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotor inertias that the `<transmission>` elements of a URDF give, reflected to their joints: N²J."""
+"""Rotor inertias of the `<transmission>` elements of a URDF, reflected to their joints: N²J."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def describe_urdf(text: str) -> Description:
 
 
 def read_urdf(element: Any) -> tuple[Description, list[Remark]]:
-    """Return the description of a parsed <robot> element, and remarks on transmissions that are ignored."""
+    """Return the description of a parsed <robot> element, and remarks on ignored transmissions."""
     loops, curves = loops_of(element), curves_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
     reject_large("URDF", joint_count, link_count)
@@ -173,7 +173,7 @@ def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, floa
 
 
 def _reject_loops(robot: Any) -> None:
-    """Reject elements of dialects of URDF that change dynamics, but for loops that can be closed."""
+    """Reject elements of dialects of URDF that change dynamics, except loops that can be closed."""
     for element in robot.iter(etree.Element):
         parent, tag = element.getparent(), local_name(element)
         if parent is None or parent.tag not in CONTAINERS or (parent is robot and tag in ENDS):
@@ -197,7 +197,7 @@ def parse_urdf(text: str, comments: bool = False) -> Any:
         load_dtd=False,
         remove_comments=not comments,
         remove_pis=True,
-        recover=True,  # from undeclared prefixes, as extensions have them, and from nothing else: see below
+        recover=True,  # from undeclared prefixes of extensions, and from nothing else: see below
     )
     try:
         robot = etree.fromstring(text.encode(errors="replace"), parser)
@@ -391,7 +391,8 @@ def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
     if len(roots) > 1:
         shown = listed([f"'{root}'" for root in roots], 6)
         raise UrdfError(
-            f"The URDF has {len(roots)} root links ({shown}), expected one: join them with fixed joints."
+            f"The URDF has {len(roots)} root links ({shown}), expected one: "
+            "join them with fixed joints."
         )
     reached = set(roots)
     for link in links:
