@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flexible links by assumed modes: shapes of beams and of finite elements, and the joints that follow modes.
+"""Flexible links by assumed modes: beams, finite elements, and joints that follow modes.
 
 A mode is an independent prismatic joint of a link without mass. Each section of the link, and the
 frame at its tip, is the end of a chain of joints that follow the modes η: displacements Φη − ½ e
@@ -33,12 +33,17 @@ if TYPE_CHECKING:
 
 MAX_MODES = 6  # of a plane: more shapes are powers of nearly the same form
 LARGE_SLOPE = 0.3  # of the tip [rad]: beyond it a link is better two
-FAR = 0.1  # distance of the inertial's centre from that of the modes' masses, by the length, above which one is wrong
+# Distance of the inertial's centre from that of the modes' masses, by the length, above which one
+# is wrong
+FAR = 0.1
 DIRECTIONS = "xyz"
 
 
 class Station(NamedTuple):
-    """A frame of a flexible link, in the axes of its beam: at + Φη − ½ e ηᵀHη, turned by R_z R_y R_x of Θη."""
+    """A frame of a flexible link, in the axes of its beam.
+
+    It is at `at` + Φη − ½ e ηᵀHη, turned by R_z R_y R_x of Θη.
+    """
 
     at: Array  # (3,) [m]
     shape: Array  # Φ (3, n)
@@ -49,7 +54,7 @@ class Station(NamedTuple):
 
 
 class FlexibleLink(NamedTuple):
-    """A link with modes η of unit modal mass: coordinates [√kg m] of joints whose names are `modes`.
+    """A link with modes η of unit modal mass, the positions [√kg m] of the joints `modes`.
 
     Attributes
     ----------
@@ -78,7 +83,7 @@ class FlexibleLink(NamedTuple):
     bends: Array
 
     def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
-        """Return the efforts of stiffness and damping on the modes, shape (n,): −ω²η − 2ζω η̇ − ∂U₄₆/∂η."""
+        """Return −ω²η − 2ζω η̇ − ∂U₄₆/∂η, shape (n,), the efforts of stiffness and damping."""
         eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
         linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
         curvature, slope = (self.bends @ eta).T
@@ -93,7 +98,10 @@ class FlexibleLink(NamedTuple):
 
 
 def bending_energy(curvature: Array, slope: Array) -> float:
-    """Return U₄₆ = ½ Σ κ²(σ² + σ⁴) [J], what the energy of a beam's curve, ½ ∫ EI κ²/(1 − σ²) dx, has beyond ½ ∫ EI κ² dx."""
+    """Return U₄₆ = ½ Σ κ²(σ² + σ⁴) [J].
+
+    It is what the energy of a beam's curve, ½ ∫ EI κ²/(1 − σ²) dx, has beyond ½ ∫ EI κ² dx.
+    """
     return 0.5 * float((curvature**2 * (slope**2 + slope**4)).sum())
 
 
@@ -128,11 +136,14 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
     return np.array(records, FORM), coefficients
 
 
-# --- Beams ----------------------------------------------------------------------------------------------------
+# --- Beams ----------------------------------------------------------------------------------------
 
 
 class _Field(NamedTuple):
-    """Normal modes of a clamped beam in one direction: columns of V are coefficients of powers of ξ = x/L."""
+    """Normal modes of a clamped beam in one direction.
+
+    Columns of V are coefficients of powers of ξ = x/L.
+    """
 
     powers: npt.NDArray[np.int64]
     V: Array
@@ -158,7 +169,10 @@ class _Field(NamedTuple):
 def _normal_modes(
     count: int, order: int, length: float, stiffness: float, inertia: float
 ) -> _Field:
-    """Return modes of x^order …: of bending (order 2, EI and mass) or torsion (1, GJ and polar inertia)."""
+    """Return modes x^order … of bending (order 2, EI and mass) or torsion (1, GJ and inertia).
+
+    The inertia of torsion is the polar inertia.
+    """
     p = np.arange(order, order + count)
     powers, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
     L = np.linalg.inv(np.linalg.cholesky(inertia / (powers + 1.0)))
@@ -187,7 +201,8 @@ def _beam(
         or not counts.any()
     ):
         raise InputError(
-            f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to {MAX_MODES}."
+            f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to "
+            f"{MAX_MODES}."
         )
     n_y, n_z, n_x = (int(n) for n in counts)
     EI = numbers(f"{where}: EI", given["EI"], (2,), "two numbers > 0 [N m²]")
@@ -196,7 +211,8 @@ def _beam(
     GJ = positive(f"{where}: GJ", given.get("GJ"), "[N m²]") if n_x else 1.0
     if n_x and not polar > 0.0:
         raise InputError(
-            f"{where}: its inertia about the beam is {polar:g} kg m², expected more than 0 for torsion."
+            f"{where}: its inertia about the beam is {polar:g} kg m², "
+            "expected more than 0 for torsion."
         )
     length = float(np.linalg.norm(vector_))
     planes = [_normal_modes(n, 2, length, EI[k], mass) for k, n in enumerate((n_y, n_z))]
@@ -254,7 +270,10 @@ def _ratios(where: str, given: Mapping[str, Any], modes: tuple[str, ...]) -> Arr
 
 
 def _axes(direction: Array) -> Array:
-    """Return the axes of a beam: x along it, y as near as possible to the link's y, or z if that is near the beam."""
+    """Return the axes of a beam, x along it and y as near as possible to the link's y.
+
+    If the link's y is near the beam, its z takes the place of y.
+    """
     x = direction / np.linalg.norm(direction)
     y = np.eye(3)[1 if abs(x[1]) < 0.9 else 2]
     y = y - (y @ x) * x
@@ -262,14 +281,17 @@ def _axes(direction: Array) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-# --- Finite elements --------------------------------------------------------------------------------------------
+# --- Finite elements ------------------------------------------------------------------------------
 
 NODE = "mass", "xyz", "shape", "shortening"
 TIP = "shape", "slope", "shortening"
 
 
 def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any]) -> FlexibleLink:
-    """Return the modes of nodes, in the link's axes: shapes of unit modal mass of the link clamped at its origin."""
+    """Return the modes of nodes, in the link's axes.
+
+    They are shapes of unit modal mass of the link clamped at its origin.
+    """
     where = f"flexible link '{link}'"
     n = np.size(given["frequencies"])
     frequencies = numbers(
@@ -277,7 +299,8 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
     )
     if not n or not (frequencies > 0.0).all() or not isinstance(given["nodes"], list | tuple):
         raise InputError(
-            f"{where} has frequencies {given['frequencies']!r}, expected numbers > 0 [rad/s], and a list of nodes."
+            f"{where} has frequencies {given['frequencies']!r}, expected numbers > 0 [rad/s], "
+            "and a list of nodes."
         )
     axes = _axes(next(iter(origins.values())))
 
@@ -303,7 +326,7 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
     return FlexibleLink(names, axes, frequencies, _ratios(where, given, names), nodes, tips, bends)
 
 
-# --- The modes of a model ---------------------------------------------------------------------------------------
+# --- The modes of a model -------------------------------------------------------------------------
 
 
 def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
@@ -323,7 +346,7 @@ def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
 def _values(
     link: FlexibleLink, names: tuple[str, ...], values: Array, held: Mapping[str, float]
 ) -> Array:
-    """Return the entries of a link's modes in a vector of the model, and values of modes that are held."""
+    """Return the entries of a link's modes in a vector, and values of locked modes."""
     return np.array(
         [held[mode] if mode in held else values[names.index(mode)] for mode in link.modes]
     )
@@ -334,18 +357,19 @@ def warn_of_slopes(model: RobotModel, q: Array) -> None:
     for name, link in model.flexible_links.items():
         if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
             warn(
-                f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. Divide it into two links."
+                f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. "
+                "Divide it into two links."
             )
 
 
-# --- The robot --------------------------------------------------------------------------------------------------
+# --- The robot ------------------------------------------------------------------------------------
 
 BEAM = "tip", "EI", "GJ", "modes", "damping_ratio", "mass"
 ELEMENTS = "frequencies", "nodes", "tips", "damping_ratio"
 
 
 class Flexible(NamedTuple):
-    """Flexible links of a robot, and the joints that follow their modes: forms, and the joints of each link."""
+    """Flexible links of a robot, forms of the joints that follow modes, and joints of each link."""
 
     links: dict[str, FlexibleLink] = {}  # noqa: RUF012  # never changed
     forms: dict[str, Form] = {}  # noqa: RUF012  # never changed
@@ -380,7 +404,10 @@ def read_flexible_links(source: Any) -> Mapping[str, Any]:
 def with_flexible_links(
     description: Description, entries: Mapping[str, Any]
 ) -> tuple[Description, Flexible]:
-    """Return a description with links and joints for the modes of flexible links, by link as in a file."""
+    """Return a description with links and joints for modes of flexible links.
+
+    Flexible links are by link, as in a file.
+    """
     flexible = Flexible({}, {}, ())
     for name, entry in entries.items():
         if name not in description.links:
@@ -506,6 +533,9 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
         return Inertial(rest.mass, translation(rest.centre), rest.inertia)
     centre = RigidBody.union(*sections).centre
     if np.linalg.norm(centre - whole.centre) > FAR * length:
-        text = f"{where}: its centre of mass is at {whole.centre.tolist()} m, that of its modes at {centre.tolist()} m."
+        text = (
+            f"{where}: its centre of mass is at {whole.centre.tolist()} m, "
+            f"that of its modes at {centre.tolist()} m."
+        )
         raise InputError(f"{text} Give the mass of the beam; the rest stays at the origin.")
     return None

@@ -20,13 +20,15 @@ if TYPE_CHECKING:
     from diag_dynamics.model.tree import MovingJoint
 
 STEP, STEPS = 0.02, 1000
-"""Step [rad, m] by which an independent joint moves to where a follower ends, and the number of steps."""
+"""Step [rad, m] by which an independent joint moves to where a follower ends, and the number of
+steps."""
 
 PRECISE = 1e-8
 """Precision of such an end [rad, m]: loops are not singular yet."""
 
 SHORTER, SHORTEST = 0.8, 1e-3
-"""Factor of the way from the start to random positions in which a loop is open, and its least fraction."""
+"""Factor of the way from the start to random positions in which a loop is open, and its least
+fraction."""
 
 
 class FollowerState(NamedTuple):
@@ -46,13 +48,16 @@ class FollowerState(NamedTuple):
     singularity: tuple[float, ...]
 
     def reflected(self, effort: Array) -> Array:
-        """Return Gᵀτ [N m, N], shape (nv,): the effort on degrees of freedom of efforts of followers, shape (f,)."""
+        """Return Gᵀτ [N m, N], shape (nv,), for efforts τ of followers, shape (f,)."""
         found: Array = self.ratios.T @ effort
         return found
 
 
 class FollowerMotion:
-    """Followers of a model, mimic joints first. The last state chooses the branch of a loop: for one thread."""
+    """Followers of a model, mimic joints first, for one thread.
+
+    The last state chooses the branch of a loop.
+    """
 
     def __init__(self, model: RobotModel) -> None:
         self.model, self.names = model, (*model.mimics, *model.followers)
@@ -97,11 +102,14 @@ def loop_error(model: RobotModel, status: int) -> LoopError:
 def loop_title(model: RobotModel, number: int) -> str:
     """Return the names of the loops of a closed group, and its joints."""
     names = listed([f"'{loop.name}'" for loop in model.loops[number]])
-    return f"loop{'s' * (len(model.loops[number]) > 1)} {names} ({', '.join(model.loop_joints[number])})"
+    return (
+        f"loop{'s' * (len(model.loops[number]) > 1)} {names} "
+        f"({', '.join(model.loop_joints[number])})"
+    )
 
 
 def closed(model: RobotModel, q: Array) -> Array:
-    """Return positions in which loops are closed: q, or nearer to the start in the joints of loops."""
+    """Return positions in which loops are closed: q, or joints of loops nearer to the start."""
     motion, start, way = FollowerMotion(model), q.copy(), 1.0
     names = {name for group in model.loop_joints for name in group}
     moved = [k for k, name in enumerate(model.coordinate_names) if name in names]
@@ -120,7 +128,7 @@ def closed(model: RobotModel, q: Array) -> Array:
 def limit_by_followers(
     model: RobotModel, joints: Mapping[str, MovingJoint], lower: Array, upper: Array
 ) -> list[str]:
-    """Narrow the limits of independent joints to where followers are within theirs and loops can be closed.
+    """Narrow limits of independent joints so that followers keep theirs and loops close.
 
     Return texts on followers whose limits do not count: those of several joints, of continuous
     ones, and those that are beyond their limits at the start.
@@ -154,7 +162,7 @@ def _end(
 ) -> float | None:
     """Return the position up to which a joint moves toward its limit from the start.
 
-    None if followers are beyond theirs.
+    Return None if followers are beyond theirs.
     """
     motion, start = FollowerMotion(model), model.start
     rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))

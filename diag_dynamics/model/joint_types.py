@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 
 class JointType(NamedTuple):
-    """Kind in sweeps, suffix of the name and direction of each degree of freedom, suffixes of position coordinates."""
+    """Kind in sweeps, degrees of freedom, and position coordinates of a type of joints.
+
+    A degree of freedom has the suffix of its name and its direction, a coordinate its suffix.
+    """
 
     kind: int | None
     freedoms: tuple[tuple[str, int], ...]

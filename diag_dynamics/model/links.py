@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Links of a model: its end-effector link, and external wrenches on links as records of the sweeps."""
+"""The end-effector link of a model, and external wrenches on links as records of the sweeps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from diag_dynamics.sweeps.records import WRENCH
 FINGER_LENGTH = (
     0.25  # maximum length of a finger, as a fraction of the length of the chain that carries it
 )
-MIN_MASS = 0.1  # minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it
+# Minimum mass of the end-effector link, as a fraction of the mass of all links that are fixed to it
+MIN_MASS = 0.1
 SAME_PLACE = 1e-6  # distance below which two links have the same origin [m]
 
 
@@ -48,10 +49,8 @@ def end_effector_link(model: RobotModel) -> str:
         length[k] = length[parent] + (
             float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0
         )
-    all_joints, all_length = (
-        joints.copy(),
-        length.copy(),
-    )  # from the base through a body to the ends of its chains
+    # Joints and length from the base through a body to the ends of its chains
+    all_joints, all_length = joints.copy(), length.copy()
     arm_joints, ends = joints.copy(), list(range(count))  # likewise, without fingers
     for k in reversed(range(count)):
         if not children[k]:
@@ -88,10 +87,10 @@ def _deepest_link(model: RobotModel, body: int) -> str:
 def wrenches_on_links(
     model: RobotModel, f_ext: Any, frame: str, *states: int
 ) -> npt.NDArray[np.void]:
-    """Return a record for each link of `f_ext`: six numbers by link name, in the axes of "link" or "world".
+    """Return a record for each link of `f_ext`.
 
-    With a number of states, records follow state by state, and there may be as many rows of
-    numbers.
+    It has six numbers by link name, in the axes of "link" or "world". With a number of states,
+    records follow state by state, and there may be as many rows of numbers.
     """
     choice("frame", frame, ("link", "world"))
     mapping("f_ext", f_ext)
@@ -112,7 +111,10 @@ def wrenches_on_links(
 def wrenches_at(
     model: RobotModel, link: str, wrenches: Array, point: VectorLike, frame: str
 ) -> npt.NDArray[np.void]:
-    """Return records of wrenches, shape (number, 6), at a point of one link [m], from its origin and in its axes."""
+    """Return records of wrenches, shape (number, 6), at a point of a link.
+
+    The point [m] is from the link's origin and in its axes.
+    """
     body, rotation, in_body = point_in_body(model, link, point, frame)
     turn = np.eye(3) if frame == "world" else rotation
     records = np.zeros(len(wrenches), WRENCH)

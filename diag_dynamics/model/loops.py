@@ -23,10 +23,12 @@ from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.text import listed
 
 DEPENDENT = 1e-7
-"""Singular value of a loop's equations, by the largest, below which they depend on each other at the start."""
+"""Singular value of a loop's equations, by the largest, below which they depend on each other at
+the start."""
 
 GAP, CLOSED = 1e-3, 1e-5
-"""Tolerance for rounded descriptions: distance of the ends of a loop [m], and along directions in which they can part."""
+"""Tolerance for rounded descriptions: distance of the ends of a loop [m], and along directions in
+which they can part."""
 
 RANK, ROUNDED_RANK = 1e-9, 1e-4
 """Singular values of J, by the largest, below which no step is made.
@@ -44,7 +46,7 @@ FIRST_DAMPING, NEAR = 1e-3, 1e-6
 """Damping by the square of J's largest singular value, and the gap below which steps have none."""
 
 
-# --- Joints that depend on others -----------------------------------------------------------------------------
+# --- Joints that depend on others -----------------------------------------------------------------
 
 
 Closure = tuple[str | None, str | None, Array, Array, Array]
@@ -130,9 +132,9 @@ def resolve_curves(
 def close(
     tree: Tree, curves: dict[str, Curve], mimics: dict[str, Mimic], flexible: Flexible
 ) -> Coupled:
-    """Return the joints that depend on others, given the cut tree in which all joints are independent.
+    """Return the joints that depend on others, given the cut tree.
 
-    Driven joints are independent if they can be.
+    All joints of the cut tree are independent. Driven joints are independent if they can be.
     """
     loops, driven = tree.description.loops, frozenset(tree.description.driven)
     followers: dict[str, tuple[str, ...]] = {}
@@ -178,9 +180,12 @@ def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str],
 def _choose(
     cut: _Cut, group: Group, driven: Set[str], start_values: Array, result: Coupled
 ) -> None:
-    """Close a group near start values, and divide its joints into independent ones and followers."""
+    """Close a group near start values, and divide its joints into independent and dependent."""
     names = [name for name in cut.names if name in group.joints]
-    title = f"{'loop' if len(group.loops) == 1 else 'loops'} {listed([repr(loop.name) for loop in group.loops])}"
+    title = (
+        f"{'loop' if len(group.loops) == 1 else 'loops'} "
+        f"{listed([repr(loop.name) for loop in group.loops])}"
+    )
     if several := group.joints - set(names):
         raise LoopError(
             f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one."
@@ -191,7 +196,10 @@ def _choose(
         )
     chosen = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
     if foreign := chosen - group.joints:
-        text = f"{title}: independent joint '{min(foreign)}' is not in it; its joints are {listed(names)}."
+        text = (
+            f"{title}: independent joint '{min(foreign)}' is not in it; "
+            f"its joints are {listed(names)}."
+        )
         raise LoopError(text)
     for fixed, dependent in ((chosen, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
         start = start_values.copy()
@@ -215,10 +223,16 @@ def _choose(
     if any(np.linalg.matrix_rank(J, 1e-3 * values[0]) > rank for J in poses):
         raise LoopError(f"{title}: the start is singular. Give other start values.")
     if free < 1:
-        text = f"{title} leaves none of its joints free: {listed(names)}. Lock them, or cut the loop elsewhere."
+        text = (
+            f"{title} leaves none of its joints free: {listed(names)}. Lock them, "
+            "or cut the loop elsewhere."
+        )
         raise LoopError(text)
     if chosen and len(chosen) != free:
-        text = f"{title}: {len(chosen)} independent joints are given, {listed(sorted(chosen))}; it has {free}"
+        text = (
+            f"{title}: {len(chosen)} independent joints are given, {listed(sorted(chosen))}; "
+            f"it has {free}"
+        )
         raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
     independent = (
         [name for name in names if name in chosen]
@@ -247,7 +261,10 @@ def _ratio(J: Array, names: list[str], followers: list[str]) -> float:
 def _independent(
     title: str, poses: list[Array], names: list[str], free: int, driven: Set[str]
 ) -> list[str]:
-    """Return the most driven joints that are independent at the first pose, far from singular in all poses."""
+    """Return independent joints, as many driven ones as possible, far from singular in all poses.
+
+    At the first pose they are independent.
+    """
     options = (
         list(combinations(names, free))
         if math.comb(len(names), free) <= MAX_CHOICES
@@ -268,7 +285,10 @@ def _independent(
         driven_there = driven & set(option)
         if len(driven_there) > len(motors) and max(ratios[option]) > couplings.NEARLY_SINGULAR:
             chosen = listed(sorted(set(independent) - motors))
-            text = f"{title}: the start is a dead point of motor '{min(driven_there - motors)}', in place of"
+            text = (
+                f"{title}: the start is a dead point of motor '{min(driven_there - motors)}', "
+                "in place of"
+            )
             text += f" which passive joints are independent: {chosen}. Start at another pose."
             warn(text, LoopWarning)
             break
@@ -319,7 +339,10 @@ class _Cut:
                 raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
         for name in {*loop.independent, *loop.start} - self.tree.locked.keys():
             if name not in self._q:
-                text = f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that moves."
+                text = (
+                    f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that "
+                    "moves."
+                )
                 raise LoopError(text)
         for name, x in loop.start.items():
             if (
@@ -355,8 +378,8 @@ class _Cut:
                 earlier = first.setdefault(name, loop)
                 if abs(loop.start[name] - earlier.start[name]) > GAP:
                     raise LoopError(
-                        f"start of '{name}' is {earlier.start[name]:g} in loop '{earlier.name}' and "
-                        f"{loop.start[name]:g} in loop '{loop.name}'; expected one value. "
+                        f"start of '{name}' is {earlier.start[name]:g} in loop '{earlier.name}' "
+                        f"and {loop.start[name]:g} in loop '{loop.name}'; expected one value. "
                         "Remove it from one of them."
                     )
                 q[self._q[name]] = earlier.start[name]
@@ -447,10 +470,10 @@ class _Cut:
     def closures(
         self, q: Array, names: list[str], group: Group, threshold: float
     ) -> tuple[list[Closure], float]:
-        """Return the closures of a group, only directions in which the points of a pair can part, and the largest gap there.
+        """Return the closures of a group, and the largest gap there.
 
-        Positions beside the loop show them: no joint of a planar loop moves a point out of its
-        plane.
+        Closures are only directions in which the points of a pair can part. Positions beside the
+        loop show them: no joint of a planar loop moves a point out of its plane.
         """
         rng, X = np.random.default_rng(0), np.empty((3, 4))
         carrier = self.tree.parent(self.tree.first_body(names[0]))
@@ -483,7 +506,7 @@ class _Cut:
         return closures, largest
 
 
-# --- Tables for the sweeps ------------------------------------------------------------------------------------
+# --- Tables for the sweeps ------------------------------------------------------------------------
 
 
 def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTables | None:

@@ -29,7 +29,10 @@ _UPPER = np.triu_indices(3)
 
 
 def massless_freedoms(model: RobotModel) -> tuple[npt.NDArray[np.int64], Array]:
-    """Return the degrees of freedom that move no inertia in four configurations, and the smallest D of each."""
+    """Return the degrees of freedom that move no inertia in four configurations.
+
+    The second result is the smallest D of each degree of freedom.
+    """
     rng, motion = np.random.default_rng(0), FollowerMotion(model)
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
@@ -110,7 +113,7 @@ def _traces(P: Array) -> Array:
 def _placed(
     bodies: npt.NDArray[np.void], q: Array, position: Array
 ) -> tuple[Array, Array, list[Array]]:
-    """Return inertias of bodies, their twists by those of their parents, and their sizes by their parents'."""
+    """Return inertias of bodies, and their twists and sizes by those of their parents."""
     P, X, lever = np.zeros((len(bodies), 6, 6)), np.zeros((len(bodies), 6, 6)), []
     for i, body in enumerate(bodies):
         moment = _cross(body["first_moment"])
@@ -146,7 +149,7 @@ def _cross(r: Array) -> Array:
 
 
 def positions_to_hold(model: RobotModel, massless: npt.NDArray[np.int64]) -> dict[str, float]:
-    """Return the positions at which joints that move no inertia are locked: zero, or the limit next to it."""
+    """Return positions of locked joints that move no inertia: zero, or the nearest limit."""
     at = {name: k for k, name in enumerate(model.coordinate_names)}
     names = [name for name in _names_of(model, massless) if name in at]  # of one degree of freedom
     return {
@@ -190,8 +193,8 @@ def reject_massless(
             f"(locked_joints: {single}=0, or massless: lock)."
         )
     raise MasslessLinkError(
-        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, which makes its mass matrix singular: "
-        f"{'; '.join(lines)}. {advice}",
+        f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, "
+        f"which makes its mass matrix singular: {'; '.join(lines)}. {advice}",
         _names_of(model, massless),
         smallest[massless],
     )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mimic joints: the independent joint at the end of each chain, and the groups that are eliminated together."""
+"""Mimic joints: the source joint of each chain, and the groups that are eliminated together."""
 
 from __future__ import annotations
 
@@ -91,7 +91,10 @@ def _end_of_chain(
 
 def _require_single(joint: Joint, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
-        text = f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, where each mimics the next"
+        text = (
+            f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, "
+            "where each mimics the next"
+        )
         raise MimicJointError(f"{text}; expected one degree of freedom. {_CURE}", chain)
 
 
@@ -101,7 +104,10 @@ def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
     offset = mimic.offset + mimic.multiplier * leaders.offset
     vanished = product == 0.0 and leaders.multiplier != 0.0 and mimic.multiplier != 0.0
     if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
-        text = f"joint '{name}' follows '{leaders.leader}' with multiplier {product:g} and offset {offset:g}"
+        text = (
+            f"joint '{name}' follows '{leaders.leader}' with multiplier {product:g} and offset "
+            f"{offset:g}"
+        )
         text += f"; expected numbers within {LARGEST:g} that do not vanish. {_CURE}"
         raise MimicJointError(text, [name, leaders.leader])
     return Mimic(leaders.leader, product, offset)
@@ -110,11 +116,12 @@ def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
 def coupled_groups(
     mimics: Mapping[str, Mimic], carriers: Mapping[str, str | None], closed: Iterable[Set[str]]
 ) -> dict[str, set[str]]:
-    """Return the group of each joint that is eliminated together with others, the same set for all of its members.
+    """Return the group of each joint that is eliminated together with others.
 
-    A group is all moving joints from the lowest body that carries a source joint and its mimic
-    joints, exclusive, down to these, or the joints of a `closed` loop. Groups that share a joint
-    are one group. `carriers` has the joint that carries each moving joint, or None.
+    The same set belongs to all of its members. A group is all moving joints from the lowest body
+    that carries a source joint and its mimic joints, exclusive, down to these, or the joints of a
+    `closed` loop. Groups that share a joint are one group. `carriers` has the joint that carries
+    each moving joint, or None.
     """
     depth: dict[str | None, int] = {None: 0}
     for name, carrier in carriers.items():
@@ -134,7 +141,7 @@ def coupled_groups(
 def _joints_between(
     family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]
 ) -> set[str]:
-    """Return the joints of a family, and all joints between them and the lowest joint that carries all of them."""
+    """Return the joints of a family, and those up to the lowest joint that carries all of them."""
     joints = {family[0]}
     carrier = carriers[family[0]]  # of all these joints
     for name in family[1:]:
@@ -154,7 +161,7 @@ def _joints_between(
 
 
 class Followers:
-    """Positions of joints that follow others by their sources, and efforts of followers on their sources.
+    """Positions of followers by their sources, and efforts of followers on their sources.
 
     `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has
     followers whose position is an angle that wraps. A measured position of a follower may differ by
@@ -209,7 +216,7 @@ class Followers:
     def reflected(self, position: Array, effort: Array, own: Array) -> Array:
         """Return efforts of the independent joints and, through G, of the followers.
 
-        Those unknown are zero.
+        Unknown efforts of followers count as zero.
         """
         reflected: Array = effort + np.where(np.isfinite(own), own, 0.0) @ self.at(position)[1]
         return reflected
@@ -234,6 +241,7 @@ class Followers:
         """Text on follower k, whose position is not the expected one."""
         sources = ", ".join(map(repr, self._sources[self.names[k]]))
         return (
-            f"position of joint '{self.names[k]}' is {own:.9g}, expected {expected:.9g} from {sources}, "
+            f"position of joint '{self.names[k]}' is {own:.9g}, "
+            f"expected {expected:.9g} from {sources}, "
             f"which it follows, within mimic_tolerance = {self.tolerance:g}"
         )

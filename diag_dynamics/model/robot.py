@@ -46,7 +46,7 @@ REACH = 1.0  # distance from zero of random positions without limits [m]; angles
 class RobotModel:
     """A robot as a tree of rigid bodies.
 
-    Immutable. Made by :func:`load_urdf`. A wrong argument raises an InputError.
+    It is immutable, and made by :func:`load_urdf`. A wrong argument raises an InputError.
 
     Degrees of freedom are in Pinocchio's order: base to tip, depth first, with siblings sorted by
     joint name. Units are SI: [rad], [kg m²] for revolute and continuous joints, [m], [kg] for
@@ -100,7 +100,8 @@ class RobotModel:
         Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N
         √(s/m)], of parameters.
     couplings, motor_efforts : mapping, bool
-        :class:`Coupling` of motors that turn several joints, by name; whether reported efforts are of these.
+        :class:`Coupling` of motors that turn several joints, by name; whether reported efforts are
+        of these.
     motor_rates : ndarray, shape (m, nv)
         Rate of each coupled motor by the rates of joints.
     effort_scale : mapping
@@ -115,7 +116,8 @@ class RobotModel:
     flexible_joints : mapping
         :class:`FlexibleJoint` of degrees of freedom with a spring, by name.
     mimics : mapping
-        :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent one, by name.
+        :class:`Mimic` (leader, multiplier, offset) of each joint that is coupled to an independent
+        one, by name.
     flexible_links : mapping
         :class:`FlexibleLink`: modes, frequencies and shapes of links that bend, by name.
     followers, loops, loop_joints : mapping, tuple of tuple of Loop, tuple of tuple of str
@@ -127,7 +129,8 @@ class RobotModel:
         Joints that are held, with their positions [rad, m]; followers of joints that stand still
         are among them.
     payloads : mapping
-        :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads [kg].
+        :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads
+        [kg].
     estimated_links, omitted : tuple of str
         Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics
         omit of an MJCF, such as ``spring of joint 'knee'``.
@@ -232,7 +235,7 @@ class RobotModel:
     def description(self) -> Description:
         """Records of links and joints that the model is made of.
 
-        Shared by models, never change it.
+        Models share it: never change it.
         """
         return self._tree.description
 
@@ -265,7 +268,7 @@ class RobotModel:
     def joint_efforts(self, efforts: Array) -> Array:
         """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`.
 
-        NaN where one is NaN.
+        The result is NaN where a reported effort is NaN.
         """
         if not self.motor_efforts:
             return efforts
@@ -311,10 +314,10 @@ class RobotModel:
         return q
 
     def followers_at(self, q: VectorLike, qd: VectorLike | None = None) -> FollowerState:
-        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,), at rest by default.
+        """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,).
 
-        It has positions, rates and ratios of mimic joints and `followers`. Raise LoopError where a
-        loop cannot be closed.
+        The robot is at rest by default. It has positions, rates and ratios of mimic joints and
+        `followers`. Raise LoopError where a loop cannot be closed.
         """
         rate = None if qd is None else vector("qd", qd, self.dof_names)
         return FollowerMotion(self).at(self._positions("q", q), rate)
@@ -345,9 +348,10 @@ class RobotModel:
         return closed(self, q) if self.loops else q
 
     def integrate(self, q: VectorLike, v: VectorLike) -> Array:
-        """Return the positions reached from q along v, shape (nq,): v [rad, m], shape (nv,), is a rate times a time.
+        """Return the positions reached from q along v, shape (nq,).
 
-        That is q + v but for planar and floating joints, whose v is a twist in their own axes.
+        v [rad, m], shape (nv,), is a rate times a time. They are q + v but for planar and floating
+        joints, whose v is a twist in their own axes.
         """
         q, v, result = self._positions("q", q), vector("v", v, self.dof_names), np.empty(self.nq)
         if kinematics.integrate(self.workspace.robot, q, v, result):
@@ -368,10 +372,10 @@ class RobotModel:
         return v
 
     def modal_effort(self, q: VectorLike, qd: VectorLike) -> Array:
-        """Return the efforts of stiffness and damping on the modes of flexible links, shape (nv,), zero on other joints.
+        """Return the efforts of stiffness and damping on modes of flexible links, shape (nv,).
 
-        A :class:`Simulation` has them; dynamics is without, as it is without friction: add them to
-        tau.
+        They are zero on other joints. A :class:`Simulation` has them; dynamics is without, as it is
+        without friction: add them to tau.
         """
         return modal_effort(self, self._positions("q", q), vector("qd", qd, self.dof_names))
 
@@ -382,8 +386,8 @@ class RobotModel:
             quaternion = q[k - 3 : k + 1]
             if component == 3 and abs(quaternion @ quaternion - 1.0) >= joints.UNIT_TOLERANCE:
                 raise InputError(
-                    f"{name} of joint '{self.coordinate_names[k].rpartition('/')[0]}' has the quaternion "
-                    f"{quaternion.tolist()} (x, y, z, w), expected one of length 1."
+                    f"{name} of joint '{self.coordinate_names[k].rpartition('/')[0]}' has the "
+                    f"quaternion {quaternion.tolist()} (x, y, z, w), expected one of length 1."
                 )
         return q
 
@@ -430,20 +434,27 @@ class RobotModel:
     def with_parameters(
         self, parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any]
     ) -> RobotModel:
-        """Return this model with parameters beside its URDF: friction, offsets, rotor inertias, inertias of links, payloads.
+        """Return this model with parameters beside its URDF.
 
-        They are the path of a file, see :class:`Parameters`, or a dict with the file's keys.
-        Payloads are added to those that are there. ``massless="lock"`` is applied again.
+        They are friction, offsets, rotor inertias, inertias of links, and payloads. The argument is
+        the path of a file, see :class:`Parameters`, or a dict with the file's keys. Payloads are
+        added to those that are there. ``massless="lock"`` is applied again.
         """
         parameters = read_parameters(parameters)
         if flexible := sorted(parameters.links.keys() & self.flexible_links.keys()):
-            text = f"parameters: link '{flexible[0]}' is flexible, and its inertia is divided among its modes."
+            text = (
+                f"parameters: link '{flexible[0]}' is flexible, "
+                "and its inertia is divided among its modes."
+            )
             raise InputError(f"{text} Give the parameters to load_urdf.")
         description = with_parameters(self.description, parameters)
         return build(description, self._options._replace(held={}), parameters)
 
     def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
-        """Return this model with this effort of flexible joints: of the "spring", it is the model of the links."""
+        """Return this model with this effort of flexible joints.
+
+        With the effort of the "spring" it is the model of the links.
+        """
         joints = [
             joint._replace(spring=joint.spring._replace(effort=part))
             for joint in self.description.joints.values()
@@ -453,7 +464,7 @@ class RobotModel:
         return build(self.description.with_joints(*joints), options)
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
-        """Return this model with random errors of its inertias, as a real robot has compared to its URDF.
+        """Return this model with random errors of its inertias, like those of a URDF.
 
         `part`, from 0 to 0.9, is the largest relative error of masses, of centres in radii of
         gyration, and twice that of lengths. Rigid bodies stay such. Payloads, rotors and friction
@@ -467,9 +478,7 @@ class RobotModel:
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these positions [rad, m] of locked joints, by name.
 
-        Empty releases all.
-
-        Joints that other options of load_urdf lock are added.
+        An empty mapping releases all. Joints that other options of load_urdf lock are added.
         """
         locked = checked_locked(locked_joints, self.description)
         return build(self.description, self._options._replace(locked=locked, held={}))
@@ -484,7 +493,7 @@ class RobotModel:
         return placement
 
     def placement_in_body(self, link: str) -> tuple[int, Array]:
-        """Return the index of the body of a link, and the link's placement (4x4) in the frame of that body."""
+        """Return the index of a link's body, and the link's placement (4x4) in the body's frame."""
         if link not in self.link_names:
             raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
         _, body, placement = self._tree.links[self.link_names.index(link)]
@@ -511,7 +520,10 @@ class RobotModel:
             raise attribute_error(self, name)
 
     def __repr__(self) -> str:
-        return f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, {self.total_mass:.6g} kg>"
+        return (
+            f"<RobotModel '{self.name}': {self.nv} dof, {len(self.link_names)} links, "
+            f"{self.total_mass:.6g} kg>"
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restored, (self.description, self._options)

@@ -41,11 +41,12 @@ class MovingJoint:
 
 
 class Tree:
-    """A description walked from its root, with positions of locked joints and :class:`Mimic` by name.
+    """A description walked from its root, with positions of locked joints and mimics.
 
-    `joints` are independent, base to tip. Those of a coupled group come together, before what the
-    group carries; `groups` has the names of all of its joints, `group_sizes` its number of bodies.
-    `links` has each :class:`Link` with its body, and its placement (4, 4) in that body's frame.
+    `mimics` has a :class:`Mimic` by name. `joints` are independent, base to tip. Those of a coupled
+    group come together, before what the group carries; `groups` has the names of all of its joints,
+    `group_sizes` its number of bodies. `links` has each :class:`Link` with its body, and its
+    placement (4, 4) in that body's frame.
     """
 
     def __init__(
@@ -185,7 +186,7 @@ class Tree:
         record["leader"] = self.last_body[leader]
 
     def _add_joint(self, joint: MovingJoint) -> None:
-        """Add the bodies of a joint: one for each degree of freedom, or each joint that it follows."""
+        """Add the bodies of a joint: one for each degree of freedom, or each source joint."""
         parent, placement = self.last_body[joint.carrier], joint.placement
         leaders = self._followers.get(joint.name, ())
         directions = [direction for _, direction in joint.type.freedoms] * max(1, len(leaders))
@@ -222,7 +223,10 @@ class Tree:
         return np.array([getattr(self.moving[name].joint, field) for name in self._followers])
 
     def reflected(self, field: str, exponent: float | None = None) -> Array:
-        """Return a field by degree of freedom, with that of mimic joints times multiplier or |multiplier|^exponent."""
+        """Return a field by degree of freedom, with that of mimic joints.
+
+        A mimic joint counts times its multiplier, or times |multiplier|^exponent.
+        """
         values = self.per_dof(field)
         for name, mimic in self.mimics.items():
             factor = mimic.multiplier if exponent is None else abs(mimic.multiplier) ** exponent
