@@ -14,8 +14,8 @@ FILLED_STAMPS, FILLED_FLAGS = (types.Array(kind, 1, "C") for kind in (nk.COUNT, 
 FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 
 STANDING_SPEED, STANDING_TIME, MOVING_TIME = 0.01, 100_000_000, 150_000_000
-"""A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns], and until a time
-[ns] after that, in which the observer forgets its stiction."""
+"""A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns], and until a
+time [ns] after that, in which the observer forgets its stiction."""
 
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""

@@ -65,7 +65,7 @@ def _set_results(results, x):
 
 @nk.kernel
 def _read_joint(at, i, Q, QD, TAU, first, last):
-    """Position, rate and effort at states `first` to `last`; the last state fills the rest of the row."""
+    """Position, rate and effort at states `first` to `last`; the last state fills up the row."""
     body, row = at.bodies[i], at.lanes[i]
     for b in range(WIDTH):
         t = min(first + b, last - 1)
@@ -306,7 +306,7 @@ def _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, r
     nogil=True,
 )
 def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates):
-    """What evaluation.evaluate gives at states `begin` to `end` of many, a row of Q, QD and TAU each.
+    """Results of evaluation.evaluate at states `begin` to `end`, a row of Q, QD and TAU each.
 
     Without efforts TAU has one row, of zeros. `results`, of shape (N_RESULTS, T, nv), receives the
     rows from NU on, `numbers`, (N_NUMBERS, T), those from KINETIC_ENERGY on, `positions` and
@@ -346,7 +346,10 @@ MOMENTUM, FIRST_MOMENT = 6, 7
     nogil=True,
 )
 def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
-    """One of these sweeps at states `begin` to `end`, a row of Q, A, B and `results` each; A and B may have one for all."""
+    """Run a sweep at states `begin` to `end`, a row of Q, A, B and `results` each.
+
+    A and B may have one row for all states.
+    """
     for t in range(begin, end):
         q, a, b, result = Q[t], A[min(t, len(A) - 1)], B[min(t, len(B) - 1)], results[t]
         if which == FORWARD:
@@ -374,7 +377,7 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
     nk.ROBOT, nk.MATRIX, nk.COUNT, nk.COUNT, nk.FILLED_STATES, nk.FILLED_MATRIX, nogil=True
 )
 def factors_each(robot, Q, begin, end, factors, D):
-    """Fill the factors of states `begin` to `end`: m, ℓ and the unit factor of one after another."""
+    """Fill m, ℓ and the unit factor of states `begin` to `end`, one after another."""
     for t in range(begin, end):
         if factorization.factors(robot, Q[t], factors[3 * t : 3 * t + 3], D[t]) != 0:
             return t

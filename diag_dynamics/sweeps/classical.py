@@ -12,7 +12,10 @@ from diag_dynamics.sweeps import workspace as ws
 
 @nk.kernel
 def _aba_inward_step(bodies, i, direction, qd, work, qdd):
-    """The inward step of :func:`forward_dynamics` at a joint of one degree of freedom; the direction is a constant."""
+    """The inward step of :func:`forward_dynamics` at a joint of one degree of freedom.
+
+    The direction is a constant.
+    """
     body, w = bodies[i], work[i]
     k, P, y = body.dof, records.inertia_of(w.P), records.force_of(w.y)
     D, column, G = joints.joint_inertia(direction, w.armature, P)
@@ -26,9 +29,8 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     records.set_motion(w.zeta, zeta)
     if body.parent > 0:
         X, parent = records.placement_of(w), work[body.parent]
-        y_plus = sp.add_force(
-            y, sp.scale_force(G, u - sp.power(column, zeta))
-        )  # P⁺ζ = Pζ − G (P S)ᵀζ
+        # P⁺ζ = Pζ − G (P S)ᵀζ
+        y_plus = sp.add_force(y, sp.scale_force(G, u - sp.power(column, zeta)))
         y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
         joints.accumulate_scale(w, X, parent)
         joints.propagate_inertia(w, G, column, X, parent)
@@ -166,9 +168,10 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def momentum(robot, q, qd, result):
-    """Momentum p = M q̇, then its rate without efforts C_sᵀq̇ − g: Sᵀh and Sᵀ(F − V ×* h) of a joint.
+    """Momentum p = M q̇, then its rate without efforts, C_sᵀq̇ − g.
 
-    h and F are momentum and weight of all bodies outboard, in the axes of the joint.
+    They are Sᵀh and Sᵀ(F − V ×* h) of a joint. h and F are momentum and weight of all bodies
+    outboard, in the axes of the joint.
     """
     bodies, gravity, work, _ = ws.opened(robot)
     status = joints.start_motion(bodies, q, qd, work)
@@ -206,7 +209,10 @@ def momentum(robot, q, qd, result):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_VECTOR)
 def effort_of_wrenches(robot, q, wrenches, in_world, tau):
-    """Jᵀf of wrenches at points of bodies, in the axes of the body or of the world, by walks down the tree."""
+    """Jᵀf of wrenches at points of bodies, by walks down the tree.
+
+    Wrenches are in the axes of the body or of the world.
+    """
     bodies, _, work, _ = ws.opened(robot)
     status = joints.update_placements(bodies, q, work)
     if status != 0:

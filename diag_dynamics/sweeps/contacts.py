@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact quantities of points of links: speed, reflected mass and energy along a direction, from Υ of their bodies.
+"""Contact quantities of points: speed, reflected mass and energy along a direction.
 
-Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force there as a wrench,
-and
+They follow from Υ of the bodies of the points. Of a point r of a body and a unit direction u, h =
+(u, r × u) is the unit force there as a wrench, and
 
     v_u = uᵀ(v + ω × r)        1/m_u = hᵀΥh = |ℓJᵀu|²        ½ m_u v_u² = ½(ŵᵀν)²
     ŵ = ℓJᵀu/|ℓJᵀu|.
@@ -25,7 +25,8 @@ from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, x
 from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
 
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
-"""Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to allowed speed."""
+"""Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to
+allowed speed."""
 
 CONTACT_ENTRY = np.dtype(
     [
@@ -38,7 +39,8 @@ CONTACT_ENTRY = np.dtype(
     ],
     align=True,
 )
-"""Points of one body and the body regions that they may hit. The result is that of the worst point."""
+"""Points of one body and the body regions that they may hit. The result is that of the worst
+point."""
 
 INVERSE_MASS, STIFFNESS, LARGEST_FORCE, LARGEST_ENERGY = range(4)
 """Columns of a body region: 1/m_H, 0 if it is clamped, k, and limits, inf where there is none."""
@@ -58,7 +60,8 @@ POINT, POSITION, DIRECTION, SPEED, MASS, TRANSFERABLE, FORCE, ALLOWED, REGION, C
     *(0, 1, 4, 7, 8),
     *range(9, 14),
 )
-"""First columns of the result of an entry, and their number; REGION is that of the strictest limit, -1 if there is none."""
+"""First columns of the result of an entry, and their number; REGION is that of the strictest limit,
+-1 if there is none."""
 
 AT_REST = 1e-12
 """A speed below this fraction of its terms, linear and angular, is rounding error."""
@@ -67,12 +70,13 @@ IMMOBILE = 1e-14
 """Ratio of 1/m_u to the mobility of a body below which it is rounding error."""
 
 TIE = 1.0 + 1e-9
-"""Ratio of scores above which a later point is worse: all points of a link on a single joint have the same energy."""
+"""Ratio of scores above which a later point is worse: all points of a link on a single joint have
+the same energy."""
 
 
 @nk.kernel
 def _strictest_limit(regions, first, end, inverse_mass, speed):
-    """Maximum contact force, the speed that keeps all limits, and the region with the strictest limit."""
+    """Maximum contact force, speed that keeps all limits, and region of the strictest limit."""
     force, allowed, strictest = 0.0, math.inf, -1
     for k in range(first, end):
         reduced = inverse_mass + regions[k, INVERSE_MASS]  # 1/μ
@@ -93,7 +97,10 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
 
 @nk.large_kernel
 def _contact(at, entry, w, X, result):
-    """The worst point of an entry and its contact quantities; X is the placement of its body in the axes of results."""
+    """The worst point of an entry and its contact quantities.
+
+    X is the placement of its body in the axes of results.
+    """
     V, Y, R = records.motion_of(w.V), mobility_of(w), X.rotation
     direction = records.vector_of(entry.direction)
     is_given = sp.dot(direction, direction) > 0.0
@@ -146,7 +153,10 @@ def _contact(at, entry, w, X, result):
 
 @nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_MATRIX)
 def contacts(robot, points, q, qd, nu, results):
-    """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at the address `points`."""
+    """ν, and a row of `results` for each entry of the table :data:`CONTACTS` at `points`.
+
+    `points` is an address.
+    """
     if not ws.lengths_match(robot, q, qd, nu):
         return ws.BAD_LENGTH
     bodies, _, work, table = ws.opened(robot)
@@ -181,7 +191,10 @@ def contacts(robot, points, q, qd, nu, results):
     nogil=True,
 )
 def contacts_each(robot, points, Q, QD, begin, end, nu, results):
-    """:func:`contacts` at states `begin` to `end`, a row of Q, QD and ν and a matrix of `results` each."""
+    """Run :func:`contacts` at states `begin` to `end`.
+
+    Each has a row of Q, QD and ν, and a matrix of `results`.
+    """
     for t in range(begin, end):
         if contacts(robot, points, Q[t], QD[t], nu[t], results[t]) != 0:
             return t

@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints whose rates depend on others by ratios that change with the state: closed loops, curves and flexible links.
+"""Joints whose rates depend on others by ratios that change with the state.
 
-A follower's rate is Σ G q̇ over independent joints. It is a body for each of them, all along the
-same axis in one frame: the workspace has the body's own entry of G as `multiplier`, its rate Ġ as
-`multiplier_rate`, and the follower's position as `offset`. Other sweeps read only these three.
+They belong to closed loops, curves and flexible links. A follower's rate is Σ G q̇ over independent
+joints. It is a body for each of them, all along the same axis in one frame: the workspace has the
+body's own entry of G as `multiplier`, its rate Ġ as `multiplier_rate`, and the follower's position
+as `offset`. Other sweeps read only these three.
 
 A loop is cut. It is closed where φ = 0: points on both sides of the cut coincide, in directions
 that are fixed in the group's carrier. With J = ∂φ/∂q over all joints of the group, independent ones
@@ -36,10 +37,12 @@ from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 
 LOOP = np.dtype([(name, "i8") for name in ("begin", "end", "followers", "first", "last", "rows")])
-"""A group that is closed: its joints, the number of followers, its closures, and the number of equations."""
+"""A group that is closed: its joints, the number of followers, its closures, and the number of
+equations."""
 
 JOINT = np.dtype([("body", "i8"), ("carrier", "i8"), ("order", "i8")])
-"""A joint of a loop: its first body, the joint that carries it or -1, and in `order` the joints, followers first."""
+"""A joint of a loop: its first body, the joint that carries it or -1, and in `order` the joints,
+followers first."""
 
 CLOSURE = np.dtype(
     [
@@ -51,7 +54,8 @@ CLOSURE = np.dtype(
     ],
     align=True,
 )
-"""A direction in the axes of the carrier in which two points coincide, each in the frame of its body."""
+"""A direction in the axes of the carrier in which two points coincide, each in the frame of its
+body."""
 
 CURVE = np.dtype(
     [
@@ -68,7 +72,8 @@ CURVE = np.dtype(
 """A position that is a piecewise polynomial of another one."""
 
 FORM = np.dtype([("body", "i8"), ("begin", "i8"), ("is_quadratic", "i8")], align=True)
-"""A position c + φᵀη + ½ηᵀQη by several joints: first body of the follower, and c; φ and row of Q of each joint follow."""
+"""A position c + φᵀη + ½ηᵀQη by several joints: first body of the follower, and c; φ and row of Q
+of each joint follow."""
 
 COUPLINGS = Table(
     "Couplings",
@@ -109,10 +114,12 @@ NEAR = 0.5
 """Distance of the last state [rad, m] up to which followers are found from there."""
 
 LARGEST_CORRECTION = 0.25
-"""Correction of a follower [rad, m] above which a step toward the state is halved: it might change the branch."""
+"""Correction of a follower [rad, m] above which a step toward the state is halved: it might change
+the branch."""
 
 LONGEST_STEP, SHORTEST_STEP = 0.1, 1e-5
-"""Steps of independent joints [rad, m]: a longer one may change the branch, for a shorter one the loop cannot be closed."""
+"""Steps of independent joints [rad, m]: a longer one may change the branch, for a shorter one the
+loop cannot be closed."""
 
 STEPS = 1_000_000
 """Maximum number of steps to a state."""
@@ -124,7 +131,8 @@ EXACT = 2e-15
 """Rounding of φ by the size of its points: no correction can improve on it."""
 
 CLOSED = 1e-6
-"""Largest distance between the two points of a closure [m]; loops of descriptions are closed to their last digit."""
+"""Largest distance between the two points of a closure [m]; loops of descriptions are closed to
+their last digit."""
 
 NEARLY_SINGULAR, SINGULAR = 1e-6, 1e-10
 """Ratio of a loop below which to warn, and to refuse."""
@@ -179,7 +187,7 @@ class Couplings:
 # copied.
 
 
-# --- Least squares ------------------------------------------------------------------------------------------
+# --- Least squares --------------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -195,7 +203,10 @@ def _reflect(v, scale, begin, rows, x):
 
 @nk.kernel
 def _reduce(at, loop):
-    """QR of J_d: reflections replace the lower triangle. Returns the smallest |R_kk| by the longest column of J."""
+    """QR of J_d: reflections replace the lower triangle.
+
+    Returns the smallest |R_kk| by the longest column of J.
+    """
     A, scale, longest, least = at.reduced[loop.begin :], at.scale[loop.begin :], 0.0, math.inf
     for k in range(loop.begin, loop.end):
         square = 0.0
@@ -232,7 +243,7 @@ def _solve(table, loop):
         x[k] *= at.diagonal[loop.begin + k]
 
 
-# --- Closure of a loop, in the carrier of the group -----------------------------------------------------------
+# --- Closure of a loop, in the carrier of the group -----------------------------------------------
 
 
 @nk.kernel
@@ -287,7 +298,7 @@ def _add_end(at, k, F, sign, row):
 
 @nk.kernel
 def _close(at, number):
-    """Fill J and φ, in x; return the largest entry of φ, and the size of points by which it is rounded."""
+    """Fill J and φ, in x; return the largest entry of φ, and the size of points that rounds it."""
     loop, largest, size = at.loops[number], 0.0, 0.0
     for k in range(loop.begin, loop.end):
         for row in range(loop.rows):
@@ -318,7 +329,10 @@ def _close(at, number):
 
 @nk.large_kernel
 def _newton(table, number):
-    """Run Newton's method from `position`; returns whether it converged. J and its reduction are those of the result."""
+    """Run Newton's method from `position`; return whether it converged.
+
+    J and its reduction are those of the result.
+    """
     at = _opened(table)
     loop, correction = at.loops[number], math.inf
     for _ in range(ITERATIONS):
@@ -504,7 +518,7 @@ def _set_ratio_rates(table, number, qd):
             ]
 
 
-# --- Non-linear mimic joints ----------------------------------------------------------------------------------
+# --- Non-linear mimic joints ----------------------------------------------------------------------
 
 
 @nk.kernel
@@ -523,7 +537,7 @@ def _curve_at(at, curve, source):
     return scale * p + curve.result[1], scale * factor * slope, 2.0 * scale * factor * factor * bend
 
 
-# --- Joints that follow the modes of a flexible link ----------------------------------------------------------
+# --- Joints that follow the modes of a flexible link ----------------------------------------------
 
 
 @nk.large_kernel
@@ -560,12 +574,15 @@ def _set_form_rates(table, qd):
                 k += count + 1
 
 
-# --- All couplings of a robot ---------------------------------------------------------------------------------
+# --- All couplings of a robot ---------------------------------------------------------------------
 
 
 @Callback
 def couple(table, positions, rates, what):
-    """Positions of followers and G at the positions at an address, and then, or alone, Ġ: see joints.couple."""
+    """Positions of followers and G at the positions at an address, and then, or alone, Ġ.
+
+    See joints.couple.
+    """
     at = _opened(table)
     if what != joints.RATES:
         status = _couple(table, at, _vector_at(positions, (at.nq,)))

@@ -25,7 +25,10 @@ def _initialize(bodies, q, qd, x, work):
 
 @nk.large_kernel
 def _factorize_with_rates(bodies, q, qd, x, work, table):
-    """D, G, g, u and Q̇[:, c] of every degree of freedom, each joint taken as a group: in the axes of its base."""
+    """D, G, g, u and Q̇[:, c] of every degree of freedom, in the axes of the base of its joint.
+
+    Each joint counts as a group.
+    """
     status = _initialize(bodies, q, qd, x, work)
     last = len(bodies) - 1
     while status == 0 and last > 0:

@@ -59,7 +59,10 @@ def _outward(bodies, gravity, q, qd, work):
 
 @nk.kernel
 def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
-    """Results of one degree of freedom, by row; `without_xi` is C_ξ but for its part Ḋ ξ, of which C has half."""
+    """Results of one degree of freedom, by row; `without_xi` is C_ξ − Ḋ ξ.
+
+    C has half of Ḋ ξ.
+    """
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
     return (
         root * xi,
@@ -98,9 +101,10 @@ def write_outputs(out, k, results):
 
 @nk.kernel
 def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
-    """The inward step at a joint of one degree of freedom, for one state or a lane; the direction is a constant.
+    """The inward step at a joint of one degree of freedom, for one state or a lane.
 
-    Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺ go to the parent.
+    The direction is a constant. Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺
+    go to the parent.
     """
     P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
     V, y, z = records.motion_of(w.V), records.force_of(w.y), records.force_of(w.z)
@@ -204,7 +208,7 @@ def inward_coupled(robot, last, qd, tau, out):
 
 @nk.kernel
 def is_floating_base(bodies, i):
-    """Whether a body belongs to a floating joint that the world carries, and that is no part of a larger group."""
+    """Whether a body is of a floating joint that the world carries, and of no larger group."""
     body = bodies[i]
     return (
         body.kind == records.FLOATING
@@ -225,7 +229,7 @@ def start_base(effort, w):
 
 @nk.kernel
 def eliminate_last(direction, armature, w):
-    """Eliminate the last direction of a floating base; return its results and whether it is singular."""
+    """Eliminate the last direction of a floating base; return results and its singularity."""
     P, P_rate, V = records.inertia_of(w.P), records.inertia_of(w.P_rate), records.motion_of(w.V)
     kappas, bias, weights = (
         records.force_of(w.z),
@@ -299,7 +303,7 @@ def inward_group(robot, last, qd, tau, out):
 
 @nk.kernel
 def sums(rows):
-    """Whether results of one state are finite, K, the share of the first six ν in it, and νᵀ(ε − ε_g)."""
+    """Whether results of one state are finite, K, the share of the first six ν, and νᵀ(ε − ε_g)."""
     finite, energy, base, power = True, 0.0, 0.0, 0.0
     for k in range(rows.shape[1]):
         total = 0.0
@@ -328,7 +332,7 @@ def _complete(out, n):
 
 @nk.kernel
 def _inward(robot, qd, tau, out):
-    """Fill the rows of `out` from ws.NU on with what :func:`evaluate` gives, in the inward sweep."""
+    """Fill the rows of `out` from ws.NU on with results of :func:`evaluate`: the inward sweep."""
     bodies, _, work, _ = ws.opened(robot)
     i = len(bodies) - 1
     while i > 0:
@@ -372,7 +376,10 @@ def evaluate(robot, q, qd, tau, out):
 
 @nk.entry_kernel(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER)
 def friction_power(state, damping, friction, effort_offset, friction_velocity):
-    """Return q̇·τ_fric [W] of a state that :func:`evaluate` has filled, τ_fric as in DiagonalDynamics.friction_torque."""
+    """Return q̇·τ_fric [W] of a state that :func:`evaluate` has filled.
+
+    τ_fric is that of DiagonalDynamics.friction_torque.
+    """
     power = 0.0
     for k in range(len(damping)):
         rate = state[ws.RATES, k]
@@ -392,10 +399,10 @@ def friction_power(state, damping, friction, effort_offset, friction_velocity):
     nogil=True,
 )
 def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm):
-    """Write x, m r or r of DisturbanceObserver, and |x| of samples; x is NaN where the applied term is.
+    """Write x, m r or r of DisturbanceObserver, and |x| of samples.
 
-    `last` has x, momentum, resisting and applied terms of the sample before, and then of the last
-    one.
+    x is NaN where the applied term is. `last` has x, momentum, resisting and applied terms of the
+    sample before, and then of the last one.
     """
     for t in range(len(interval)):
         square = 0.0
@@ -425,7 +432,7 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
 
 @nk.entry_kernel(nk.ROBOT, records.LINKS, nk.MATRIX, nk.MATRIX, nk.FILLED_MATRIX, nogil=True)
 def link_energies(robot, links, Q, QD, energies):
-    """Kinetic energy of every link, ½VᵀIV and ½ armature q̇² of its joint, at each of many states, a row each.
+    """Kinetic energy ½VᵀIV + ½ armature q̇² of every link and its joint, a row for each state.
 
     Returns whether all are finite, which finite K does not imply. Rows of QD may be longer than nv.
     """
@@ -437,7 +444,10 @@ def link_energies(robot, links, Q, QD, energies):
 
 @nk.entry_kernel(nk.ROBOT, records.LINKS, nk.MATRIX, nk.FILLED_VECTOR)
 def link_energy(robot, links, state, energy):
-    """Kinetic energy of every link, as :func:`link_energies` has it, of a state that :func:`evaluate` has filled."""
+    """Kinetic energy of links, as in :func:`link_energies`, of a state.
+
+    The state was filled by :func:`evaluate`.
+    """
     return _link_energies_at(robot, links, state[ws.POSITIONS], state[ws.RATES], energy)
 
 

@@ -46,7 +46,7 @@ def jacobians(robot, body, point, rotation, in_world, scale, Q, results):
     return len(Q)
 
 
-# --- Touched link -----------------------------------------------------------------------------------------
+# --- Touched link ---------------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -59,7 +59,10 @@ def _dot(x, y):
 
 @nk.kernel
 def _whiten(W, x, width, result):
-    """Wx of a vector whose entries from `width` on are zero: so are those of the result, which is not written there."""
+    """Wx of a vector whose entries from `width` on are zero.
+
+    So are those of the result, which are not written.
+    """
     for i in range(width):
         total = 0.0
         for j in range(i, width):
@@ -68,7 +71,8 @@ def _whiten(W, x, width, result):
 
 
 CANDIDATE = np.dtype([("body", "i8"), ("point", "f8", 3), ("spread", "f8", 9)], align=True)
-"""A body that may be touched: the mean of its points p, and K, row-major, with KᵀK the mean of p̃p̃ᵀ/3 about it."""
+"""A body that may be touched: the mean of its points p, and K, row-major, with KᵀK the mean of
+p̃p̃ᵀ/3 about it."""
 
 CANDIDATES = Table(
     "Candidates",
@@ -89,7 +93,10 @@ def _packed(i, j):
 
 @nk.large_kernel
 def _log_ratio(square, B, b, L, z):
-    """Log of N(y; 0, 1 + F²GᵀG)/N(y; 0, 1) with F² = square, B = GGᵀ and b = Gy; the Cholesky factor goes to L."""
+    """Log of N(y; 0, 1 + F²GᵀG)/N(y; 0, 1), F² = `square`, B = GGᵀ and b = Gy.
+
+    The Cholesky factor is written to L.
+    """
     determinant, explained = 1.0, 0.0
     for i in range(6):
         rest = b[i]
@@ -110,7 +117,10 @@ def _log_ratio(square, B, b, L, z):
 
 @nk.large_kernel
 def _evidence(at, candidate, bodies, work, memory):
-    """Log of the mean over forces of :func:`_log_ratio` for a body; y is the thirteenth vector of the memory."""
+    """Log of the mean over forces of :func:`_log_ratio` for a body.
+
+    y is the thirteenth vector of the memory.
+    """
     J = memory[:6]
     width = kinematics.set_jacobian(bodies, candidate.body, candidate.point, work, J)
     K = records.matrix_of(candidate.spread)
@@ -119,12 +129,8 @@ def _evidence(at, candidate, bodies, work, memory):
         for a in range(3):
             J[a, k] *= SQRT_THIRD
             J[3 + a, k] = moved[a]
-    B, b, L, z = (
-        work[0].P,
-        work[0].y,
-        work[0].P_rate,
-        work[0].z,
-    )  # of the world, which has no inertia
+    # The world has no inertia, so its workspace is free.
+    B, b, L, z = work[0].P, work[0].y, work[0].P_rate, work[0].z
     rows, y = memory[6:12, :width], memory[12, :width]
     for i in range(6):
         _whiten(at.whitening, J[i], width, rows[i])

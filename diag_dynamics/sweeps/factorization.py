@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The factorization M = [I + HφK] D [I + HφK]ᵀ, and the factors applied without being formed (Tables 1 and 2)."""
+"""The factorization M = [I + HφK] D [I + HφK]ᵀ.
+
+The factors are applied without being formed (Tables 1 and 2).
+"""
 
 import math
 
@@ -14,7 +17,10 @@ from diag_dynamics.sweeps import workspace as ws
 
 @nk.kernel
 def factor_joint(body, w, parent):
-    """D and G of a body that is in no group (Algorithm 4.1); P⁺ goes to its parent. Returns whether it moves inertia."""
+    """D and G of a body that is in no group (Algorithm 4.1); return whether it moves inertia.
+
+    P⁺ is added to its parent.
+    """
     D, column, G = joints.joint_inertia(body.direction, w.armature, records.inertia_of(w.P))
     w.D, w.size = D, joints.scale_along(body.direction, w)
     if joints.is_singular(w.size, D):
@@ -75,7 +81,10 @@ def scale_by_inertia(bodies, work, exponent, x):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, records.WRENCHES, nk.FLAG, nk.FILLED_MATRIX)
 def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
-    """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each, by walks up the tree."""
+    """ℓJᵀw of each wrench at a point of a body, a column of `epsilon` each.
+
+    Each is a walk up the tree.
+    """
     bodies, _, work, table = ws.opened(robot)
     status = factorize_at(robot, q)
     if status != 0:
@@ -89,7 +98,7 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
     return 0
 
 
-# --- Tables 1 and 2 over factorized bodies ----------------------------------------------------------------
+# --- Tables 1 and 2 over factorized bodies --------------------------------------------------------
 
 
 @nk.large_kernel
@@ -234,7 +243,10 @@ def tau_from_epsilon(robot, q, epsilon, tau):
 
 @nk.large_kernel
 def qd_from_momentum(robot, q, added, momentum, qd):
-    """q̇ = (M + diag(added))⁻¹ momentum; the added inertia enters D as armature does, and `inf` locks its joint."""
+    """q̇ = (M + diag(added))⁻¹ momentum.
+
+    The added inertia enters D as armature does, and `inf` locks its joint.
+    """
     bodies, _, work, table = ws.opened(robot)
     status = joints.initialize(bodies, q, work)
     for i in range(1, len(bodies)):
@@ -253,7 +265,7 @@ def qd_from_momentum(robot, q, added, momentum, qd):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.FILLED_STATES, nk.FILLED_VECTOR)
 def factors(robot, q, m_l_unit, D):
-    """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK] and [I + HφK], the unit factor, and D (Identity 4.1).
+    """Fill m = [I + HφK]D^½, ℓ = D^−½[I − HψK], the unit factor [I + HφK], and D (Identity 4.1).
 
     A unit working moment at joint j exerts the wrench G on the bodies inboard. Its moments along
     rigid joints are column j of the unit factor. The working moments of −G along articulated joints

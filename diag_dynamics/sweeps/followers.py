@@ -16,9 +16,10 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX)
 def ratios(robot, q, qd, result):
-    """Position, G and Ġ of the joint of one degree of freedom, or of the follower, whose first body is that of the row.
+    """Position, G and Ġ of the joint whose first body is that of the row.
 
-    `result` has the shape (bodies, 1 + 2 nv).
+    The joint has one degree of freedom, or is a follower. `result` has the shape (bodies, 1 + 2
+    nv).
     """
     if not ws.lengths_match(robot, q, qd, qd):
         return ws.BAD_LENGTH
@@ -30,7 +31,7 @@ def ratios(robot, q, qd, result):
 
 @Callback
 def positions(robot, q, result, _):
-    """As :func:`ratios` at the addresses of q and of the result, without Ġ, for rules of joint states."""
+    """Run :func:`ratios` at the addresses of q and the result, without Ġ, for joint states."""
     at = ws.robot_of(robot)
     place = _vector_at(q, (at.nq,))
     status = joints.couple(place, at.work)

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps of sweeps at groups: sweeps call them by address, so that robots without groups compile none."""
+"""Steps of sweeps at groups.
+
+Sweeps call them by address, so that robots without groups compile none.
+"""
 
 import numpy as np
 from numba import types
@@ -16,7 +19,7 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 
 @Callback
 def inward(robot, i, qd, tau, out, columns):
-    """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of these columns."""
+    """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of `columns`."""
     at = ws.robot_of(robot)
     rates, efforts = _vector_at(qd, (at.nv,)), _vector_at(tau, (at.nv,))
     results = _matrix_at(out, (ws.N_ROWS, columns))

@@ -1,22 +1,22 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Degrees of freedom that are eliminated together: those coupled by mimic joints, and those of one joint.
+"""Degrees of freedom that are eliminated together.
 
-A group is all bodies from the one that carries it (A, exclusive) down to its members, seen as a
-single aggregate body whose velocity is (V_A, q̇) with q̇ the rates of the group's own degrees of
-freedom (constraint embedding, A. Jain 2012). Each of its bodies, with everything articulated that
-hangs on it from outside the group, moves with V_i = T_i (V_A, q̇), T_i made of the placements and
-directions in between, a follower's direction counted as its leader's, multiplied. So the aggregate
-has the mass matrix and the rate
+They are coupled by mimic joints, or belong to one joint. A group is all bodies from the one that
+carries it (A, exclusive) down to its members, seen as a single aggregate body whose velocity is
+(V_A, q̇) with q̇ the rates of the group's own degrees of freedom (constraint embedding, A. Jain
+2012). Each of its bodies, with everything articulated that hangs on it from outside the group,
+moves with V_i = T_i (V_A, q̇), T_i made of the placements and directions in between, a follower's
+direction counted as its leader's, multiplied. So the aggregate has the mass matrix and the rate
 
     𝓜 = Σ T_iᵀ P_i T_i + armature = [[P, F], [Fᵀ, Q]]        𝓜̇ = [[Ṗ, Ḟ], [Ḟᵀ, Q̇]]
 
 in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion of
 the axis in other clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
 
-    𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c        ξ_c = q̇_c + GᵀV_A + Σ_b
-    g_b q̇_b
+    𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c
+    ξ_c = q̇_c + GᵀV_A + Σ_b g_b q̇_b
 
 and the remaining P and Ṗ are added to A. Costs grow with the square of the number of bodies in a
 group and the cube of its degrees of freedom. Within a group accuracy is that of a dense U D Uᵀ:
@@ -46,12 +46,15 @@ def is_leader(bodies, i):
     return bodies[i].leader == i
 
 
-# --- 𝓜 and its elimination --------------------------------------------------------------------------------
+# --- 𝓜 and its elimination ------------------------------------------------------------------------
 
 
 @nk.large_kernel
 def compose(bodies, first, last, work, Q):
-    """Q and F of a group; P of its bodies becomes the composite inertia outboard, and goes to the base."""
+    """Q and F of a group.
+
+    P of its bodies becomes the composite inertia outboard, and is added to the base.
+    """
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -90,7 +93,10 @@ def compose(bodies, first, last, work, Q):
 
 @nk.large_kernel
 def eliminate(bodies, first, last, work, Q):
-    """D and G of a group's degrees of freedom, and g in the columns of Q; P⁺ goes to the base: see factorize."""
+    """D and G of a group's degrees of freedom, and g in the columns of Q.
+
+    P⁺ is added to the base, see factorize.
+    """
     start, base = bodies[first].start, bodies[first].parent
     for i in range(last, first - 1, -1):
         if not is_leader(bodies, i):
@@ -120,7 +126,10 @@ def eliminate(bodies, first, last, work, Q):
 
 @nk.large_kernel
 def compose_rates(bodies, first, last, qd, work, Q_rate):
-    """Q̇ and Ḟ of a group after :func:`compose`; Ṗ of its bodies becomes composite too, and goes to the base."""
+    """Q̇ and Ḟ of a group after :func:`compose`.
+
+    Ṗ of its bodies becomes composite too, and is added to the base.
+    """
     start = bodies[first].start
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -182,9 +191,8 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
         records.force_of(work[i].G),
         records.force_of(work[i].u),
     )
-    rest = sp.subtract_force(
-        u, sp.scale_force(G, D_rate)
-    )  # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
+    # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
+    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))
     for j in range(first, i):
         if is_leader(bodies, j):
             b = bodies[j].dof
@@ -200,7 +208,7 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
         )
 
 
-# --- Rates and moments through a group --------------------------------------------------------------------
+# --- Rates and moments through a group ------------------------------------------------------------
 
 
 @nk.kernel
@@ -211,7 +219,10 @@ def base_motion(bodies, i, work):
 
 @nk.kernel
 def induced_rate(bodies, i, V_A, qd, Q, G):
-    """ξ − q̇ of the degree of freedom that body i owns: the rate induced by A and by those before it in the group."""
+    """ξ − q̇ of the degree of freedom of body i.
+
+    It is the rate induced by A and by the degrees of freedom before it in the group.
+    """
     body = bodies[i]
     rate = sp.power(G, V_A)
     for b in range(body.start, body.dof):
@@ -221,7 +232,7 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 
 @nk.kernel
 def filter_moments(bodies, first, last, work, Q, moments):
-    """Moments τ along a group's degrees of freedom become κ, in place; returns Σ G κ on the base."""
+    """Turn moments τ of a group's degrees of freedom into κ, in place; return Σ G κ on the base."""
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         if is_leader(bodies, i):
@@ -234,7 +245,10 @@ def filter_moments(bodies, first, last, work, Q, moments):
 
 @nk.kernel
 def unfilter_moments(bodies, first, last, work, Q, moments):
-    """Moments κ become τ of them alone, in place: [I + HφK] within the group; returns Σ G κ on the base."""
+    """Turn moments κ into their τ alone, in place, by [I + HφK] within the group.
+
+    Returns Σ G κ on the base.
+    """
     F = sp.NO_FORCE
     for i in range(first, last + 1):
         if is_leader(bodies, i):
@@ -247,7 +261,7 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
 
 @nk.kernel
 def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
-    """𝓜̇_c (V_A, q̇) of the degree of freedom c that body i owns, with 𝓜̇ as it was eliminated from it."""
+    """𝓜̇_c (V_A, q̇) of the degree of freedom c of body i, with 𝓜̇ at the elimination of c."""
     body = bodies[i]
     rate = sp.power(records.force_of(work[i].u), V_A)
     for b in range(body.start, body.dof + 1):
@@ -257,7 +271,10 @@ def momentum_rate(bodies, i, V_A, qd, work, Q_rate):
 
 @nk.kernel
 def moments_of_wrench(bodies, i, first, work, F, moments):
-    """Add the moments of a wrench on body i along the rigid joints from body `first` outward; return the wrench inboard."""
+    """Add the moments of a wrench on body i along the rigid joints from body `first` outward.
+
+    Returns the wrench inboard.
+    """
     while i >= first:
         moments[bodies[i].dof] += work[i].multiplier * sp.along(bodies[i].direction, F)
         F = joints.force_inboard(bodies[i], work[i], F)
@@ -267,7 +284,7 @@ def moments_of_wrench(bodies, i, first, work, F, moments):
 
 @nk.kernel
 def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
-    """Add κ of a wrench on body i at every degree of freedom that carries the body, all of them articulated."""
+    """Add κ of a wrench on body i at every degree of freedom that carries it, all articulated."""
     while i > 0:
         body, w = bodies[i], work[i]
         if is_grouped(body):
@@ -301,10 +318,10 @@ def gather(bodies, first, last, work, sign, moments):
 
 @nk.large_kernel
 def gather_bias(bodies, first, last, qd, rates, work, V, moments):
-    """Subtract the bias moments of a group with velocities V, V̇ of A and q̈ zero; returns the bias wrench on the base.
+    """Subtract the bias moments of a group with V and V̇ of A and q̈ zero.
 
-    It follows :func:`compose`. V is field V of the bodies and `rates` are q̇, or W and its rates
-    for the bilinear form.
+    Returns the bias wrench on the base. It follows :func:`compose`. V is field V of the bodies and
+    `rates` are q̇, or W and its rates for the bilinear form.
     """
     for i in range(first, last + 1):
         body, w = bodies[i], work[i]

@@ -12,16 +12,18 @@ from diag_dynamics.sweeps import records
 from diag_dynamics.sweeps import spatial as sp
 
 UNIT_TOLERANCE = 1e-3
-"""Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then normalized."""
+"""Largest distance from 1 of a quaternion's squared length that is accepted; the quaternion is then
+normalized."""
 
 SINGULAR = 1e-10
-"""D below this fraction of the inertias that it is the difference of is rounding: the joint moves no inertia."""
+"""D below this fraction of the inertias that it is the difference of is rounding: the joint moves
+no inertia."""
 
 REMOTE = 1e-4
 """Weight of all inertia outboard in the size of P, relative to the articulated inertias of the
 children. It matters where these are rounding errors, 1e-14 of the inertia outboard."""
 
-# --- Positions --------------------------------------------------------------------------------------------
+# --- Positions ------------------------------------------------------------------------------------
 
 
 POSITIONS, RATES, BOTH = range(3)
@@ -30,7 +32,7 @@ POSITIONS, RATES, BOTH = range(3)
 
 @nk.kernel
 def couple(q, work):
-    """Find positions and ratios of followers whose ratios change, before bodies are placed; returns a status."""
+    """Find positions and changing ratios of followers before bodies are placed; return a status."""
     if work[0].couple == 0:
         return 0
     return call_address(work[0].couple, (work[0].couplings, address_of(q), 0, POSITIONS))
@@ -181,7 +183,7 @@ def are_finite(x):
     return True
 
 
-# --- Motions ----------------------------------------------------------------------------------------------
+# --- Motions --------------------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -192,7 +194,10 @@ def own_motion(body, w, rates):
 
 @nk.kernel
 def joint_vector(body, x):
-    """Twist of a joint of several degrees of freedom from the entries of x that are its own; `body` is its first."""
+    """Twist of a joint of several degrees of freedom from its entries of x.
+
+    `body` is its first.
+    """
     k = body.dof
     if body.kind == records.FLOATING:
         return sp.Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
@@ -201,7 +206,7 @@ def joint_vector(body, x):
 
 @nk.kernel
 def joint_motion(bodies, i, rates, work):
-    """v_J, the motion of the frame of body i against its parent's; zero for the later bodies of a joint."""
+    """v_J, the motion of body i's frame against its parent's; zero at later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], work[i], rates)
     v_J = sp.NO_MOTION
@@ -213,7 +218,10 @@ def joint_motion(bodies, i, rates, work):
 
 @nk.kernel
 def turning(bodies, i):
-    """First of the bodies at whose rates the rotor of body i turns: all of a follower's, and body i alone otherwise."""
+    """First of the bodies at whose rates the rotor of body i turns.
+
+    They are all bodies of a follower, and body i alone otherwise.
+    """
     return i - bodies[i].rank if bodies[i].kind == records.VIRTUAL else i
 
 
@@ -228,7 +236,7 @@ def joint_rate(bodies, i, rates, work):
 
 @nk.kernel
 def ratio_rate(bodies, i, rates, work):
-    """Ġ q̇ of the joint whose first body is i: its acceleration while all independent rates are constant."""
+    """Ġ q̇ of the joint with first body i: its acceleration at constant independent rates."""
     rate = 0.0
     for j in range(i, i + bodies[i].dofs):
         rate += work[j].multiplier_rate * rates[bodies[j].dof]
@@ -296,7 +304,7 @@ def moments_inward(bodies, work, tau):
             records.add_to_force(work[body.parent].y, force_inboard(body, w, y))
 
 
-# --- Inertias ---------------------------------------------------------------------------------------------
+# --- Inertias -------------------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -330,7 +338,7 @@ def joint_inertia(direction, armature, P):
 
 @nk.kernel
 def scale_along(direction, w):
-    """Magnitude of the two inertias whose difference is D; rounding errors of D are relative to it."""
+    """Magnitude of the two inertias whose difference is D, to which rounding of D is relative."""
     k = 0 if direction < sp.ANGULAR_X else 1
     return max(w.magnitude[k], REMOTE * w.total[k])
 

@@ -18,7 +18,10 @@ from diag_dynamics.sweeps import workspace as ws
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.COUNT, nk.FILLED_MATRIX)
 def placement(robot, q, body, result):
-    """R and, in the last column, the origin of one body in the world, shape (3, 4): a walk down the tree."""
+    """R and, in the last column, the origin of a body in the world, shape (3, 4).
+
+    It walks down the tree.
+    """
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
@@ -34,10 +37,11 @@ def placement(robot, q, body, result):
 
 @nk.large_kernel
 def set_jacobian(bodies, body, point, work, J):
-    """J of a point of a body, linear rows first, in the body's axes: a walk down the tree of placed bodies.
+    """J of a point of a body, linear rows first, in the body's axes.
 
-    Each body that carries the point adds its direction, seen from the point; a follower adds to its
-    leader's column. Returns the number of columns up to the last one that is not zero.
+    It walks down the tree of placed bodies. Each body that carries the point adds its direction,
+    seen from the point; a follower adds to its leader's column. Returns the number of columns up to
+    the last one that is not zero.
     """
     for row in range(6):
         ws.clear(J[row])
@@ -73,7 +77,7 @@ def jacobian(robot, q, body, point, J):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.COUNT, nk.FILLED_MATRIX)
 def motion(robot, q, qd, qdd, body, result):
-    """Twist of a body and its rate, in the body's axes at its origin, shape (2, 6); without gravity."""
+    """Twist of a body and its rate, shape (2, 6), in its axes at its origin, without gravity."""
     if not ws.lengths_match(robot, q, qd, qdd):
         return ws.BAD_LENGTH
     bodies, _, work, _ = ws.opened(robot)
@@ -95,7 +99,10 @@ def motion(robot, q, qd, qdd, body, result):
 
 @nk.large_kernel
 def integrate_positions(bodies, start, u, q):
-    """Positions q displaced by u from those at the start; quaternions have unit length. q may be the start."""
+    """Positions q displaced by u from those at the start.
+
+    Quaternions have unit length. q may be the start.
+    """
     for i in range(1, len(bodies)):
         body, k = bodies[i], bodies[i].q
         if body.dofs == 1:
@@ -127,7 +134,7 @@ def integrate_positions(bodies, start, u, q):
 
 @nk.kernel
 def _log(body, start, end):
-    """Twist of a joint of several degrees of freedom that displaces its positions from a start to an end."""
+    """Twist that moves a joint of several degrees of freedom from start to end positions."""
     k = body.q
     if body.kind == records.FLOATING:
         back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
@@ -152,7 +159,10 @@ def _wrapped(angle):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def integrate(robot, q, v, result):
-    """Positions reached from q along v: q exp(v) of joints of several degrees of freedom, q + v of the others."""
+    """Positions reached from q along v.
+
+    They are q exp(v) of joints of several degrees of freedom, and q + v of the others.
+    """
     if not ws.lengths_match(robot, q, v, v):
         return ws.BAD_LENGTH
     bodies, _, _, _ = ws.opened(robot)
@@ -164,7 +174,10 @@ def integrate(robot, q, v, result):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
 def difference(robot, start, end, continuous, v):
-    """V that moves `start` to `end`; where `continuous` is not 0, an angle takes the shorter way round."""
+    """Twist v that moves `start` to `end`.
+
+    Where `continuous` is not 0, an angle takes the shorter way round.
+    """
     if not (ws.positions_match(robot, start) and ws.positions_match(robot, end)):
         return ws.BAD_LENGTH
     bodies, _, _, _ = ws.opened(robot)

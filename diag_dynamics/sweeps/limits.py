@@ -14,9 +14,10 @@ from diag_dynamics.numerics import kernel as nk
 
 @nk.entry_kernel(nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)
 def project(nu, flow, period, limit, joint_limit, rate, change):
-    """Fill the change of ε by which ν + h·flow, the rates at the end of a cycle, keep box and ball; 1 if there is one.
+    """Fill the change of ε by which ν + h·flow, the next rates, keep box and ball.
 
-    Energies approach their limits, from below and from above, at `rate` [1/s].
+    Returns 1 if there is one. Energies approach their limits, from below and from above, at `rate`
+    [1/s].
     """
     share_of_gap, now, ahead, is_limited = min(rate * period, 1.0), 0.0, 0.0, False
     for k in range(len(nu)):
@@ -44,10 +45,11 @@ STEPS, BISECTIONS = 60, 6
 
 @nk.kernel
 def _brake(inverse, nu, effort, change, period, lower, upper, braking):
-    """Fill the next efforts on the fastest way of each joint to rest without effort, at a bounded rate.
+    """Fill the next efforts on the fastest way to rest of each joint, at a bounded rate.
 
-    D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are free, and |u̇| ≤ R make it
-    a double integrator, whose switching curve is u = −sign(q̇) √(2RD|q̇|).
+    They end without effort. D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are
+    free, and |u̇| ≤ R make it a double integrator, whose switching curve is u = −sign(q̇)
+    √(2RD|q̇|).
     """
     for j in range(len(nu)):
         rate, mobility = 0.0, 0.0
@@ -92,12 +94,12 @@ def _keeps(inverse, nu, u, change, period, limit, joint_limit, lower, upper):
     nk.FILLED_MATRIX,
 )
 def foresee(inverse, nu, effort, demand, change, period, limit, joint_limit, lower, upper, rows):
-    """Fill rows[0] with efforts between full braking and those within the change of `effort`; 1 if they brake.
+    """Fill rows[0] with efforts between full braking and those within the change of `effort`.
 
-    They are the nearest to the demand after which braking keeps the limits [J]; without any, full
-    braking. The prediction is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without
-    gravity. `change` is the largest change of an effort in a cycle, `lower` and `upper` bound
-    efforts; rows: (4, nv).
+    Returns 1 if they brake. They are the nearest to the demand after which braking keeps the limits
+    [J]; without any, full braking. The prediction is ν̇ = ℓu with a constant `inverse` ℓ, where u
+    are efforts without gravity. `change` is the largest change of an effort in a cycle, `lower` and
+    `upper` bound efforts; rows: (4, nv).
     """
     near, brake, ahead, u = rows[0], rows[1], rows[2], rows[3]
     _brake(inverse, nu, effort, change, period, lower, upper, brake)

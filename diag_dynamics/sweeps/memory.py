@@ -58,8 +58,9 @@ class Workspace:
         self.robot = self._addresses.at
 
     def __reduce__(self):
+        # Addresses would be those of the original.
         return type(self), (
             self.bodies,
             self.gravity,
             self._coupling_tables,
-        )  # addresses would be those of the original
+        )

@@ -58,7 +58,7 @@ PLACES[np.triu_indices(6)] = [
     20,
 ]
 
-# --- Between one frame and the next -------------------------------------------------------------------------
+# --- Between one frame and the next ---------------------------------------------------------------
 
 
 @nk.kernel
@@ -84,7 +84,7 @@ def mobility_of(w):
     return records.inertia_of(w.P)
 
 
-# --- The outward sweep --------------------------------------------------------------------------------------
+# --- The outward sweep ----------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -99,7 +99,10 @@ def _add_joint(body, w, Y):
 
 @nk.large_kernel
 def _group_mobility(robot, i):
-    """Υ of a body of a group: Σ κ D⁻¹κᵀ, with the working moments κ of six unit wrenches on the body."""
+    """Υ = Σ κ D⁻¹κᵀ of a body of a group, with the moments κ of six unit wrenches on the body.
+
+    κ are working moments.
+    """
     bodies, _, work, table = ws.opened(robot)
     kappa = ws.robot_of(robot).scratch
     for a in range(6):
@@ -142,7 +145,10 @@ def _write(Y, mobility):
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, FRAMES, nk.FILLED_STATES)
 def mobilities(robot, q, frames, results):
-    """Υ = J M⁻¹Jᵀ of frames that are fixed to bodies, in their axes, linear part first, shape (frames, 6, 6)."""
+    """Υ = J M⁻¹Jᵀ of frames fixed to bodies, in their axes, linear part first.
+
+    The shape is (frames, 6, 6).
+    """
     if not ws.positions_match(robot, q):
         return ws.BAD_LENGTH
     status = factorize_at(robot, q)

@@ -103,7 +103,8 @@ WORK = np.dtype(
 the degree of freedom that the body owns."""
 
 WIDTH = 8
-"""States side by side in the loops of batch: the registers of AVX-512 hold as many, those of AVX2 half."""
+"""States side by side in the loops of batch: the registers of AVX-512 hold as many, those of AVX2
+half."""
 
 N_RESULTS = 9
 """Results of a degree of freedom that a batch keeps."""
@@ -126,7 +127,8 @@ LANES = np.dtype(
     ],
     align=True,
 )
-"""Workspace of one body for WIDTH states: see batch. Only a floating base has more than one rate."""
+"""Workspace of one body for WIDTH states: see batch. Only a floating base has more than one
+rate."""
 
 Lane = namedtuple("Lane", SWEPT_FIELDS)
 """Fields of one state in LANES, as a record WORK has them."""
@@ -141,7 +143,8 @@ WRENCH = np.dtype(
     [("body", "i8"), ("point", "f8", 3), ("force", "f8", 3), ("moment", "f8", 3)],
     align=True,
 )
-"""An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment [N m]."""
+"""An external wrench at a point of a body, the point in the body's frame [m], force [N] and moment
+[N m]."""
 
 LINKS = types.Array(numba.from_dtype(LINK), 1, "C", readonly=True)
 WRENCHES = numba.from_dtype(WRENCH)[::1]

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Columns of momentum, ∂K/∂q and gravity, linear in inertial parameters, and the load that they explain.
+"""Columns of momentum, ∂K/∂q and gravity, and the load that they explain.
 
-Parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its frame's origin. With
-the columns Y_p of momentum, Y_∂ of ∂K/∂q and Y_g of gravity, parameters π need the torque d/dt(Y_p
-π) + (Y_g − Y_∂)π.
+They are linear in inertial parameters. Parameters of a body are m, mc (three), Ixx, Ixy, Iyy, Ixz,
+Iyz, Izz about its frame's origin. With the columns Y_p of momentum, Y_∂ of ∂K/∂q and Y_g of
+gravity, parameters π need the torque d/dt(Y_p π) + (Y_g − Y_∂)π.
 """
 
 import math
@@ -83,7 +83,10 @@ def regressor(robot, q, qd, qdd, frames, Y):
 
 @nk.kernel
 def _load_columns(bodies, frame, work, momentum, bias):
-    """Fill Y_p and Y_g − Y_∂ of a load on a frame, (nv, 4) each, by a walk from the frame to the base."""
+    """Fill Y_p and Y_g − Y_∂ of a load on a frame, (nv, 4) each.
+
+    It walks from the frame to the base.
+    """
     for k in range(len(momentum)):
         ws.clear(momentum[k])
         ws.clear(bias[k])
@@ -110,7 +113,7 @@ def _load_columns(bodies, frame, work, momentum, bias):
 
 @nk.kernel
 def _filter_columns(columns, share, interval):
-    """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean over the interval is spread evenly."""
+    """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean is spread over the interval."""
     before, bias_before, momentum, bias, filtered = (
         columns[0],
         columns[1],
@@ -146,7 +149,10 @@ def _add_rows(whitening, filtered, torque, weight, decay, information, row):
 
 @nk.kernel
 def _solve(information, prior, result):
-    """Sweep the parameters out of the information: −covariance, estimate, and the energy that remains."""
+    """Sweep the parameters out of the information.
+
+    The result has −covariance, estimate, and the remaining energy.
+    """
     for a in range(LOAD + 1):
         for b in range(LOAD + 1):
             result[a, b] = information[a, b]

@@ -27,7 +27,8 @@ Placement = namedtuple("Placement", ["rotation", "translation"])
 """Pose of a child frame in its parent: x_parent = rotation x_child + translation."""
 
 LINEAR_X, LINEAR_Y, LINEAR_Z, ANGULAR_X, ANGULAR_Y, ANGULAR_Z = range(6)
-"""Directions of a degree of freedom: entries of a Motion. A revolute joint has ANGULAR_Z, a prismatic one LINEAR_Z."""
+"""Directions of a degree of freedom: entries of a Motion. A revolute joint has ANGULAR_Z, a
+prismatic one LINEAR_Z."""
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -35,7 +36,7 @@ NO_MOTION, NO_FORCE = Motion(ZERO, ZERO), Force(ZERO, ZERO)
 
 NO_INERTIA = Inertia(3 * (ZERO,), 3 * (ZERO,), 3 * (ZERO,))
 
-# --- 3-vectors and 3x3 matrices ---------------------------------------------------------------------------
+# --- 3-vectors and 3x3 matrices -------------------------------------------------------------------
 
 
 @nk.kernel
@@ -142,7 +143,7 @@ def rotated(R, M):
     return product(product(R, M), transpose(R))
 
 
-# --- Spatial vectors --------------------------------------------------------------------------------------
+# --- Spatial vectors ------------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -211,12 +212,15 @@ def force_to_parent(X, F):
     return Force(force, add(apply(X.rotation, F.moment), cross(X.translation, force)))
 
 
-# --- Inertias ---------------------------------------------------------------------------------------------
+# --- Inertias -------------------------------------------------------------------------------------
 
 
 @nk.kernel
 def rigid_inertia(mass, first_moment, rotational):
-    """Spatial inertia of a rigid body from mass, mass times centre of mass, and inertia about the origin."""
+    """Inertia of a rigid body from mass, first moment, and rotational inertia about the origin.
+
+    The first moment is mass times centre of mass.
+    """
     h = first_moment
     A = ((mass, 0.0, 0.0), (0.0, mass, 0.0), (0.0, 0.0, mass))
     B = ((0.0, h[2], -h[1]), (-h[2], 0.0, h[0]), (h[1], -h[0], 0.0))
@@ -305,7 +309,7 @@ def less_rank_two(P, G, H):
     )
 
 
-# --- Degrees of freedom -------------------------------------------------------------------------------------
+# --- Degrees of freedom ---------------------------------------------------------------------------
 
 
 @nk.kernel
@@ -382,10 +386,11 @@ def rotation_of_quaternion(x, y, z, w):
     )
 
 
-# --- Displacements ------------------------------------------------------------------------------------------
+# --- Displacements --------------------------------------------------------------------------------
 
 SMALL = 1e-4
-"""Square of the angle below which the functions of an exponential are taken from their series, good to 1e-16."""
+"""Square of the angle below which the functions of an exponential are taken from their series, good
+to 1e-16."""
 
 
 @nk.kernel
@@ -430,7 +435,10 @@ def quaternion_product(p, r):
 
 @nk.kernel
 def rotation_vector(x, y, z, w):
-    """Rotation vector of a unit quaternion, the shorter way round: the inverse of :func:`rotation_quaternion`."""
+    """Rotation vector of a unit quaternion, the shorter way round.
+
+    It is the inverse of :func:`rotation_quaternion`.
+    """
     if w < 0.0:
         x, y, z, w = -x, -y, -z, -w
     sine = math.sqrt(x * x + y * y + z * z)
@@ -441,9 +449,10 @@ def rotation_vector(x, y, z, w):
 
 @nk.kernel
 def screw_of_displacement(translation, vector):
-    """V with exp(V) of this translation and rotation vector: the inverse of :func:`screw_translation`.
+    """V with exp(V) of this translation and rotation vector.
 
-    v = t − ½ ω × t + (1/θ² − (1 + cos θ)/(2 θ sin θ)) ω × (ω × t).
+    It is the inverse of :func:`screw_translation`. v = t − ½ ω × t + (1/θ² − (1 + cos θ)/(2 θ sin
+    θ)) ω × (ω × t).
     """
     squared = dot(vector, vector)
     angle = math.sqrt(squared)
@@ -456,7 +465,7 @@ def screw_of_displacement(translation, vector):
     return Motion(linear, vector)
 
 
-# --- How an inertia changes as its frame moves ------------------------------------------------------------
+# --- How an inertia changes as its frame moves ----------------------------------------------------
 
 
 @nk.kernel
@@ -500,7 +509,7 @@ def transport(V, P):
     )
 
 
-# --- Sine and cosine ----------------------------------------------------------------------------------------
+# --- Sine and cosine ------------------------------------------------------------------------------
 
 MAX_ANGLE = 1e6
 """Up to this angle [rad] a multiple of the first part of π/2 has no rounding error."""
@@ -537,10 +546,10 @@ def reduced_angle(x):
 
 @nk.kernel
 def sine_and_cosine(x):
-    """Sine and cosine of |x| < MAX_ANGLE, without a branch; errors are below one unit in the last place of 1.
+    """Sine and cosine of |x| < MAX_ANGLE, without a branch.
 
-    The nearest multiple of π/2 is subtracted in two parts (Cody and Waite 1980). The polynomials
-    are fdlibm's.
+    Errors are below one unit in the last place of 1. The nearest multiple of π/2 is subtracted in
+    two parts (Cody and Waite 1980). The polynomials are fdlibm's.
     """
     n = (x * (2.0 / math.pi) + TO_NEAREST) - TO_NEAREST
     r, w = x - n * HALF_PI[0], n * HALF_PI[1]
