@@ -250,8 +250,8 @@ def _calibrate_rows(
     (limits, level), duration = fit_limits(rows, *options), rows.duration
     if level is None:
         raise InputError(
-            f"the recordings have {duration:.3g} s with fewer than four separate peaks, too few for a "
-            "threshold. Record a longer motion."
+            f"the recordings have {duration:.3g} s with fewer than four separate peaks, "
+            "too few for a threshold. Record a longer motion."
         )
     numbers, parts = part_numbers(rows)
     held_out = _HeldOut(rows.cut(numbers), numbers, names, rate, template)
@@ -276,8 +276,8 @@ def _calibrate_rows(
     if upper is None and ratios.max() > MAX_RATIO:
         name = (*names, TOTAL, NORM)[int(np.argmax(ratios))]
         warnings.append(
-            f"extrapolated: the threshold of '{name}' is {ratios.max():.3g} times the largest value "
-            "in the recordings; record longer"
+            f"extrapolated: the threshold of '{name}' is {ratios.max():.3g} times the largest "
+            "value in the recordings; record longer"
         )
     return replace(result, warnings=tuple(warnings))
 
@@ -316,7 +316,7 @@ class _HeldOut:
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
 
     def _chosen(self, without: int | None = None) -> int:
-        """Return the number of the first factor at which the parts have alarms at the rate, or at most one."""
+        """Return the number of the first factor with alarms at the rate, or at most one."""
         counted = np.arange(len(self._parts)) != without
         for k in range(len(FACTORS)):
             if k == len(self._counts):
@@ -329,11 +329,11 @@ class _HeldOut:
         return k
 
     def factor(self) -> float:
-        """Return the smallest factor with which the alarms of held-out parts have the requested rate."""
+        """Return the smallest factor at which held-out parts have the requested rate of alarms."""
         return float(FACTORS[self._chosen()])
 
     def alarms(self) -> tuple[int, float]:
-        """Return number and time [s] of the alarms, in each part with the factor from the others."""
+        """Return number and time [s] of the alarms of each part with the factor of the others."""
         counts = [self._counts[self._chosen(k)][k] for k in range(len(self._parts))]
         return sum(alarms for alarms, _ in counts), sum(time for _, time in counts)
 
@@ -367,7 +367,7 @@ def _warnings(result: Calibration, alarm_time: float) -> list[str]:
         )
     if result.rate_interval[0] > result.requested or alarm_time > MAX_ALARM_TIME:
         warnings.append(
-            f"parts of the recordings differ: {result.held_out} alarms by thresholds from the other "
-            f"parts, {format_rate(result.rate)}, active {alarm_time:.0%} of the time"
+            f"parts of the recordings differ: {result.held_out} alarms by thresholds from the "
+            f"other parts, {format_rate(result.rate)}, active {alarm_time:.0%} of the time"
         )
     return warnings

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Points of links at which contact is predicted, limits of the body regions there, and the table of both for sweeps.
+"""Points of links at which contact is predicted, limits of body regions, and their table.
 
-The user enters all numbers of body regions: none is built in.
+The sweeps read the table. The user enters all numbers of body regions: none is built in.
 """
 
 from __future__ import annotations
@@ -148,7 +148,10 @@ class ContactLimits:
         return tuple(self.links.get(point.link, self.default or ()))
 
     def with_energy(self, energy: float, name: str) -> ContactLimits:
-        """Return these limits and one of transferable energy [J] on every link, as a region of this name."""
+        """Return these limits and one of transferable energy [J] on every link.
+
+        It is a region of this name.
+        """
         points = {point: dict(of) for point, of in self.points.items()}
         for of in points.values():
             if "regions" in of:
@@ -177,12 +180,13 @@ class ContactLimits:
 
 
 class ContactPoints:
-    """Contact points of one robot and the limits there; immutable. For :meth:`DiagonalDynamics.contact_limits`.
+    """Contact points of one robot and the limits there; immutable.
 
-    Points are ContactPoint or tuples of its fields; those on links that nothing moves are left out.
-    Without limits there is no force. The worst of an entry's points has the largest transferable
-    energy along its motion, the largest force against any of the entry's body regions, or the
-    largest ratio of speed to allowed speed. Without regions or limits it is the energy.
+    :meth:`DiagonalDynamics.contact_limits` has them as an argument. Points are ContactPoint or
+    tuples of its fields; those on links that nothing moves are left out. Without limits there is no
+    force. The worst of an entry's points has the largest transferable energy along its motion, the
+    largest force against any of the entry's body regions, or the largest ratio of speed to allowed
+    speed. Without regions or limits it is the energy.
     """
 
     names: tuple[str, ...]  #: of the entries
@@ -214,7 +218,8 @@ class ContactPoints:
         for link in where:
             if link not in model.link_names:
                 raise InputError(
-                    f"contact limits, {where[link]}: '{link}' is not a link of robot '{model.name}'."
+                    f"contact limits, {where[link]}: '{link}' is not a link of robot "
+                    f"'{model.name}'."
                 )
         kept: dict[str, Any] = {}  # link, regions and points by name
         rows, entries, region = [np.zeros((0, 3))], [], 0
@@ -269,7 +274,10 @@ class ContactPoints:
         return len(self.names)
 
     def __repr__(self) -> str:
-        return f"<ContactPoints of '{self.model.name}': {len(self)} entries, {self.count} points, worst by {self.worst_by}>"
+        return (
+            f"<ContactPoints of '{self.model.name}': {len(self)} entries, {self.count} points, "
+            f"worst by {self.worst_by}>"
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._given  # an address is valid in one process

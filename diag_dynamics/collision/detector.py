@@ -102,11 +102,11 @@ class Judged(NamedTuple):
 
 
 class Detector:
-    """Detect collisions joint by joint, by ‖m r‖ and by |r|; an alarm is on while any detector is active.
+    """Detect collisions joint by joint, by ‖m r‖ and by |r|.
 
-    A detector becomes active above its threshold and releases below `release` of it. A rise within
-    `hold_off` after an alarm belongs to that alarm. A rise by a whole threshold within an alarm, at
-    least 0.3 s after its begin, is a further event.
+    An alarm is on while any detector is active. A detector becomes active above its threshold and
+    releases below `release` of it. A rise within `hold_off` after an alarm belongs to that alarm. A
+    rise by a whole threshold within an alarm, at least 0.3 s after its begin, is a further event.
 
     Once an alarm has been on for `standing`, an offset follows m r and r with a time constant of
     `standing` / 2, and afterwards decreasing torques. The test statistic is min(|x|, |x − offset|):
@@ -228,7 +228,10 @@ class Detector:
 
 
 def detector_values(x: Array) -> Array:
-    """Return |m r| of each joint, ‖m r‖ and |r| of rows [m r, r]; cumsum gives one row the bits of many."""
+    """Return |m r| of each joint, ‖m r‖ and |r| of rows [m r, r].
+
+    cumsum gives one row the bits of many.
+    """
     n = x.shape[1] // 2
     if not n:  # a robot without joints
         return np.zeros((len(x), 2))
@@ -268,7 +271,10 @@ class Alarm(NamedTuple):
     chi_square: float = 0.0
 
     def at_link(self, touched: TouchedLink | None, rows: IntArray) -> Alarm:
-        """Return the collision with the link of the largest χ² of some states, if that is above the one before."""
+        """Return the collision with the link of the largest χ² of states.
+
+        The collision is unchanged if its own χ² is as large.
+        """
         if touched is None or not np.isfinite(touched.chi_square[rows]).any():
             return self
         k = rows[int(np.nanargmax(touched.chi_square[rows]))]
@@ -296,7 +302,7 @@ class Alarms:
     def add_states(
         self, stamps: IntArray, norm: Array, judged: Judged, touched: TouchedLink | None = None
     ) -> None:
-        """Add states: stamps [ns], |r|, the results of the detector, and touched links if these are known."""
+        """Add states: stamps [ns], |r|, results of the detector, and touched links or None."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
             if len(rows):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact points of links: corners whose hull holds a link and points between them, or the link's frames."""
+"""Contact points of links: corners of their hulls and points between, or their frames."""
 
 from __future__ import annotations
 
@@ -47,13 +47,14 @@ def link_geometry(
     geometry: Geometry = "primitives",
     most: int = 64,
 ) -> LinkGeometry:
-    """Return at most `most` points of every link, for ContactPoints: of its collision shapes, else of its visual ones.
+    """Return at most `most` points of every link, for ContactPoints.
 
-    Boxes and hulls of meshes have their own corners, cylinders those of a prism around them. If
-    these are too many, or a shape is round, corners are the support points in many directions,
-    moved outward until their hull holds the shapes. Speed is largest at a corner, but the
-    transferable energy may be larger at the points between them. A link without such shapes has its
-    frames: its own origin and those of the joints that it carries.
+    They are of its collision shapes, or of its visual ones. Boxes and hulls of meshes have their
+    own corners, cylinders those of a prism around them. If these are too many, or a shape is round,
+    corners are the support points in many directions, moved outward until their hull holds the
+    shapes. Speed is largest at a corner, but the transferable energy may be larger at the points
+    between them. A link without such shapes has its frames: its own origin and those of the joints
+    that it carries.
 
     The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files
     that the URDF names: they are not for untrusted descriptions.
@@ -85,7 +86,8 @@ def link_geometry(
 
 
 _Hull = tuple[Array, float, Array]
-"""Centres (number, 3) and radius [m] of balls in a link's axes, and normals of the faces of their convex hull."""
+"""Centres (number, 3) and radius [m] of balls in a link's axes, and normals of the faces of their
+convex hull."""
 
 
 def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
@@ -98,9 +100,8 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
         corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
         reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
-        known = (
-            held > 1e-9 * reach.max()
-        )  # in other directions there is nothing that could lie outside
+        # In other directions nothing can lie outside.
+        known = held > 1e-9 * reach.max()
         factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
         corners = centre + factor * (corners - centre)
     centre, rays = corners.mean(axis=0), _directions(most - len(corners))
@@ -158,7 +159,7 @@ def _support_points(hulls: list[_Hull], directions: Array) -> Array:
 
 
 def _directions(count: int) -> Array:
-    """Return unit vectors spread evenly over all directions: a spiral from pole to pole by the golden angle."""
+    """Return unit vectors spread evenly over all directions, on a spiral by the golden angle."""
     k = np.arange(count) + 0.5
     z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)

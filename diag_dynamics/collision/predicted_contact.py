@@ -82,7 +82,10 @@ class PredictedContact:
 
     @property
     def rest(self) -> Array:
-        """K less the transferable energy [J], the part of ν across ŵ: a push along u leaves it to the robot."""
+        """K less the transferable energy [J], the part of ν across ŵ.
+
+        A push along u leaves it to the robot.
+        """
         return np.asarray(self.kinetic_energy)[..., None] - self.energy
 
     @property
@@ -99,7 +102,10 @@ class PredictedContact:
 
     @property
     def worst(self) -> Any:
-        """Entry of the smallest margin or, without limits, of the largest energy; -1 if all points rest."""
+        """Entry of the smallest margin; without limits, of the largest energy.
+
+        It is -1 if all points are at rest.
+        """
         margin, energy = self.margin, self.energy
         if not energy.shape[-1]:
             return np.full(energy.shape[:-1], -1)[()]
@@ -108,7 +114,10 @@ class PredictedContact:
         return np.where(energy.max(axis=-1) > 0.0, chosen, -1)[()]
 
     def region(self, k: int, t: int | None = None) -> str:
-        """Return the body region with the strictest limit at entry k, of state t if there are many; else empty."""
+        """Return the body region with the strictest limit at entry k, or an empty text.
+
+        Of many states it is that of state t.
+        """
         index = int((self._results if t is None else self._results[t])[k, contacts.REGION])
         return self.points.region_names[index] if index >= 0 else ""
 
@@ -130,7 +139,7 @@ def reduced_mass(reflected_mass: Any, mass: Any = np.inf) -> Any:
 
 
 def simplified_mass(moving_mass: float, payload: float = 0.0) -> float:
-    """Return m_R = M/2 + m_L [kg] of ISO/TS 15066: half the mass of the moving parts, and the payload.
+    """Return m_R = M/2 + m_L [kg] of ISO/TS 15066, with mass M of moving parts and payload m_L.
 
     For comparison: independent of pose and direction, it can be too small as well as too large.
     """
@@ -153,10 +162,11 @@ class Impact(NamedTuple):
 
 
 def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0) -> Impact:
-    """Return the impact with a mass at rest; `qd_after` is empty, :meth:`DiagonalDynamics.impact` computes it.
+    """Return the impact with a mass at rest.
 
-    w = ℓJᵀu [kg^−½] belongs to the direction u at the point. The mass m_H [kg] is free to move, or
-    clamped if inf. The restitution e is from 0 to 1.
+    `qd_after` is empty, and :meth:`DiagonalDynamics.impact` computes it. w = ℓJᵀu [kg^−½] belongs
+    to the direction u at the point. The mass m_H [kg] is free to move, or clamped if inf. The
+    restitution e is from 0 to 1.
     """
     mass = mass if mass == math.inf else positive("mass", mass, "[kg]")
     e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)

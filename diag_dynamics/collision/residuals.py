@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Residuals of an observer without contact, and the level that a score of them exceeds at a given rate."""
+"""Residuals of an observer without contact, and the level that a score exceeds at a rate."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ MAX_SHARE = 0.7  # largest fraction of the time in one recording, where recordin
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
 CELL = 20_000_000  # only the largest values within this time are kept [ns]
-MIN_PEAKS, MAX_PEAKS = (
-    10,
-    50,
-)  # fewest and most peaks from which alarms are counted or a tail is fitted
+# Fewest and most peaks from which alarms are counted or a tail is fitted
+MIN_PEAKS, MAX_PEAKS = 10, 50
 PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail
-MIN_NOISE = 1e-9  # smallest deviation of a joint relative to the largest, and smallest eigenvalue of correlations
+# Smallest deviation of a joint relative to the largest, and smallest eigenvalue of correlations
+MIN_NOISE = 1e-9
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
 
 Segments = list[tuple[IntArray, Array]]  # stamps [ns] and values of rows without a gap
@@ -166,7 +165,10 @@ def _reduce(parts: list[Rows]) -> Rows:
 
 
 def singular_joint(names: Sequence[str], covariance: Array) -> str:
-    """Return the joint without noise of its own, at which a covariance is not positive definite; empty if it is."""
+    """Return the joint at which a covariance is not positive definite; empty if it is.
+
+    The joint has no noise of its own.
+    """
     if not len(names):
         return ""
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -178,7 +180,7 @@ def singular_joint(names: Sequence[str], covariance: Array) -> str:
 
 
 def poisson_interval(count: int) -> tuple[float, float]:
-    """Return the exact 95 % interval (Garwood, 1936) of the expected number of events after a count."""
+    """Return the exact 95 % interval (Garwood, 1936) of an expected number, given a count."""
     gammaincinv = require("scipy.special", "calibrate").gammaincinv  # half a quantile of χ²
     return float(gammaincinv(count, 0.025)) if count else 0.0, float(gammaincinv(count + 1, 0.975))
 
@@ -240,11 +242,13 @@ def find_level(
 def fit_limits(
     rows: Rows, rate: float, release: float, hold_off: float
 ) -> tuple[Array, Level | None]:
-    """Return thresholds that values exceed at a rate [1/s], and the level that is their factor upon each spread."""
+    """Return thresholds that values exceed at a rate [1/s], and their level.
+
+    The level is the factor of the thresholds upon each spread.
+    """
     spread = np.quantile(block_maxima(rows.split(rows.values)), SPREAD, axis=0, method="lower")
-    spread[spread <= MIN_NOISE * spread.max()] = (
-        math.inf
-    )  # a joint without residuals gets no threshold
+    # A joint without residuals gets no threshold.
+    spread[spread <= MIN_NOISE * spread.max()] = math.inf
     level = find_level(
         rows.split((rows.values / spread).max(axis=1)), rows.duration, rate, release, hold_off
     )
@@ -252,7 +256,10 @@ def fit_limits(
 
 
 def part_numbers(rows: Rows) -> tuple[IntArray, str]:
-    """Return the number of the part of each row, and what the parts are: recordings, or fifths of the time."""
+    """Return the number of the part of each row, and the kind of parts in words.
+
+    They are recordings, or fifths of the time.
+    """
     number = np.unique(rows.recording, return_inverse=True)[1]
     count = int(number[-1]) + 1
     time = rows.time / rows.time[-1]
