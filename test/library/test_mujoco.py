@@ -1,94 +1,21 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""MuJoCo judges loops, mimic joints and flexible joints, and with Pinocchio the simulated motions."""
+"""MuJoCo judges loops, mimic joints and ball joints."""
 
 import warnings
 
 import mujoco
 import numpy as np
 import pytest
-from test_flexible import FLEXIBLE, NAMES, URDF, inertias, model, state, with_rotors
 from test_loops import ratios
 
 import diag_dynamics as dd
-from accuracy import assert_close
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.recordings.quality import Quality
-from engines import SCENES, Mujoco, by_mujoco, by_pinocchio, distance, ours, scene
-from examples import some_of
 from motions import recorded
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-
-
-# --- motions
-
-
-@pytest.mark.parametrize("referee", [by_pinocchio, by_mujoco])
-@pytest.mark.parametrize("name", some_of(SCENES, 3))
-def test_motion(name, referee):
-    """Ours is where theirs is, to a millionth of the way; each force and the payload matter a
-    thousand times as much.
-    """
-    it = scene(name)
-    sim = ours(it, 0.1)
-    x, qd = referee(it, 0.1, 5e-4)
-    way = distance(it.oracle, sim, it.oracle.configuration(it.q), it.qd)
-    error = distance(it.oracle, sim, x, qd)
-    assert error < 1e-6 * way
-    unloaded = it._replace(model=it.model.with_payload(it.link, 0.0))
-    for other in (it._replace(tau=0 * it.tau), it._replace(damping=0 * it.damping), unloaded):
-        assert distance(it.oracle, ours(other, 0.1), x, qd) > 1e3 * error
-
-
-# --- flexible joints
-
-
-@pytest.fixture(scope="module")
-def twin():
-    """Return a flexible Panda, and it in MuJoCo: hinges of links and rotors, with springs between
-    them as tendons.
-    """
-    panda = dd.FlexibleDynamics(model())
-
-    def add_springs(spec):
-        spec.option.gravity = panda.model.gravity
-        for name, B in inertias(panda).items():
-            spec.joint(name).armature = B
-            tendon = spec.add_tendon()
-            tendon.wrap_joint(name, 1.0)
-            tendon.wrap_joint(name.removesuffix("_rotor"), -1.0)
-            own = FLEXIBLE[name.removesuffix("_rotor")]
-            tendon.stiffness[0], tendon.damping[0], tendon.springlength = (
-                own["stiffness"],
-                own["damping"],
-                [0.0, 0.0],
-            )
-
-    names = *panda.model.dof_names, *inertias(panda)
-    return panda, Mujoco(with_rotors(URDF, NAMES), names, change=add_springs)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_flexible_joints(twin, seed):
-    """Two hinges with a spring between them have the accelerations of link and motor."""
-    panda, other = twin
-    q, theta, qd, thetad, tau = state(panda, seed)
-    motors = np.isin(panda.model.dof_names, NAMES)
-    other.data.qvel[other.dof] = np.append(qd, thetad)
-    other.data.qfrc_applied[other.dof] = np.append(np.where(motors, 0.0, tau), tau[motors])
-    other.place(np.append(q, theta))
-    qdd, thetadd = panda.accelerations(q, theta, qd, thetad, tau)
-    expected = other.data.qacc[other.dof]
-    assert_close(qdd, expected[: len(q)], 1e-11)
-    assert_close(thetadd, expected[len(q) :], 1e-11)
-    assert_close(
-        panda.evaluate(q, theta, qd, thetad, tau).nu, other.mul_m2(np.append(qd, thetad)), 1e-12
-    )
-
-
-# --- loops, mimic joints and ball joints
 
 
 MJCF = """<mujoco><compiler angle="radian"/><option jacobian="dense"/><worldbody>
