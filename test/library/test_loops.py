@@ -262,6 +262,10 @@ def test_dynamics(name):
             np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()
             <= 1e-11 * np.abs(expected).max()
         )
+        wrench = {it.model.link_names[-1]: tau[[0] * 6], it.model.link_names[1]: qd[[0] * 6]}
+        effort = it.oracle.effort_of(q, qd, wrench)
+        actual = it.dynamics.inverse_dynamics(q, qd, 0.0 * qd, wrench, frame="world")
+        assert np.abs(actual + effort - c - g).max() <= 1e-11 * np.abs([effort, c, g]).max()
         actual = it.dynamics.regressor(q, qd, expected)
         Y = it.oracle.regressor(q, qd, expected, it.model.link_names)
         assert np.abs(actual - Y).max() <= 1e-9 * np.abs(Y).max()

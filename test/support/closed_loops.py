@@ -96,6 +96,12 @@ class ClosedLoops:
         """Return the energy in the field of gravity."""
         return self.full.potential_energy(self.close(q))
 
+    def effort_of(self, q, qd, wrenches):
+        """Return GᵀJᵀf of wrenches in the axes of the world."""
+        position = self.close(q)
+        G, _ = self.ratios(position, qd)
+        return G.T @ self.full.effort_of(position, wrenches, "world")
+
     def regressor(self, q, qd, qdd, links):
         """Return the regressor by parameters of links."""
         position = self.close(q)
