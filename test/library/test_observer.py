@@ -27,9 +27,9 @@ ROBOTS = {
 }
 READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 N, GAIN = 7, 25.0
+GAINS = np.linspace(20.0, 80.0, N)
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 ROBOTS |= {UR5.id: UR5}
-SETTLED = "panda_arm", UR5.id, "random_tree_0+floating"
 
 
 class Motion:
@@ -91,37 +91,12 @@ def test_residual_is_the_filtered_disturbance(id):
     )
 
 
-def test_a_standing_robot_settles_on_the_torque():
-    """Gains per component; after ten time constants τ_ext to 1e-4, each component at its own rate."""
-    motion, gain = Motion("panda_arm"), np.linspace(20, 80, N)
-    motion.rate, motion.push[1] = np.zeros(N), 0.0
-    results = observe(motion, np.arange(0, 0.5, 1e-3), gain)
-    np.testing.assert_allclose(results[-1].external_torque, motion.push[0], rtol=1e-4, atol=1e-3)
-    for k in (5, 50, 200):
-        rising = motion.push[0] * (1 - np.exp(-gain * k * 1e-3))
-        np.testing.assert_allclose(results[k].external_torque, rising, rtol=1e-9, atol=1e-11)
-
-
-@pytest.mark.parametrize("gain", [GAIN, 400.0])
-@pytest.mark.parametrize("period", [1e-3, 1e-2])
-@pytest.mark.parametrize("id", SETTLED)
-def test_a_constant_torque_on_a_moving_robot(id, period, gain):
-    """External torque settles on it to 0.1 %, also where K_O dt is 4."""
-    motion = Motion(id)
-    motion.push[1] = 0.0
-    times = np.arange(0.0, 0.5, period)
-    late = slice(int(0.4 / period), None)
-    results = observe(motion, times, gain)[late]
-    error = np.linalg.norm([result.external_torque - motion.push[0] for result in results])
-    assert error < 1e-3 * np.linalg.norm(motion.push[0]) * np.sqrt(len(times[late]))
-
-
 def test_the_torque_is_that_of_the_momentum_observer():
-    """Of p = M q̇ with Pinocchio's M, C_s and g, on uneven steps and with the last efforts held: to rounding."""
+    """Of p = M q̇ with Pinocchio's M, C_s and g and a gain of each joint, on uneven steps and with the last efforts held."""
     motion, rng = Motion("panda_arm"), np.random.default_rng(5)
     o, times = motion.s.oracle, np.cumsum(rng.uniform(1e-3, 2e-2, 40))
     for effort in ("sampled", "held"):
-        seen = observe(motion, times, effort=effort)
+        seen = observe(motion, times, GAINS, effort=effort)
         q, tau = [motion.q(t) for t in times], np.array([motion.effort(t) for t in times])
         p = np.array([o.mass_matrix(x) @ motion.rate for x in q])
         rate = np.array(
@@ -131,37 +106,8 @@ def test_the_torque_is_that_of_the_momentum_observer():
         for k, dt in enumerate(np.diff(times), 1):
             applied = tau[k] if effort == "held" else 0.5 * (tau[k - 1] + tau[k])
             external = (p[k] - p[k - 1]) / dt - applied - 0.5 * (rate[k - 1] + rate[k])
-            torque = external + np.exp(-GAIN * dt) * (torque - external)
+            torque = external + np.exp(-GAINS * dt) * (torque - external)
             np.testing.assert_allclose(seen[k].external_torque, torque, rtol=1e-9, atol=1e-9)
-
-
-def held(efforts, period, sub=8):
-    """Residual of a simulated arm, a constant push and efforts held for a period, and its truth."""
-    s = subject(ARM)
-    options = {
-        "damping": np.zeros(N),
-        "friction": np.zeros(N),
-        "effort_limits": False,
-        "limits": False,
-    }
-    plant = dd.Simulation(s.model, READY, np.full(N, 0.2), step=period / sub, **options)
-    push = np.array([3.0, -5.0, 2.0, 4.0, 0.5, -0.5, 0.2])
-    observer = dd.DisturbanceObserver(s.dyn, GAIN, effort=efforts, friction=False)
-    result = observer.update(0.0, plant.q, plant.qd, np.zeros(N))
-    for k in range(round(0.24 / period)):
-        tau = s.dyn.gravity_torque(plant.q) + 10.0 * np.sin(40.0 * k * period + np.arange(N))
-        for _ in range(sub):
-            plant.advance(tau + push)
-        result = observer.update((k + 1) * period, plant.q, plant.qd, tau)
-    truth = np.linalg.solve(s.oracle.factor(plant.q), push * -np.expm1(-GAIN * 0.24))
-    return np.linalg.norm(result.residual - truth) / np.linalg.norm(truth)
-
-
-def test_held_efforts():
-    """Held efforts have an error of second order; the same efforts as samples are half a period late."""
-    errors = [held("held", period) for period in (4e-3, 2e-3)]
-    assert 3.3 < errors[0] / errors[1] < 4.7 and errors[1] < 2e-3
-    assert held("sampled", 2e-3) > 10 * errors[1]
 
 
 @pytest.mark.parametrize("options", [{}, {"friction": True}, {"friction": False}], ids=str)
