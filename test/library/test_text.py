@@ -16,11 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import diag_dynamics as dd
-import robots
 from diag_dynamics.exceptions import RejectedError
-from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.recordings.joint_names import JointNames
-from diag_dynamics.recordings.tables.column_map import read_column_map
 from diag_dynamics.text import MAX_LENGTH, distinct, duration, number, plain
 
 FORGED = "elbow\n[FATAL] [0.0] [safety_controller]: fire"
@@ -82,8 +78,9 @@ def test_errors(error):
         assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
-def test_length_of_errors():
-    text = str(dd.InputError("\n" * 1_000_000))
+@pytest.mark.parametrize("kind", [dd.InputError, dd.InertiaWarning])
+def test_length_of_errors(kind):
+    text = str(kind("\n" * 1_000_000))
     assert text.isprintable() and len(text) <= MAX_LENGTH and " … (1000000 characters) … " in text
     assert str(dd.InputError(f"a{'x' * 1000}; expected z.")).endswith("x; expected z.")
 
@@ -185,79 +182,3 @@ def test_numbers_that_differ_in_print(values, texts):
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False))
 def test_distinct_numbers(first, second):
     assert (first == second) == (len({float(text) for text in distinct(first, second)}) == 1)
-
-
-# --- Long texts in files
-
-LONG = "x" * 1_000_000
-LINKS = f'<link name="a"/><link name="{LONG}"/>'
-JOINT = '<joint name="{}" type="{}"><parent link="{}"/><child link="b"/></joint>'
-TEXTS = {
-    "parameters": (
-        dd.Parameters.load,
-        [
-            f"{LONG}: 1",
-            f"armature: {{{LONG}: {LONG}}}",
-            f"armature: {LONG}",
-            f"payloads: {{a: {{{LONG}: 1}}}}",
-            f"a: [{LONG}",
-            f"{LONG}: 1\n{LONG}: 2",
-        ],
-    ),
-    "loops": (
-        lambda path: dd.load_urdf(robots.PENDULUM, loops=path),
-        [f"{LONG}: 1", f"loops: {{{LONG}: 1}}", f"loops: [{{{LONG}: 1}}]", f"loops: {LONG}"],
-    ),
-    "limits": (
-        dd.ContactLimits.load,
-        [f"{LONG}: 1", f"regions: {{{LONG}: {LONG}}}", f"links: {{{LONG}: {LONG}}}"],
-    ),
-    "columns": (read_column_map, [f"{LONG}: 1", f"scale: {{{LONG}: 1}}", f"rate: {LONG}"]),
-    "alarms": (
-        lambda path: parameters_of([path]),
-        [
-            f"/**: {{ros__parameters: {{{LONG}: 1}}}}",
-            f"/**: {{ros__parameters: {{max_age: {LONG}}}}}",
-        ],
-    ),
-    "joint names": (
-        lambda path: JointNames({LONG: "a", "b": path.read_text()}),
-        ["a", f"{LONG}*"],
-    ),
-    "urdf": (
-        lambda path: dd.load_urdf(str(path)),
-        [
-            f"<{LONG}/>",
-            f'<robot name="r">{LINKS}</robot>',
-            f'<robot name="r"><link name="a"/><link name="b"/>{JOINT.format(LONG, LONG, "a")}</robot>',
-            f'<robot name="r"><link name="b"/>{JOINT.format("j", "fixed", LONG)}</robot>',
-            f'<robot name="r"><link name="a"><inertial><mass value="{LONG}"/></inertial></link></robot>',
-            f'<robot name="r"><link name="a">{LONG}',
-        ],
-    ),
-    "mjcf": (
-        lambda path: dd.load_urdf(str(path)),
-        [
-            f'<mujoco><worldbody><body><joint type="{LONG}"/></body></worldbody></mujoco>',
-            f'<mujoco><{LONG}/><worldbody><body mass="{LONG}"/></worldbody></mujoco>',
-            f'<mujoco><worldbody><body pos="{LONG}"><freejoint/></body></worldbody></mujoco>',
-        ],
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", TEXTS)
-def test_errors_of_long_texts(tmp_path, kind):
-    """An error, and each warning, is within 1,000 characters, whatever the file contains."""
-    reader, texts = TEXTS[kind]
-    for number_, text in enumerate(texts):
-        path = tmp_path / f"{number_}.{'xml' if text.startswith('<') else 'yaml'}"
-        path.write_text(text)
-        with (
-            warnings.catch_warnings(record=True) as caught,
-            pytest.raises(dd.DiagDynamicsError) as error,
-        ):
-            warnings.simplefilter("always")
-            reader(path)
-        assert len(str(error.value)) < 1000, text[:80]
-        assert all(len(str(one.message)) < 1000 for one in caught)
