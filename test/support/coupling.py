@@ -456,42 +456,6 @@ NAMED = {
             ("c", "d", R),
         ),
         tree(
-            "overlapping groups merge",
-            *(
-                ("base", "a1", R),
-                ("a1", "b1", R),
-                ("b1", "a2", R, "a1", 0.8),
-                ("a2", "b2", R, "b1", -0.6),
-            ),
-            *(("b2", "a3", R, "a2", 0.9), ("a3", "free", R)),
-        ),
-        tree(
-            "sibling groups interleaved by name",
-            *(
-                ("base", "hand", R),
-                ("hand", "a", R),
-                ("hand", "b", R),
-                ("hand", "c", R, "a"),
-                ("hand", "d", R, "b"),
-            ),
-            *(("a", "tip_a", R), ("d", "tip_d", R)),
-        ),
-        tree(
-            "planar joint inside an aggregate",
-            ("base", "a", R),
-            ("a", "p", "planar"),
-            ("p", "b", R, "a", 0.7),
-        ),
-        tree(
-            "floating joint inside an aggregate",
-            *(("base", "a", R), ("a", "p", "floating"), ("p", "b", R, "a", 0.7), ("p", "c", R)),
-        ),
-        tree(
-            "armature on a follower",
-            *(("base", "a", R), ("a", "b", R), ("b", "c", P, "b", -0.6), ("c", "d", R)),
-            armature={"a": 0.2, "b": 0.4, "c": 0.7, "d": 0.1},
-        ),
-        tree(
             "massless follower link",
             *(
                 ("base", "a", R),
