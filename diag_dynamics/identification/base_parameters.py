@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Base parameters: the combinations of link inertias that torques depend on, and how well a recording shows them."""
+"""Base parameters: combinations of link inertias that torques depend on, and their accuracy."""
 
 import numpy as np
 
@@ -11,20 +11,14 @@ from diag_dynamics.recordings.data_checks import jackknife
 from diag_dynamics.sweeps.regressors import PARAMETERS
 
 SYMBOLS = "m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"
-STATES, REACH, RATES = (
-    60,
-    1.5,
-    2.0,
-)  # random states, their positions [rad, m] and the deviation of their rates
-RANK, SMALL, ZERO = (
-    1e-9,
-    1e-6,
-    1e-12,
-)  # of a diagonal over the largest one; coefficients and values that are rounding
+# Random states, their positions [rad, m] and the deviation of their rates
+STATES, REACH, RATES = 60, 1.5, 2.0
+# Rounding: of a diagonal by the largest entry, of coefficients, and of values
+RANK, SMALL, ZERO = 1e-9, 1e-6, 1e-12
 
 
 class BaseParameters:
-    """Base parameters β = E π of a robot: the columns of the regressor that a pivoted QR factorization keeps.
+    """Base parameters β = E π of a robot, columns that a pivoted QR factorization keeps.
 
     Momentum and gravity at random states have all columns that torques have. `matrix` is E, (count,
     layout.robot), of the unknowns of a :class:`Layout`; `combinations` name each β by symbols of
@@ -111,7 +105,10 @@ class BaseParameters:
 
 
 def _link_axes(layout):
-    """Return parameters of bodies from those of links in the links' axes, block by block, and their symbols."""
+    """Return parameters of bodies by those of links in the links' axes, and their symbols.
+
+    Both are block by block.
+    """
     count, symbols = PARAMETERS * len(layout.bodies), []
     placed = np.zeros((count, count))
     for k, body in enumerate(layout.bodies.tolist()):

@@ -164,7 +164,10 @@ class Dataset:
         return relation
 
     def _remove_delay(self, column, delay):
-        """Shift velocities or efforts to the time of positions if they are late by more than a sample; return the delay."""
+        """Remove the delay of velocities or efforts against positions; return the removed delay.
+
+        A delay of at most a sample is not removed.
+        """
         if abs(delay) > np.median(
             np.concatenate([np.diff(segment.t) for segment in self.segments])
         ):
@@ -242,7 +245,10 @@ class Dataset:
         self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
         for word, joints in efforts.groups(missing).items():
             self._set_unknown(model, joints, word if word == UNSCALED else f"{word} throughout")
-        text = "velocities were estimated from positions. Record the velocities of the driver if it sends any"
+        text = (
+            "velocities were estimated from positions. Record the velocities of the driver if it "
+            "sends any"
+        )
         self._add(estimated, "velocity estimated", text)
         return States.concatenate(parts)
 
@@ -328,12 +334,15 @@ def _pieces(name, recording):
 
 
 def _any_since(rows, numbers):
-    """Return for each kept row whether any of the rows is it, or is between it and the one before."""
+    """Return for each kept row whether any of the rows is in the steps since the one before."""
     return np.diff(np.searchsorted(rows, numbers, side="right"), prepend=0) > 0
 
 
 def _cut(states, jumped):
-    """Return the segments of states between gaps, jumps and restarts, without short ones, and the number of restarts."""
+    """Return segments of states between gaps, jumps and restarts, and the number of restarts.
+
+    Short segments are omitted.
+    """
     steps = np.diff(states.stamp, prepend=states.stamp[:1])
     gap = max(MIN_GAP, GAP * float(np.median(steps[1:])) * 1e-9) if len(steps) > 1 else MIN_GAP
     restarts = steps < 0
@@ -361,6 +370,5 @@ def _shifted(segment, column, delay):
     values = np.column_stack(
         [np.interp(at, t, column_values) for column_values in getattr(states, column).T]
     )
-    return Segment(t, replace(states, **{column: values})).part(
-        (at >= t[0]) & (at <= t[-1])
-    )  # ends have no values
+    # Ends have no values.
+    return Segment(t, replace(states, **{column: values})).part((at >= t[0]) & (at <= t[-1]))

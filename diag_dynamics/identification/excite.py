@@ -26,10 +26,8 @@ from diag_dynamics.yaml_files import yaml_text
 HARMONICS = 5
 RANDOM_TRIALS = 24  # before the best trajectory is improved
 MIN_EIGENVALUE = 1e-10  # of a combination of unknowns that motions excite, relative to the largest
-MAX_VELOCITY, MAX_POSITION = (
-    100.0,
-    1000.0,
-)  # larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
+# Larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
+MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0
 CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
 MARGIN = 0.05  # fraction of a range at either end that is left free, unless the range is given
 MIN_TRAVEL = 1e-3  # below this a joint stands still [rad, m]
@@ -78,7 +76,9 @@ class Excitation(NamedTuple):
         return json.dumps(self.to_dict(), allow_nan=False)
 
     def to_message(self, approach: float = 5.0) -> str:
-        """Return a trajectory_msgs/JointTrajectory in YAML for ``ros2 topic pub``, as the controller's `tracking` takes it.
+        """Return a trajectory_msgs/JointTrajectory in YAML for ``ros2 topic pub``.
+
+        The controller's `tracking` accepts it.
 
         Parameters
         ----------
@@ -211,7 +211,10 @@ def excite(
 
 
 def _find_limits(model, moving, velocities, positions):
-    """Return velocity, lower and upper limits: the model's, given ones within them, or given ones where it has none."""
+    """Return velocity, lower and upper limits.
+
+    They are the model's, arguments within them, or arguments where the model has none.
+    """
     names, texts = np.array(model.dof_names), []
     velocity, lower, upper = model.velocity_limit.copy(), model.lower.copy(), model.upper.copy()
     slow = moving & ~((velocity > 0.0) & (velocity <= MAX_VELOCITY))
@@ -261,7 +264,10 @@ def _read_bounds(kind, name, entry, low, high):
 
 
 def _search(series, rng, trials, progress):
-    """Return the best genes and their condition: random ones, then steps from the best one, wider after a success."""
+    """Return the best genes and their condition.
+
+    Random genes come first, then steps from the best ones, wider after a success.
+    """
     best, value, width = None, np.inf, 0.3
     for trial in range(trials):
         random = best is None or trial < min(RANDOM_TRIALS, trials // 2)
@@ -283,7 +289,10 @@ def _search(series, rng, trials, progress):
 
 
 class _Series:
-    """Fourier series by genes (coefficients, place and fraction of the range of each joint), and what they excite."""
+    """Fourier series by genes, and the parameters that they excite.
+
+    Genes are coefficients, place and fraction of the range of each joint.
+    """
 
     def __init__(self, model, moving, limits, period, time):
         self._model, self._dynamics, self._time, self._moving = (
@@ -305,7 +314,10 @@ class _Series:
         ]
 
     def choose_unknowns(self, names, carriers):
-        """Choose the unknowns of these names, scaled by eight random motions, without combinations that no motion excites."""
+        """Choose the unknowns of these names, scaled by eight random motions.
+
+        Combinations that no motion excites are omitted.
+        """
         self._regressors = regressors = Regressors(self._model, carriers)
         bodies = np.isin(regressors.bodies, carriers) | ("inertias" in names)
         chosen = np.zeros(regressors.size, dtype=bool)
@@ -334,9 +346,8 @@ class _Series:
             0.5 + 0.5 * np.tanh(genes[:, -2]),
             0.75 + 0.25 * np.tanh(genes[:, -1]),
         )
-        position, velocity = (
-            base @ shape for base in self._dense
-        )  # limits hold between points, too
+        # Limits hold between points, too.
+        position, velocity = (base @ shape for base in self._dense)
         low, travel, span = position.min(axis=0), np.ptp(position, axis=0), self._high - self._low
         fastest = abs(velocity).max(axis=0)
         scale = np.minimum(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A fit: its unknowns, the normal equations that it is made to, and its numbers with their certainty.
+"""A fit: its unknowns, its normal equations, and its numbers with their certainty.
 
 Least squares over physical inertias and positive friction, by Newton's method along the central
 path:
@@ -24,25 +24,18 @@ from diag_dynamics.identification import inertias
 from diag_dynamics.identification.regressors import COLUMNS, OFFSET, PARAMETERS
 from diag_dynamics.optional import require
 
-PAYLOAD_WEIGHT, POSITIVE_WEIGHT = (
-    0.1,
-    0.01,
-)  # γ of a payload (10 would shift its centre by centimetres) and γ'
+# γ of a payload (10 would shift its centre by centimetres) and γ'
+PAYLOAD_WEIGHT, POSITIVE_WEIGHT = 0.1, 0.01
 START = 0.1  # x₀ of friction and rotor inertias, with which a fit starts [SI]
-ROUNDS, CONVERGED = (
-    5,
-    0.02,
-)  # rounds of weights by residual variance, and its relative change that ends them
+# Rounds of weights by residual variance, and its relative change that ends them
+ROUNDS, CONVERGED = 5, 0.02
 GAIN_DEVIATION = 0.05  # standard deviation of the gain of a joint's effort, beside a payload
 FALLING, MAX_ROUNDS = 0.5, 30  # without noise variances fall by this factor, and rounds go on
 MIN_VARIANCE = 1e-10  # smallest variance of the residual, relative to the effort's mean square
-BALL = inertias.of_body(
-    1.0, [0.0, 0.0, 0.05], 1e-3 * np.eye(3)
-)  # prior of a payload: 1 kg, 5 cm from the link's origin
-STAGE_DECREMENT, LAST_DECREMENT = (
-    0.1,
-    1e-7,
-)  # squared Newton decrement at the end of a stage, over its γ; of the last
+# Prior of a payload: 1 kg, 5 cm from the link's origin
+BALL = inertias.of_body(1.0, [0.0, 0.0, 0.05], 1e-3 * np.eye(3))
+# Squared Newton decrement at the end of a stage, over its γ; of the last
+STAGE_DECREMENT, LAST_DECREMENT = 0.1, 1e-7
 QUADRATIC = 0.05  # squared decrement over the smallest weight below which convergence is quadratic
 ROUNDING = 1e-14  # relative error of the function's value
 REGULAR = 1e-12  # added to the scaled Hessian, whose rounding errors are smaller
@@ -54,7 +47,7 @@ class ConvergenceError(DiagDynamicsError):
 
 
 class Carrier(NamedTuple):
-    """Link that carries a payload: its name, the number of its body, and its 4x4 placement in the body."""
+    """Link that carries a payload: its name, its body, and its 4x4 placement in the body."""
 
     link: str
     body: int
@@ -85,13 +78,13 @@ class Fit:
 
 
 class Layout:
-    """Unknowns of a model (`known`): those of :class:`Regressors`, then the ten of a payload in its link's frame.
+    """Unknowns of a model (`known`).
 
-    The first `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell
-    which are positive, and which are of bodies with mass; `motors` has places of damping and
-    friction of each coupled motor; `without_rotors` whether the model's rotor inertias are left
-    out. Arguments `rows` are lists of pairs: normal equations, and whether the robot carries the
-    payload in them.
+    They are those of :class:`Regressors`, then the ten of a payload in its link's frame. The first
+    `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are
+    positive, and which are of bodies with mass; `motors` has places of damping and friction of each
+    coupled motor; `without_rotors` whether the model's rotor inertias are left out. Arguments
+    `rows` are lists of pairs: normal equations, and whether the robot carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -102,9 +95,8 @@ class Layout:
         if payload:
             self._carrier = self.block(int(np.searchsorted(self.bodies, payload.body)))
             units = [inertias.moved(unit, payload.placement) for unit in np.eye(PARAMETERS)]
-            self._placed = np.transpose(
-                units
-            )  # times the payload's parameters: what is added to its body's
+            # Its product with the payload's parameters is added to those of the body.
+            self._placed = np.transpose(units)
         self.known, (self.positive, self.inertial) = (
             np.zeros(self.size),
             np.zeros((2, self.size), dtype=bool),
@@ -129,7 +121,7 @@ class Layout:
         return {name: float(x[place]) for name, place in places.items() if free[place]}
 
     def payload_of(self, x, free):
-        """Return ten parameters of the payload, with inertias that leave its carrier a physical body.
+        """Return ten parameters of the payload that leave its carrier a physical body.
 
         A reference fits the carrier along, but the model keeps its own unless it is `free`.
         """
@@ -141,7 +133,10 @@ class Layout:
         return payload + np.linalg.solve(self._placed, raised - whole)
 
     def squares(self, rows, x, any_gain=False):
-        """Return the sum of squared residuals of each degree of freedom, of :meth:`Regressors.residual_squares`."""
+        """Return the sum of squared residuals of each degree of freedom.
+
+        Residuals are those of :meth:`Regressors.residual_squares`.
+        """
         alone, carrying = x[: self.robot], x[: self.robot].copy()
         if self.payload:
             carrying[self._carrier] += self._placed @ x[self.robot :]
@@ -153,7 +148,7 @@ class Layout:
     def mean_squares(self, rows, x):
         """Return the mean squared residual of each degree of freedom.
 
-        Of efforts, if the unknowns are 0.
+        It is that of the efforts if the unknowns are 0.
         """
         return self.squares(rows, x) / _sum_weights(rows)
 
@@ -270,7 +265,10 @@ def _start(layout, free, weight, base):
 
 
 def _prior(model, body, weight):
-    """Return a body's floored pseudo-inertia without the model's payloads, the weight, and theirs, negative."""
+    """Return a body's floored pseudo-inertia without payloads, the weight, and minus the payloads'.
+
+    Payloads are those of the model.
+    """
     whole, carried = inertias.parameters_of_record(model.bodies[body]), np.zeros(PARAMETERS)
     for link, payload in model.payloads.items():
         of_link, placement = model.placement_in_body(link)
@@ -281,7 +279,10 @@ def _prior(model, body, weight):
 
 
 class Body(NamedTuple):
-    """A pseudo-inertia J = Σ_j x[first + j] inertias.BASIS_j + fixed with prior J₀ and its weight γ; all 4x4."""
+    """A pseudo-inertia J = Σ_j x[first + j] inertias.BASIS_j + fixed, prior J₀ and weight γ.
+
+    All inertias are 4x4.
+    """
 
     first: int
     prior: np.ndarray

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gains of efforts: torque by reported unit of each joint, from the weight of links and of a known payload."""
+"""Gains of efforts: torque by reported unit of each joint, from known weights.
+
+They are the weights of links and of a known payload.
+"""
 
 import numpy as np
 
@@ -108,7 +111,7 @@ def correct_gains(model, data):
 def _slopes(layout, sums):
     """Return slopes of efforts over the model's torque beside friction of all kinds.
 
-    1 if unknown.
+    An unknown slope is 1.
     """
     slopes = np.ones(layout.model.nv)
     for k, products in enumerate(sums[:-1]):
@@ -127,7 +130,7 @@ def _slopes(layout, sums):
 def effort_scale(model, gains):
     """Return effort by reported unit, by joint.
 
-    NaN where gravity shows no gain and the model has none.
+    It is NaN where gravity shows no gain and the model has none.
     """
     before = model.effort_scale
     pairs = zip(model.dof_names, gains.tolist(), strict=True)
@@ -140,7 +143,7 @@ def effort_scale(model, gains):
 def gains_by_joint(names, gains):
     """Return gain and standard deviation of each joint's effort.
 
-    None where gravity does not show it.
+    A joint has None where gravity does not show them.
     """
     pairs = zip(names, *gains.tolist(), strict=True)
     return {name: [gain, error] if np.isfinite(gain) else None for name, gain, error in pairs}

@@ -40,14 +40,10 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.recordings.findings import Finding
 from diag_dynamics.recordings.recording import Recording
 
-Readable: TypeAlias = (
-    Recording | Callable[[], Iterable[Recording]]
-)  # in memory, or a function that returns pieces
-MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = (
-    2,
-    12,
-    1.0,
-)  # of cross-validation, and their length if more: six time constants [s]
+# A recording in memory, or a function that returns pieces
+Readable: TypeAlias = Recording | Callable[[], Iterable[Recording]]
+# Blocks of cross-validation, and the length of more blocks: six time constants [s]
+MIN_BLOCKS, MAX_BLOCKS, MIN_BLOCK = 2, 12, 1.0
 
 MOVING, EACH_WAY, RANGE = 0.05, 1.0, 0.5
 """Velocity [rad/s], time above it each way [s], and range [rad] of a joint that moves enough."""
@@ -63,7 +59,7 @@ def identify(
     *,
     reference: Readable | Sequence[Readable] | None = None,
 ) -> Identification:
-    """Identify friction, rotor inertias, a payload or link inertias from recordings without contact.
+    """Identify friction, rotor inertias, a payload or link inertias from motion without contact.
 
     The momentum balance is fitted through a low-pass of 1 Hz, which needs no accelerations.
     Inertias stay physical, and near the model's where the motion does not determine them; friction
@@ -215,7 +211,7 @@ class FitData:
             dataset.scale_efforts(model, self.gains[0])
 
     def left_out(self):
-        """Return the normal equations without each block in turn, of efforts with the gains of the other blocks."""
+        """Return normal equations without each block in turn, with gains of the other blocks."""
         sums = [self.fitted - block for block in self.blocks]
         for products, gains in zip(
             sums, [] if self.left_out_gains is None else self.left_out_gains, strict=False
@@ -279,10 +275,10 @@ class FitData:
 
 
 def check_motion(model, datasets, slides):
-    """Return which joints move, which in each direction, and which of these far, bool (3, nv), and findings on the others.
+    """Return which joints move, move in each direction, and move far, bool (3, nv), and findings.
 
-    An offset requires the first, friction the second, and what depends on acceleration or load the
-    third.
+    Findings are on the other joints. An offset requires the first, friction the second, and what
+    depends on acceleration or load the third.
     """
     unit, times = np.where(slides, PRISMATIC, 1.0), np.zeros((2, model.nv))
     segments = [segment for dataset in datasets for segment in dataset.segments]

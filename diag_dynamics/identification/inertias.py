@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertial parameters of a body: ten numbers, its 4x4 pseudo-inertia, and the shares of its links."""
+"""Inertial parameters of a body: ten numbers, 4x4 pseudo-inertia, and shares of its links."""
 
 import numpy as np
 
@@ -41,9 +41,8 @@ def parameters_of_pseudo(J):
     return np.r_[J[3, 3], J[:3, 3], rotational[TRIANGLE]]
 
 
-BASIS = np.array(
-    [pseudo_inertia(unit) for unit in np.eye(PARAMETERS)]
-)  # J of each parameter, (10, 4, 4)
+# J of each parameter, (10, 4, 4)
+BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(PARAMETERS)])
 
 
 def moved(parameters, placement):
@@ -76,7 +75,10 @@ def floored(parameters):
 
 
 def share_out(parts, whole):
-    """Return new pseudo-inertias A J A of a body's links, A symmetric: physical ones, whose sum is `whole`."""
+    """Return new pseudo-inertias A J A of a body's links, physical ones whose sum is `whole`.
+
+    A is symmetric.
+    """
     root = _root(sum(parts))
     inverse = np.linalg.inv(root)
     A = inverse @ _root(root @ whole @ root) @ inverse

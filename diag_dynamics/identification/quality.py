@@ -24,20 +24,19 @@ from diag_dynamics.recordings.data_checks import smoothed
 from diag_dynamics.recordings.observer import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
-MIN_SMOOTHED, EDGE = (
-    1.0,
-    0.2,
-)  # shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
+# Shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]
+MIN_SMOOTHED, EDGE = 1.0, 0.2
 ERRORS = 3.0  # standard deviations by which payloads of recordings may differ
 MAX_CHANGE = 0.2  # relative change of kinetic energy without a warning
 MAX_STEPS = 900  # of a curve: twice the pixels that they are drawn on
 
 
 class Curves(NamedTuple):
-    """Efforts below 5 Hz on held-out parts, downsampled to minima and maxima: times [s] (P,), others (P, nv) [N m, N].
+    """Efforts below 5 Hz on held-out parts, downsampled to minima and maxima.
 
-    Efforts were measured, or are those of the model before and after with friction; NaN interrupts
-    them. `files` are the recordings with the times at which they begin [s].
+    Times [s] have the shape (P,), the others [N m, N] (P, nv). Efforts were measured, or are those
+    of the model before and after with friction; NaN interrupts them.
+    `files` are the recordings with the times at which they begin [s].
     """
 
     t: np.ndarray
@@ -178,7 +177,10 @@ def quality_of(model, selection, data, last):
 
 
 def _shared_texts(datasets):
-    """Return findings of recordings as texts, each once, after the recordings that it does not share with all."""
+    """Return findings of recordings as texts, each once.
+
+    A finding that not all recordings share begins with the names of its recordings.
+    """
     names = {}
     for dataset in datasets:
         for finding in dataset.findings:
@@ -200,7 +202,7 @@ def _pair(names, before, after):
 def _factors(names, relations):
     """Return factor and standard error of each joint's effort, of the recording with the smallest.
 
-    None without any.
+    A joint without a finite pair has None.
     """
     best = [
         min((float(relation.error[k]), float(relation.factor[k])) for relation in relations)

@@ -25,17 +25,16 @@ COLUMNS |= {"load_friction": LOAD, "root_friction": ROOT}
 """Unknowns of a degree of freedom beside inertias, by the names of joint parameters."""
 
 RATE = 2.0 * np.pi  # λ of the low-pass [1/s]; at 3 Hz the noise of velocities biases the columns
-SIZE, PRODUCT = (
-    1000,
-    60,
-)  # states whose rows are in memory at once; rows of a product: in larger ones threads wait
+# States whose rows are in memory at once; rows of a product: in larger ones threads wait
+SIZE, PRODUCT = 1000, 60
 
 
 def require_single_joints(model):
     """Refuse a model with a floating base, or a joint of several degrees of freedom."""
     if model.floating_base or set(model.joint_names) > set(single_joints(model)):
         raise UnsupportedError(
-            f"robot '{model.name}' has a floating base, or a joint of several degrees of freedom; expected neither."
+            f"robot '{model.name}' has a floating base, or a joint of several degrees of "
+            "freedom; expected neither."
         )
 
 
@@ -91,7 +90,10 @@ class Regressors:
         return (first + 2 * np.asarray(motors, dtype=int)[:, None] + np.arange(2)).ravel()
 
     def evaluate(self, q, qd):
-        """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv): rows of all, (T, R), zero beside inertias."""
+        """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv).
+
+        Both have rows of all degrees of freedom, (T, R), that are zero beside inertias.
+        """
         momentum, bias = np.empty((2, len(q), self.rows[-1].stop))
         q, qd = np.ascontiguousarray(q), np.ascontiguousarray(qd)
         fill_regressors(self._workspace.robot, q, qd, self._first, self._directions, momentum, bias)
@@ -100,10 +102,10 @@ class Regressors:
     def filtered_rows(self, t, q, qd, tau, known=True):
         """Yield rows and weights of consecutive states from the second one on.
 
-        Those of joints whose effort is not `known` are zero. A row is λ(Y_p − F
-        Y_p) + F(Y_g − Y_∂), F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀), q̇/√max(|q̇|,
-        v₀)] and Fτ. F of momentum begins at its first value, other filters at 0. The weight is
-        min(1, λΔ/2), as rows that are closer than the filter's memory say the same.
+        Rows of joints whose effort is not `known` are zero. A row is λ(Y_p − F Y_p) + F(Y_g − Y_∂),
+        F[q̇, tanh(q̇/v₀), 1], λ(q̇ − F q̇), F[|g| tanh(q̇/v₀), q̇/√max(|q̇|, v₀)] and Fτ. F of
+        momentum begins at its first value, other filters at 0. The weight is min(1, λΔ/2), as rows
+        that are closer than the filter's memory say the same.
         """
         first_own, state = np.array([row.stop - len(OWN) - 1 for row in self.rows]), None
         for first in range(0, len(t) - 1, SIZE):
@@ -136,7 +138,7 @@ class Regressors:
             yield rows, np.minimum(1.0, 0.5 * np.diff(time))
 
     def _fill_motors(self, y, rates):
-        """Write rates of coupled motors and their directions into rows of the joints that they turn, times the ratios."""
+        """Write rates and directions of coupled motors, times ratios, into rows of their joints."""
         v0, rates = self._friction_velocity, rates @ self._motor_rates.T
         turned = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
         for k, motors in enumerate(self._motors):
@@ -155,13 +157,16 @@ class Regressors:
         return sums
 
     def sum_segment(self, t, q, qd, tau, known=True):
-        """Return the normal equations of consecutive states, without rows of joints whose effort is not known."""
+        """Return the normal equations of consecutive states.
+
+        Rows of joints whose effort is not `known` are omitted.
+        """
         return sum(self.sum_rows(*some) for some in self.filtered_rows(t, q, qd, tau, known))
 
     def residual_squares(self, sums, x, any_gain=False):
         """Return sums of squared residuals of each degree of freedom, given all unknowns.
 
-        With `any_gain` those that are left if another gain of the effort explains what it can.
+        With `any_gain` they are those beside the best other gain of the effort.
         """
         signed = [np.append(-x[columns], 1.0) for columns in self.columns]
         squares = np.array([y @ product @ y for y, product in zip(signed, sums[:-1], strict=True)])
@@ -174,7 +179,10 @@ class Regressors:
         return np.maximum(squares, 0.0)
 
     def weighted(self, sums, variance):
-        """Return A and b over all rows, each degree of freedom's over its variance; b by degree of freedom, (size, nv)."""
+        """Return A and b over all rows, each degree of freedom's over its variance.
+
+        b is by degree of freedom, (size, nv).
+        """
         A, b = np.zeros((self.size, self.size)), np.zeros((self.size, len(self.rows)))
         for k, (columns, product) in enumerate(zip(self.columns, sums[:-1], strict=True)):
             A[np.ix_(columns, columns)] += product[:-1, :-1] / variance[k]

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of an identification: curves, parameters with intervals, steps and base parameters in one HTML file."""
+"""The report of an identification in one HTML file.
+
+It has curves, parameters with intervals, steps and base parameters.
+"""
 
 import numpy as np
 
@@ -21,7 +24,10 @@ TICKS = 5.0  # of the time axis, about
 
 
 def write_report(path, found):
-    """Write the report of an :class:`~diag_dynamics.identification.result.Identification` into an HTML file."""
+    """Write the report of an identification into an HTML file.
+
+    It is an :class:`~diag_dynamics.identification.result.Identification`.
+    """
     jinja2 = require("jinja2", f"'{path}'")
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("diag_dynamics", "identification"),

@@ -45,7 +45,9 @@ class Identification:
         self.model, self.parameters, self.quality, self.curves = model, parameters, quality, curves
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the parameters into a YAML file, for :meth:`RobotModel.with_parameters` and the nodes.
+        """Write the parameters into a YAML file.
+
+        It is for the nodes and for :meth:`RobotModel.with_parameters`.
 
         Raises
         ------
@@ -65,7 +67,10 @@ class Identification:
 
 
 def parameters_of(layout, x, free, origin=None):
-    """Return the :class:`Parameters` of the `free` unknowns (bool), of rotors that were left out and of all couplings."""
+    """Return the :class:`Parameters` of the `free` unknowns (bool).
+
+    They include omitted rotors and all couplings.
+    """
     model, links, payloads = layout.model, {}, {}
     if layout.payload:
         payloads[layout.payload.link] = Payload(*inertias.about_centre(layout.payload_of(x, free)))
@@ -90,7 +95,10 @@ def parameters_of(layout, x, free, origin=None):
 
 
 def _joints(layout, x, free):
-    """Return numbers of the joints that were fitted, and zeros of their mimic joints, whose friction is in them."""
+    """Return numbers of the fitted joints, and zeros of mimic joints.
+
+    Friction of a mimic joint is in that of its source joint.
+    """
     joints, mimics = {}, layout.model.mimics
     for k, name in enumerate(layout.model.dof_names):
         numbers = layout.fitted_of(k, x, free)

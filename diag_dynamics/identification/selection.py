@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stepwise selection: friction, rotors and inertias are taken where they reduce the residual in cross-validation."""
+"""Stepwise selection of friction, rotors and inertias by cross-validation of the residual."""
 
 import copy
 
@@ -25,29 +25,22 @@ from diag_dynamics.identification.regressors import (
 )
 from diag_dynamics.identification.result import parameters_of
 
-WEIGHT, SHORT_WEIGHT, SHORT = (
-    10.0,
-    30.0,
-    6.0,
-)  # γ of the prior on inertias; for less motion than this [s]
+# γ of the prior on inertias; for less motion than this [s]
+WEIGHT, SHORT_WEIGHT, SHORT = 10.0, 30.0, 6.0
+# Steps that are taken joint by joint
 BY_JOINT = {
     "friction": (DAMPING, FRICTION, OFFSET),
     "rotors": (ROTOR,),
     "gears": (LOAD, ROOT),
-}  # taken joint by joint
-STEPS = (
-    "friction",
-    "rotors",
-    "inertias",
-    "gears",
-)  # beside payloads, in the order in which they are tried
+}
+# Steps beside payloads, in the order in which they are tried
+STEPS = "friction", "rotors", "inertias", "gears"
 PAYLOAD = "payload:"  # before the link that carries it
 MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyway
-MIN_LOAD = 0.1  # torque of gravity in the filtered load column over the effort, of a joint with load friction
-GAIN, ROTOR_GAIN = (
-    0.03,
-    0.01,
-)  # reductions of the residual to take a step, and to leave out the model's rotors
+# Torque of gravity in the filtered load column over the effort, of a joint with load friction
+MIN_LOAD = 0.1
+# Reductions of the residual to take a step, and to leave out the model's rotors
+GAIN, ROTOR_GAIN = 0.03, 0.01
 
 
 def read_what(what, model):
@@ -162,12 +155,18 @@ class Selection:
         return self._fit_to(self._data.fitted, self.free(self.taken))
 
     def left_out(self):
-        """Return the fits of the steps that were taken without each block in turn, (blocks, size), with gains without it."""
+        """Return the fits of the accepted steps without each block in turn, (blocks, size).
+
+        Gains are without that block, too.
+        """
         free = self.free(self.taken)
         return np.array([self._fit_to(sums, free).x for sums in self._data.left_out()])
 
     def payload_by_recording(self, fit):
-        """Return mass and standard deviation of the payload in each recording, other unknowns as in a fit."""
+        """Return mass and standard deviation of the payload in each recording.
+
+        Other unknowns are as in a fit.
+        """
         layout, mass = copy.copy(self.layout), self.layout.robot
         layout.known, masses = fit.x, []
         free = np.arange(layout.size) >= mass
@@ -209,7 +208,7 @@ class Selection:
             self._data.use_load_of(self._model.with_parameters(parameters))
 
     def cross_validate(self, free):
-        """Return unknowns fitted without each block in turn, and the squared residuals of that block."""
+        """Return unknowns fitted without each block in turn, and the block's squared residuals."""
         whole = self._fit_to(self._data.fitted, free)
         parts = [self._data.fitted - block for block in self._data.blocks]
         fits = np.array([self._fit_to(part, free, whole).x for part in parts])
@@ -220,7 +219,7 @@ class Selection:
         return float(np.exp(np.log(self.residuals(squares)[self._data.measured]).mean()))
 
     def _choose_rotors(self, steps):
-        """Leave the model's rotor inertias out if the efforts do not contain them, as of torque sensors."""
+        """Omit the model's rotor inertias if efforts do not contain them, as of torque sensors."""
         free = self.free(["friction"] if "friction" in steps else [])
         unknowns, columns = self.layout.known, self.layout.own(ROTOR)
         rotors, scores = unknowns[columns], []
@@ -278,12 +277,15 @@ class Selection:
         try:
             return self._judge_step(step)
         except ConvergenceError:
-            return f"{step}: the model's values are kept, because the fit does not converge. Leave {step} out of what"
+            return (
+                f"{step}: the model's values are kept, because the fit does not converge. "
+                f"Leave {step} out of what"
+            )
 
     def _judge_step(self, step):
         """Take a step if it reduces the residual enough, at joints where it does.
 
-        Else return why not.
+        Otherwise return the reason.
         """
         if step == "gears":
             self._update_load()
@@ -329,5 +331,8 @@ class Selection:
         return (
             ""
             if again
-            else f"{step}: the model's values are kept, because the cross-validation residual {change}"
+            else (
+                f"{step}: the model's values are kept, because the cross-validation residual "
+                f"{change}"
+            )
         )
