@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of a recording: evaluate, observe and judge its states batch by batch, and write them to outputs."""
+"""Analysis of a recording: evaluate, observe and judge states in batches, and write them."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -38,7 +38,10 @@ class Piece(NamedTuple):
 
 
 class Peaks:
-    """Largest values of quantities, batch by batch: `entries` are values, stamps [ns] and names of each."""
+    """Largest values of quantities, batch by batch.
+
+    `entries` has values, stamps [ns] and names of each quantity.
+    """
 
     def __init__(self):
         self.entries = {}
@@ -53,7 +56,7 @@ class Peaks:
             each[k], at[k] = largest[k], stamps[np.argmax(values[:, k] == largest[k])]
 
     def largest(self):
-        """Return by quantity its largest value, the first stamp of that [ns], and the name of the entry or None."""
+        """Return the largest value of each quantity, its first stamp [ns], and its name or None."""
         largest = {}
         for quantity, (each, at, names) in self.entries.items():
             if each.max(initial=-np.inf) > -np.inf:
@@ -95,7 +98,10 @@ class ContactExposure:
             largest[np.abs(at - at[k]) < SEPARATION] = 0.0
 
     def summary(self, time):
-        """Return `above`, `of`, `above_by_point` [s] and `worst`; `time` converts stamps [ns] to times [s]."""
+        """Return `above`, `of`, `above_by_point` [s] and `worst`.
+
+        `time` converts stamps [ns] to times [s].
+        """
         by_point = zip(self._names, self._above.tolist(), strict=True)
         return {
             "above": self._any_above,
@@ -106,7 +112,7 @@ class ContactExposure:
 
 
 def _moment(stamp, t, contact, usage):
-    """Return the point with the largest fraction of its allowed speed at state t, with its numbers."""
+    """Return the point with the largest usage of its allowed speed at state t, and its numbers."""
     k = int(np.argmax(usage))
     names = {"point": contact.names[k], "link": contact.links[k], "region": contact.region(k, t)}
     numbers = {
@@ -117,7 +123,10 @@ def _moment(stamp, t, contact, usage):
 
 
 class Analysis:
-    """Analyse a Reading, with an observer of this gain [1/s] if its settings have none; attributes are its results."""
+    """Analyse a Reading; attributes are results.
+
+    The observer has this gain [1/s] if the settings of the Reading have none.
+    """
 
     def __init__(self, reading, *, gain=25.0, threads=None):
         model, settings, values = reading.model, reading.settings, reading.settings.values
@@ -146,18 +155,17 @@ class Analysis:
         self.exposure = ContactExposure(self._points) if self._points else None
         self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
         self.efforts, self.motion = EffortRange(model), MotionSample(model)
-        self.unobserved = np.zeros(
-            model.nv, dtype=bool
-        )  # joints without an external torque at some observed state
-        self.states, self.observed, self.kinetic = (
-            0,
-            0,
-            0.0,
-        )  # number, that with a residual, and sum of K [J]
+        # Joints without an external torque at some observed state
+        self.unobserved = np.zeros(model.nv, dtype=bool)
+        # Number of states, number with a residual, and sum of K [J]
+        self.states, self.observed, self.kinetic = 0, 0, 0.0
         self.findings = None  # after run()
 
     def run(self, outputs=(), progress=None):
-        """Analyse all states; call `write(piece)` of the outputs, and `progress(states, log time [ns])`."""
+        """Analyse all states, and write them to outputs by `write(piece)`.
+
+        `progress` is called with the number of states and the log time [ns].
+        """
         batches = self.reading.pieces(SIZE)
         with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
             pending = pool.submit(self._next_piece, batches)
@@ -175,7 +183,10 @@ class Analysis:
         return next(filter(None, pieces), None)
 
     def analyse_batch(self, states):
-        """Evaluate states, add them to the results, and return the :class:`Piece`; None if no state can be evaluated."""
+        """Evaluate states, add them to the results, and return the :class:`Piece`.
+
+        Return None if no state can be evaluated.
+        """
         states, s = self._evaluate(self.efforts.hide_constant(states))
         if not len(states):
             return None
@@ -224,7 +235,10 @@ class Analysis:
         return replace(states, effort=effort, effort_known=is_known), s
 
     def _touched_links(self, states, observed, collision):
-        """Return the TouchedLink of states during a collision, empty in the others; None without a covariance."""
+        """Return the TouchedLink of states during a collision, empty in other states.
+
+        Return None without a covariance.
+        """
         rows = collision & observed.valid & np.isfinite(observed.norm)
         if self._covariance is None or not rows.any():
             return None
@@ -247,7 +261,10 @@ class Analysis:
             self.peaks.add_values(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
-        """Return the states that can be evaluated, and their evaluation; the others are counted as the monitor does."""
+        """Return the states that can be evaluated, and their evaluation.
+
+        Others are counted as by the monitor.
+        """
         columns = (
             states.position,
             states.velocity,

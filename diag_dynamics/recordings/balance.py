@@ -12,23 +12,23 @@ from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
 from diag_dynamics.results import energy_shares
 
 WINDOW, MAX_GAP = 0.1, 0.1
-"""Length of a window, as noise of velocities spoils shorter ones, and longest interval that is integrated over [s]."""
+"""Length of a window, as noise of velocities spoils shorter ones, and longest interval that is
+integrated over [s]."""
 
-MIN_WINDOWS, MIN_POWER = (
-    20,
-    1e-3,
-)  # fewest windows of an explained share; least rms of dK/dt of the monitor [W]
+# Fewest windows of an explained share; least rms of dK/dt of the monitor [W]
+MIN_WINDOWS, MIN_POWER = 20, 1e-3
 NOTHING_EXPLAINED, MIN_EXPLAINED = 0.3, 0.8
 """Explained shares below which the balance explains nothing, and too little."""
 
-AROUND, MAX_TOUCHED = (
-    0.2,
-    0.5,
-)  # time before and after an alarm [s]; largest fraction of windows near alarms
+# Time before and after an alarm [s]; largest fraction of windows near alarms
+AROUND, MAX_TOUCHED = 0.2, 0.5
 
 
 class Windows(NamedTuple):
-    """Windows that ended in a batch of states: stamps [ns], shape (W,), and mean powers [W], shapes (W,) and (W, nv)."""
+    """Windows that ended in a batch of states.
+
+    Stamps are in ns, shape (W,), mean powers in W, shapes (W,) and (W, nv).
+    """
 
     begin: np.ndarray
     end: np.ndarray
@@ -116,7 +116,10 @@ class Balance:
         return explained_share(self.windows.residual.var(), change.var())
 
     def is_explained_beside(self, collisions):
-        """Return whether efforts explain enough outside of collisions, which last for less than half of the time."""
+        """Return whether efforts explain enough outside of collisions.
+
+        Collisions last for less than half of the time then.
+        """
         if not collisions or self.explained is None:
             return False
         windows, margin = self.windows, round(AROUND * SECOND)
@@ -136,7 +139,7 @@ class Balance:
 
     @property
     def joints(self):
-        """Each joint's root mean square residual `residual_power` [W] and its `share` of all squares, by name."""
+        """Root mean square residual `residual_power` [W] by joint, and `share` of all squares."""
         squares = np.square(self.windows.joints).sum(axis=0) / max(self.count, 1)
         rows = zip(
             self._names,

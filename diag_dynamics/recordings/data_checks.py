@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of recorded data: efforts that nothing measured, and hypotheses about efforts by what each leaves.
+"""Checks of recorded data: efforts that nothing measured, and hypotheses about efforts.
 
-Smoothed efforts are compared with columns: torques of gravity, of inertia and of point masses at the
-robot's ends. What friction, an offset and a rotor explain is removed from all of them first. A
+Smoothed efforts are compared with columns: torques of gravity, of inertia and of point masses at
+the robot's ends. What friction, an offset and a rotor explain is removed from all of them first. A
 hypothesis is a sum of columns. It is judged by the fraction of the squared efforts that it leaves,
 and by what an unknown payload would leave.
 """
@@ -39,7 +39,8 @@ UNSCALED = "in an unknown unit"
 PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
-"""First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest states of a run."""
+"""First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest
+states of a run."""
 
 MIN_INTERVAL, STEP, MIN_GAIN = 0.02, 1e-2, 0.03
 """Interval of states whose efforts are searched for a delay, step of that [s], and reduction of
@@ -54,14 +55,17 @@ GRAVITY, INERTIAL, DAMPING, FRICTION, OFFSET, ROTOR, COLUMNS = range(7)
 the acceleration. Point masses and efforts follow them."""
 
 BLOCK, MAX_BLOCKS, MIN_BLOCKS = 0.5, 32, 4
-"""Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard error."""
+"""Length of a block [s], which doubles beyond so many blocks, and fewest blocks for a standard
+error."""
 
 ERRORS, SMALL_ERRORS = 4.0, 8.0
-"""Standard errors on both sides of a factor that contain the true one, and below the limits of a light joint."""
+"""Standard errors on both sides of a factor that contain the true one, and below the limits of a
+light joint."""
 
 MODEL_ERROR = 0.1  # torque that a model may miss at any joint over the largest one of its kind
 LIMITS, WIDE_LIMITS, GEARED_LIMITS = (0.6, 1.6), (0.2, 5.0), (0.2, 100.0)
-"""Accepted factors: of gravity and of all joints; of inertia; and of inertia with an unknown rotor."""
+"""Accepted factors: of gravity and of all joints; of inertia; and of inertia with an unknown
+rotor."""
 
 MAX_LEFT, ALIKE, SLIGHT, NEGLIGIBLE = 0.4, 2.0, 5e-3, 3e-4
 """Ratio to what the model leaves, and to what a payload or another hypothesis leaves, up to which
@@ -154,7 +158,7 @@ class EffortRange:
         return words if self.states > 1 else np.full(len(words), "")
 
     def _constant(self):
-        """Return which joints have moved while their efforts were constant or missing, bool (n,)."""
+        """Return which joints moved while their efforts were constant or missing, bool (n,)."""
         (low, lowest), (high, highest) = self._low, self._high
         with np.errstate(invalid="ignore"):
             return (highest - lowest > TRAVEL) & (
@@ -179,7 +183,10 @@ def smoothed(t, q, qd, tau):
 
 
 def remaining(products, signals, rest):
-    """Return products (…, m, m) of the kept columns, rows of (k, m), without what the rest, rows of (r, m), explains."""
+    """Return products (…, m, m) of columns without the parts that others explain.
+
+    Kept columns are rows of (k, m), the others rows of (r, m).
+    """
     inner, across = rest @ products @ rest.T, rest @ products @ signals.T
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(inner, axis1=-2, axis2=-1), 1e-300))[..., None]
     inverse = np.linalg.pinv(
@@ -194,7 +201,10 @@ def remaining(products, signals, rest):
 
 
 def _regress(products, column, rest, nv):
-    """Return squares of a column without what the rest explains (0 if dependent), and the efforts' slopes over it."""
+    """Return squares of a column without what the rest explains, and slopes of efforts over it.
+
+    The squares are 0 if the column depends on the rest.
+    """
     left = remaining(products, np.vstack([column, np.eye(len(column))[-nv:]]), rest)
     square = np.where(
         left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0
@@ -208,7 +218,7 @@ def _regress(products, column, rest, nv):
 def largest_of_kind(model, values):
     """Return for each joint the largest value of a joint of its kind, rotary or prismatic.
 
-    Shape (nv,).
+    The shape is (nv,).
     """
     slides = np.array(sliding_dofs(model))
     return np.array([values[slides == is_sliding].max(initial=0.0) for is_sliding in slides])
@@ -230,7 +240,7 @@ def _standard_errors(values):
 class Relation(NamedTuple):
     """Factors from the model's torque to the measured effort, by joint.
 
-    Shape (nv,) each but for the first three.
+    The shape of each is (nv,), but for the first three.
     """
 
     model: RobotModel
@@ -259,12 +269,15 @@ class Relation(NamedTuple):
         return self.judged() & is_zero & (self.factor + spread + self.model_error < 1.0)
 
     def wrong(self):
-        """Return which joints have a factor beyond the limits by more than its errors, or are unrelated, bool."""
+        """Return which joints are unrelated, or have a factor beyond limits and errors, bool."""
         (low, high), margin = self.limits(), ERRORS * self.error + self.model_error
         return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
 
     def doubtful(self):
-        """Return which joints have a factor below 0 or far from 1 without the error of the model, bool."""
+        """Return which joints have a factor below 0 or far from 1, bool.
+
+        The error of the model does not count here.
+        """
         low, high = np.where(self.geared[:, None], GEARED_LIMITS, WIDE_LIMITS).T
         spread = ERRORS * self.error
         small = self.factor + SMALL_ERRORS * self.error < low
@@ -278,9 +291,10 @@ def end_links(model):
 
 
 class EffortRelation:
-    """Compare efforts with the torques of a model with a fixed base and joints of one degree of freedom.
+    """Compare efforts with torques of a model.
 
-    Point masses at links, such as the ends of the robot, are compared, too.
+    It has a fixed base and joints of one degree of freedom. Point masses at links, such as the ends
+    of the robot, are compared, too.
     """
 
     def __init__(self, model, links=()):
@@ -297,7 +311,10 @@ class EffortRelation:
         self._low, self._high = np.full((2, model.nv), [[np.inf], [-np.inf]])
 
     def columns(self, t, q, qd, tau):
-        """Return columns of states without gaps at even times, (nv, T, 6 and more), and smoothed efforts there, (T, nv)."""
+        """Return columns of states, (nv, T, 6 and more), and smoothed efforts, (T, nv).
+
+        States are without gaps, columns and efforts at even times.
+        """
         q, qd, tau, qdd = smoothed(t, np.where(self._turning, np.unwrap(q, axis=0), q), qd, tau)
         self._low = np.minimum(self._low, q.min(axis=0))
         self._high = np.maximum(self._high, q.max(axis=0))
@@ -311,7 +328,10 @@ class EffortRelation:
         return columns.transpose(1, 0, 2), tau
 
     def add_run(self, t, q, qd, tau):
-        """Add states without gaps: times [s], positions [rad, m], rates [rad/s, m/s] and efforts [N m, N]."""
+        """Add states without gaps: times [s], positions, rates, and efforts [N m, N].
+
+        Positions are in rad and m, rates in rad/s and m/s.
+        """
         if len(t) < 2:
             return
         number = ((t - t[0]) // self._length).astype(int)
@@ -430,11 +450,11 @@ def _explain(relation, longest, t, q, qd, tau):
 
 
 class Hypotheses:
-    """Fractions of the squared efforts of all joints that sums of columns leave, given squared torques by joint.
+    """Fractions of the squared efforts of all joints that sums of columns leave.
 
-    Products are those of columns without what resists, of all states and without each block of
-    time, (S, nv, m, m). `base` is the sum of the model; with the payload that leaves least, if that
-    is possible and leaves little.
+    Squared torques are given by joint. Products are those of columns without what resists, of all
+    states and without each block of time, (S, nv, m, m). `base` is the sum of the model; with the
+    payload that leaves least, if that is possible and leaves little.
     """
 
     def __init__(self, model, products, square):
@@ -465,7 +485,10 @@ class Hypotheses:
             self.base = self.plain
 
     def _share(self, squares):
-        """Return fractions of the efforts' squares, given squares of all states and without each block, (S, nv)."""
+        """Return fractions of the squared efforts.
+
+        Squares are given of all states and without each block, (S, nv).
+        """
         return squares @ self._weight / self._whole
 
     def _with_best_payload(self):
@@ -486,7 +509,10 @@ class Hypotheses:
         return np.maximum(self._efforts - 2.0 * (columns @ self._across) + torque, 0.0)
 
     def _left(self, columns, order=None):
-        """Return what a sum leaves beyond what all columns leave that each joint has freely, (S,)."""
+        """Return the fraction that a sum leaves beyond that of freely scaled columns, (S,).
+
+        Each joint has factors of its own for all columns.
+        """
         squares = self._squares(columns)[:, self._joints, self._joints if order is None else order]
         return np.maximum(self._share(squares) - self._noise, 0.0)
 
@@ -498,7 +524,7 @@ class Hypotheses:
     def best(self, *hypotheses):
         """Return the text of the hypothesis that leaves least.
 
-        Empty if the model or a payload leaves as little.
+        The text is empty if the model or a payload leaves as little.
         """
         slight, loaded = SLIGHT * min(1.0, self._misfit[0]), self._left(self.base)[0]
         accepted = [
@@ -592,7 +618,7 @@ class MotionSample:
     def fault(self):
         """Return the :class:`Fault` of efforts.
 
-        None if nothing is wrong, or nothing can be said.
+        Return None if nothing is wrong, or nothing can be said.
         """
         compared, states = (
             EffortRelation(self._model, end_links(self._model)),
@@ -660,7 +686,10 @@ def _describe_joint(relation, k):
         f"{factor:.3g} ± {error:.2g} times the model torque",
     )
     if abs(factor) <= error:
-        return f"{begin} does not follow the motion: it is {text}. Check that it is measured at this joint"
+        return (
+            f"{begin} does not follow the motion: it is {text}. "
+            "Check that it is measured at this joint"
+        )
     if OTHER_SIGN[0] <= factor <= OTHER_SIGN[1]:
         return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
     return (

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Findings of a recording: unreadable data, rejected messages, and what else a reader of its numbers should know."""
+"""Findings of a recording: unreadable data, rejected messages, and notes on its numbers."""
 
 from collections import Counter
 from shlex import quote
@@ -40,7 +40,7 @@ TEXTS = {
 
 
 class Finding(NamedTuple):
-    """A finding: a short cause such as ``rejected: late`` or ``unread``, its count, and a text on the first one."""
+    """A finding: a short cause such as ``unread``, its count, and a text on the first one."""
 
     cause: str
     count: int
@@ -60,7 +60,7 @@ def word_for_missing(counts):
 
 
 def explain_missing_efforts(counts, joints=()):
-    """Return why a recording has no efforts, or none of some joints, by the counts of its messages."""
+    """Return why a recording, or some of its joints, has no efforts, by counts of messages."""
     implausible = counts.get("implausible effort", 0)
     if implausible:
         return (
@@ -83,7 +83,7 @@ def no_states_error(path, findings):
 
 
 def collect_findings(intake, source):
-    """Return what an Intake and a source of messages say of a recording: a list of Finding, losses first, notes last."""
+    """Return the findings of an Intake and a source of messages, losses first, notes last."""
     counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
     findings = [
         Finding("unread", 1, f"{part.file}, {part.where}: {part.what}") for part in source.unread

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States that the monitor would make of recorded messages, in columns, and counts of the messages that made none."""
+"""States of recorded messages, made as by the monitor, and counts of other messages.
+
+States are in columns.
+"""
 
 from collections import Counter
 from dataclasses import replace
@@ -60,9 +63,10 @@ class Rejection(NamedTuple):
 
 
 class Intake:
-    """Make states of messages with the rules of the monitor, batch by batch; `rejections` are the first of each cause.
+    """Make states of messages with the rules of the monitor, batch by batch.
 
-    States and counts are those of the monitor, bit for bit.
+    `rejections` are the first of each cause. States and counts are those of the monitor, bit for
+    bit.
     """
 
     def __init__(self, model, settings, names=None):
@@ -154,7 +158,10 @@ class Intake:
         return States(*times, *values, *flags)
 
     def _with_gravity(self, states):
-        """Return states whose efforts are of joints and contain gravity, where the parameters say that they do not."""
+        """Return states with efforts of joints that contain gravity.
+
+        Parameters may say that reported efforts do not.
+        """
         if self._model.motor_efforts:
             states = replace(states, effort=self._model.joint_efforts(states.effort))
         without = self.assembler.efforts.without_gravity
@@ -167,7 +174,10 @@ class Intake:
         return replace(states, effort=states.effort + gravity)
 
     def _of_links(self, states):
-        """Return states with the links' positions and rates, where flexible joints carry those of motors."""
+        """Return states with positions and rates of links, in place of those of motors.
+
+        Joint states of flexible joints may have those of motors.
+        """
         if not self._links.has_any:
             return states
         columns = states.stamp, states.position, states.velocity, states.effort, states.jumped

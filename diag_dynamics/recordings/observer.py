@@ -60,9 +60,10 @@ class Observed(NamedTuple):
     def wrench(
         self, link: str, covariance: RowsLike | None = None, **options: Any
     ) -> ExternalWrench:
-        """Return the external wrench at a link in all states; NaN and not observed where there is no result.
+        """Return the external wrench at a link in all states.
 
-        Arguments are those of :meth:`DiagonalDynamics.wrench`.
+        It is NaN and not observed where there is no result. Arguments are those of
+        :meth:`DiagonalDynamics.wrench`.
         """
         whole = self.valid & np.isfinite(self.norm)
         arguments = self.q[whole], link, self.external_torque[whole], covariance
@@ -105,7 +106,7 @@ def observe(
     max_gap: float = 0.1,
     threads: int | None = None,
 ) -> Observed:
-    """Observe external torque over a recording, as :class:`DisturbanceObserver` does from state to state.
+    """Observe external torque over a recording as :class:`DisturbanceObserver` by state.
 
     Parameters
     ----------
@@ -143,8 +144,8 @@ def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None
     instance("recording", recording, Recording)
     if dynamics.model.dof_names != recording.model.dof_names:
         raise InputError(
-            f"the recording is of robot '{recording.model.name}', whose degrees of freedom are not those of "
-            f"the dynamics, of '{dynamics.model.name}'."
+            f"the recording is of robot '{recording.model.name}', "
+            f"whose degrees of freedom are not those of the dynamics, of '{dynamics.model.name}'."
         )
 
 

@@ -25,7 +25,8 @@ GAP_PERIODS = 3.0  # interval in periods above which it is a gap
 RESOLUTION = 100  # of intervals [ns]
 
 MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
-"""Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a joint at rest [rad, m]."""
+"""Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a
+joint at rest [rad, m]."""
 
 MAX_ERROR_LEFT = (
     0.8  # fraction of the velocity error without the delay up to which there is a delay
@@ -131,9 +132,9 @@ class Quality:
         return float(period), float(np.sqrt(variance)), int(numbers[~regular].sum())
 
     def report(self):
-        """Return numbers of all states, a dict with those of joints in `joints`.
+        """Return numbers of all states and warnings, a dict with those of joints in `joints`.
 
-        Times [s], stamps [ns]; and warnings.
+        Times are in s, stamps in ns.
         """
         sample = States.concatenate(self._sample)
         joints = {name: self._report_joint(j) for j, name in enumerate(self._joints)}
@@ -191,7 +192,10 @@ class Quality:
         moves = np.sqrt(self._relation.travel / max(self.duration / WINDOW, 1.0)) >= REST
         for moving, (name, joint) in zip(moves, report["joints"].items(), strict=True):
             error = joint["velocity_error"] or 0.0
-            apart = f"joint '{name}': velocities differ from the derivative of the positions by {error:.0%}"
+            apart = (
+                f"joint '{name}': velocities differ from the derivative of the positions by "
+                f"{error:.0%}"
+            )
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
         late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
         warnings |= {
@@ -214,7 +218,7 @@ def _known(number):
 def _judge_ratios(ratios):
     """Return the wrong unit on which all moving joints agree, or None, and warnings.
 
-    Ratios of Δq to ∫q̇dt.
+    Ratios are those of Δq to ∫q̇dt.
     """
     causes, moving = {}, sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
@@ -235,14 +239,17 @@ def _judge_ratios(ratios):
 
 
 def describe_ratio(ratio):
-    """Return a ratio of Δq to ∫q̇dt in words, with four digits, without an exponent where it has five places."""
+    """Return a ratio of Δq to ∫q̇dt in words, with four digits.
+
+    It has no exponent at five places.
+    """
     return f"positions change {float(f'{ratio:.4g}'):g} times as fast as the velocities"
 
 
 def _common_delay(joints):
     """Return the median delay of joints that show one.
 
-    None if less than half of those in motion do.
+    Return None if less than half of those in motion do.
     """
     moving = [joint for joint in joints if joint["velocity_error"] is not None]
     delays = [

@@ -201,7 +201,10 @@ def stream_recording(
 
 
 class Reading:
-    """A recording being read; `described` is the robot's description or path, None for a RobotModel."""
+    """A recording being read.
+
+    `described` is the robot's description or path, None for a RobotModel.
+    """
 
     def __init__(
         self,
@@ -234,7 +237,10 @@ class Reading:
 
     @cached_property
     def contact_points(self):
-        """ContactPoints by the parameters, and causes by links without points; raises InputError and UrdfError."""
+        """ContactPoints by the parameters, and causes by links without points.
+
+        It raises InputError and UrdfError.
+        """
         if self.described is None:
             text = "contact_limits.file requires the path or text of a URDF"
             raise InputError(f"{text}; the robot is a RobotModel.")

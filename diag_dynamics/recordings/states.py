@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""States of a robot in columns: the one type of columns that reading, analysis and identification share."""
+"""States of a robot in columns, the type that reading, analysis and identification share."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ WIDTH = 100  # longest line of the text, as far as names allow
 def summarize(analysis):
     """Return the numbers of an Analysis that has run as a dict in SI units.
 
-    Docs/recordings.md lists the keys.
+    The keys are listed in docs/recordings.md.
     """
     balance, peaks, counts = (
         analysis.balance,
@@ -106,13 +106,16 @@ def _unmeasured(analysis, without_effort):
     )
     if not names or implausible or without_effort < analysis.states:
         return analysis.efforts.unmeasured(word_for_missing(analysis.reading.counts))
-    return f"efforts of {', '.join(names)} are missing throughout, so no state has all efforts (locked_joints)"
+    return (
+        f"efforts of {', '.join(names)} are missing throughout, "
+        "so no state has all efforts (locked_joints)"
+    )
 
 
 def _unobserved(analysis):
-    """Return which joints have no external torque, because their efforts are unknown.
+    """Return a text on joints without external torque, because their efforts are unknown.
 
-    Or an empty text.
+    The text is empty if there are none.
     """
     names, some = (
         ", ".join(np.array(analysis.model.dof_names)[analysis.unobserved]),
@@ -120,7 +123,10 @@ def _unobserved(analysis):
     )
     if not names:
         return ""
-    text = f"External torque of {names if some else 'all joints'}, and with it |r|, is unknown, because efforts are."
+    text = (
+        f"External torque of {names if some else 'all joints'}, and with it |r|, is unknown, "
+        "because efforts are."
+    )
     return text + " Other joints are judged." * some
 
 
@@ -141,7 +147,10 @@ def _unknown_contacts(analysis, without_effort):
             "thresholds for --alarms"
         )
     elif unknown > 1:  # the first one never has a result
-        return f"Collisions are unknown at {unknown} of {states} states: the observer has no result there."
+        return (
+            f"Collisions are unknown at {unknown} of {states} states: "
+            "the observer has no result there."
+        )
     else:
         return ""
     return f"Collisions are unknown: {why}."
@@ -170,7 +179,7 @@ def _entries(alarms, time):
 def count_collisions(summary):
     """Return the number of collisions.
 
-    None if they are unknown, without a threshold or a result.
+    Return None if it is unknown, without a threshold or a result.
     """
     observer = summary["observer"]
     return len(summary["collisions"]) if observer["observed"] and not observer["missing"] else None
@@ -279,7 +288,10 @@ def _about_energy(summary):
     yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
     for name, unit in (("velocity", "rad/s or m/s"), ("effort", "N m or N")):
         if peak := peaks.get(name):
-            yield f"  largest {name}: {peak['value']:.4g} {unit} at {peak['of']}, {_after(summary, peak['at'])}"
+            yield (
+                f"  largest {name}: {peak['value']:.4g} {unit} at {peak['of']}, "
+                f"{_after(summary, peak['at'])}"
+            )
 
 
 def _about_balance(summary):
@@ -328,7 +340,10 @@ def _about_collisions(summary):
     if observer["observed"] and observer["judged"]:
         yield f"  {count}, by thresholds of {', '.join(observer['judged'])}"
     if summary["contacts"] is not None:
-        yield f"  {len(summary['contacts'])} contact{_s(len(summary['contacts']))}, by the lower thresholds"
+        yield (
+            f"  {len(summary['contacts'])} contact{_s(len(summary['contacts']))}, "
+            "by the lower thresholds"
+        )
     if observer["text"]:
         yield f"  {observer['text']}"
     lines = [

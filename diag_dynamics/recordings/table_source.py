@@ -116,7 +116,7 @@ class TableSource:
         write_template(path, open_reader(self._path, self._columns), joints)
 
     def _open(self, model, count=None):
-        """Return the table, whose joints, the first `count`, have any name that the map leads to."""
+        """Return the table with any names of the joints, or of the first `count`, by the map."""
         joints = single_joints(model)[:count]
         if self.names:
             joints = [name for joint in joints for name in self.names.unmap_joint(joint)]
@@ -140,7 +140,10 @@ class TableSource:
         return Batch(stamp, parts, {}, {})
 
     def _find_stamps(self, columns):
-        """Return stamps [ns], their seconds and nanoseconds; −1 s, which is rejected, for those that no message can have."""
+        """Return stamps [ns], their seconds and nanoseconds.
+
+        Stamps that no message can have are −1 s, which is rejected.
+        """
         if self._delay is None:  # the first stamp is of a second or more
             first = int(columns.stamp[0]) // SECOND
             self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
@@ -192,7 +195,7 @@ def _names(table):
 
 
 def _excess_as_radians(model, names, stamps, position):
-    """Return how positions (T, n) of joints exceed limits of the robot as radians; or an empty text.
+    """Return how positions (T, n) of joints exceed the robot's limits as radians, or "".
 
     `stamps` are in ns.
     """

@@ -165,7 +165,7 @@ def search_delay(costs_of, longest, step, max_cost=np.inf):
 
 
 def find_delay(model, name, runs):
-    """Return the delay of velocities against positions [s], given times, positions and rates of runs.
+    """Return the delay of velocities against positions [s] by times, positions and rates of runs.
 
     Raises InputError if their units differ, or it is too long.
     """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Samples that follow one another, integrals over windows of time, and maxima, of states in batches."""
+"""Samples that follow one another, integrals over windows, and maxima, of states in batches."""
 
 from typing import NamedTuple
 
@@ -15,9 +15,8 @@ def column_maxima(values):
 
     NaN is ignored, and −inf stands for no number.
     """
-    return np.fmax.reduce(
-        np.ascontiguousarray(values.T), axis=1, initial=-np.inf
-    )  # fast along long rows
+    # The reduction is fast along long rows.
+    return np.fmax.reduce(np.ascontiguousarray(values.T), axis=1, initial=-np.inf)
 
 
 class Samples(NamedTuple):
@@ -29,23 +28,22 @@ class Samples(NamedTuple):
     rows: np.ndarray | slice  # of the S samples in the batch
     interval: np.ndarray  # since the sample before [s], shape (S,); 0 if no motion leads from there
     known: np.ndarray  # rows of all states with efforts, shape (N,)
-    sample: (
-        np.ndarray
-    )  # number of the sample of each, shape (N,); −1 is the last one of the batch before
+    # Number of the sample of each, shape (N,); −1 is the last one of the batch before
+    sample: np.ndarray
 
 
 class SampleChain:
     """Select samples that are at most `max_gap` [s] apart from batches of states, in order."""
 
     def __init__(self, max_gap):
-        self._max_gap, self._last, self._jumps = (
-            max_gap,
-            -(2**62),
-            0,
-        )  # stamp of the last sample, jumps since
+        # Stamp of the last sample, jumps since
+        self._max_gap, self._last, self._jumps = max_gap, -(2**62), 0
 
     def select(self, states, known=None):
-        """Return the :class:`Samples` of the next states, of those with all efforts or of those that are `known`, bool."""
+        """Return the :class:`Samples` of the next states.
+
+        They are of states with all efforts, or of those that are `known`, bool.
+        """
         known = np.flatnonzero(states.effort_known if known is None else known)
         jumps = np.cumsum(np.append(self._jumps, states.jumped))
         stamps, jumps_before = (
@@ -68,7 +66,7 @@ class WindowIntegrals:
         self._begin, self._whole, self._sums = None, False, 0.0
 
     def integrate(self, stamps, follows, steps, values):
-        """Return begin and end [ns], sums of steps (T, m) and changes of values, of the windows that end.
+        """Return begin and end [ns], sums of steps (T, m) and changes of values, of ended windows.
 
         The first stamp is that of the last state before; `follows` tells whether each state follows
         the one before.

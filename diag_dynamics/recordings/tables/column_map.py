@@ -27,7 +27,7 @@ Numbers = tuple[float, ...]
 class ColumnMap:
     """A map of columns, checked as far as it can be without its table.
 
-    None is not stated: a convention decides. An empty tuple is no column.
+    None leaves an entry to a convention. An empty tuple is no column.
     """
 
     time: Entries | None = None  # one column, or two: seconds and nanoseconds

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datasets of LeRobot, versions 2 and 3: a folder with meta/info.json; ``FOLDER#3`` is its episode 3."""
+"""Datasets of LeRobot, versions 2 and 3: a folder with meta/info.json.
+
+``FOLDER#3`` is its episode 3.
+"""
 
 import json
 import re
@@ -27,7 +30,10 @@ _ROWS = ("episode_index", "frame_index")
 
 
 class Dataset:
-    """A dataset: `fps` [Hz], `features` by name, and `files`, the Parquet file of each episode by its number."""
+    """A dataset: `fps` [Hz], `features` by name, and `files`.
+
+    `files` has the Parquet file of each episode by its number.
+    """
 
     def __init__(self, root):
         self.root = Path(root)
@@ -81,7 +87,10 @@ def expand_episodes(paths):
 
 
 class LeRobotTable:
-    """Frames of an episode; element `elbow` of observation.velocity is the column velocity.elbow."""
+    """Frames of an episode.
+
+    Element `elbow` of observation.velocity is the column velocity.elbow.
+    """
 
     unit = "row"
 
@@ -118,7 +127,7 @@ def _is_read(name, feature):
 
 
 def _split_feature(name, feature, array, path):
-    """Return a column for each element that has a name, or the whole array under the name of the feature."""
+    """Return a column for each named element, or the whole array under the feature's name."""
     names, size = feature.get("names"), feature["shape"][0]
     if isinstance(names, dict):  # such as {"motors": [...]}
         names = [name for group in names.values() for name in np.atleast_1d(group).tolist()]
