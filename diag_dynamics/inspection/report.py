@@ -30,10 +30,11 @@ SEVERITIES = ("ok", "note", "warning", "error")
 """In ascending order: what may be intended, what is very likely a mistake of the URDF, and what
 keeps results from being computed, in part or wholly."""
 
+# Skipped for an MJCF, whose geometry is not read
 OF_GEOMETRY = (
     *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),
     *(links.gyration, links.inertia_axes, links.meshes),
-)  # skipped for an MJCF, whose geometry is not read
+)
 OF_XML = (
     *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY[:-1], links.placeholders),
     *(links.meshes, joints.elements, joints.attributes, joints.transmissions),

@@ -106,7 +106,7 @@ class Body:
 class Urdf:
     """Links and joints of a URDF's text, of two links of one name the first.
 
-    Or those of an MJCF.
+    It reads those of an MJCF, too.
     """
 
     def __init__(self, source: str | Description, folder: Path | None = None) -> None:

@@ -54,7 +54,10 @@ class Callback:
             self._is_compiled = True
 
     def _compile_and_call(self, *numbers):
-        """Compile the function in a thread and call it. An interrupt follows: kernels raise nothing."""
+        """Compile the function in a thread and call it.
+
+        An interrupt follows, because kernels raise nothing.
+        """
         compiled, interrupted = threading.Event(), False
         try:
             _thread.start_new_thread(self._compile_and_report, (compiled,))

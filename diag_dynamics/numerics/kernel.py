@@ -128,7 +128,10 @@ class Entry:
 
     @functools.cached_property
     def kernel(self):
-        """The function as kernels call it, for the declared types alone: else numba compiles it for each."""
+        """The function as kernels call it, for the declared types alone.
+
+        Otherwise numba would compile it for the types of each call.
+        """
         compiled = large_kernel(self.__wrapped__)
         compiled.compile(self._signature)
         compiled.disable_compile()

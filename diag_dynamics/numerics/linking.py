@@ -71,9 +71,8 @@ class KernelCompiler(Compiler):
             state.library = Library(state.targetctx.codegen(), state.func_id.func_qualname)
             state.library.enable_object_caching()
             state.library.is_entry = not state.flags.no_cpython_wrapper
-            state.flags.no_compile = (
-                state.flags.no_cpython_wrapper
-            )  # else numba asks for the address of a kernel
+            # Without it numba asks for the address of a kernel.
+            state.flags.no_compile = state.flags.no_cpython_wrapper
         return super().define_pipelines()
 
     def compile_extra(self, function):
