@@ -90,8 +90,8 @@ class StateAssembler:
         self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
         self._layouts, self.arrived = Layouts(), {}
         self._lists, self._alternating = set(), set()
-        count, beside = len(joints.names), len(self.followers.names)
-        self._memory = memory.Memory.create(count, beside)
+        count, follower_count = len(joints.names), len(self.followers.names)
+        self._memory = memory.Memory.create(count, follower_count)
         self._shared, self._own = self._memory.shared[0], self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
@@ -136,9 +136,9 @@ class StateAssembler:
     def configure(self, options):
         """Use other options from now on; InputError if they name a joint that is not there."""
         efforts, ages = self.check_options(options)
-        count, own, followers = len(self._own), self._own, self.followers
+        count, joints, followers = len(self._own), self._own, self.followers
         limits = joint_limits(self._joints, options)
-        _write(own, factor=efforts.factors[:count], span=ages[:count], **limits)
+        _write(joints, factor=efforts.factors[:count], span=ages[:count], **limits)
         _write(
             self._memory.followers,
             turns=followers.turns,
@@ -160,10 +160,10 @@ class StateAssembler:
             stuck_step=max(1, -(-timeout // SAMPLES)),
         )
         if not options.estimate_velocity:
-            own["velocity"][own["estimated"] > 0] = np.nan
-            _write(own, estimated=0, estimate_known=0)
+            joints["velocity"][joints["estimated"] > 0] = np.nan
+            _write(joints, estimated=0, estimate_known=0)
         if not options.jump:
-            _write(own, other_stamp=-1)
+            _write(joints, other_stamp=-1)
         self.efforts, self.followers.tolerance = efforts, options.mimic_tolerance
         if self._base:
             self._base.configure(options)
@@ -193,8 +193,8 @@ class StateAssembler:
     @property
     def follower_rates(self):
         """Measured rates of followers at the newest stamp [rad/s, m/s], NaN for others."""
-        own = self._memory.followers
-        return np.where(own["stamp"] == self.newest, own["velocity"], np.nan)
+        followers = self._memory.followers
+        return np.where(followers["stamp"] == self.newest, followers["velocity"], np.nan)
 
     @property
     def lacking_effort(self):
@@ -221,8 +221,8 @@ class StateAssembler:
         self._alternating.clear()
         return overlap
 
-    def _joints_where(self, which):
-        return [self.names[k] for k in np.flatnonzero(which)]
+    def _joints_where(self, mask):
+        return [self.names[k] for k in np.flatnonzero(mask)]
 
     @property
     def newest(self):
@@ -242,7 +242,9 @@ class StateAssembler:
     @property
     def stuck_text(self):
         """Text on the joint whose sensor is stuck; empty if none is."""
-        kind, joint, more = (int(self._shared[f"stuck_{one}"]) for one in ("kind", "joint", "more"))
+        kind, joint, more = (
+            int(self._shared[f"stuck_{field}"]) for field in ("kind", "joint", "more")
+        )
         return codes.stuck_text(kind, joint, more, self._labels) if kind else ""
 
     # --- Restarts ---
@@ -456,9 +458,11 @@ class StateAssembler:
             )
             return codes.STEP.format(name=name, first=first, second=second)
         if event == codes.DISAGREES:
-            own, expected = (self._memory.followers[field] for field in ("own", "expected"))
-            astray = np.flatnonzero(~np.isnan(own))
-            return "; ".join(self.followers.disagreement(k, own[k], expected[k]) for k in astray)
+            positions, expected = (self._memory.followers[field] for field in ("own", "expected"))
+            astray = np.flatnonzero(~np.isnan(positions))
+            return "; ".join(
+                self.followers.disagreement(k, positions[k], expected[k]) for k in astray
+            )
         return ""
 
     def _text(self, outcome):
@@ -466,14 +470,14 @@ class StateAssembler:
 
     def _texts(self, outcome, layout, layouts):
         """Return cause and text of each rejected message, but for malformed ones, by its place."""
-        found = {}
+        rejections = {}
         for k in np.flatnonzero(outcome["code"] > codes.MALFORMED).tolist():
             code = int(outcome["code"][k])
             text = (
                 layouts[layout[k]].text if code in codes.LAYOUT_ERRORS else self._text(outcome[k])
             )
-            found[k] = codes.CAUSES[code], text
-        return found
+            rejections[k] = codes.CAUSES[code], text
+        return rejections
 
 
 class _Layout(NamedTuple):

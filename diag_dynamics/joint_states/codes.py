@@ -145,5 +145,5 @@ def rejection_text(outcome, labels, limit):
 
 def stuck_text(kind, joint, more, labels):
     """Return the text on stuck sensors."""
-    others = f" (and {more} more)" if more else ""
-    return f"stuck values: {labels[joint]}{others} {STUCK_TEXTS[kind]} (stuck_timeout)"
+    suffix = f" (and {more} more)" if more else ""
+    return f"stuck values: {labels[joint]}{suffix} {STUCK_TEXTS[kind]} (stuck_timeout)"

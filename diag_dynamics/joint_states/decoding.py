@@ -38,10 +38,10 @@ class JointStates(NamedTuple):
     effort: np.ndarray
     """As sent, likewise."""
 
-    def select(self, which):
+    def select(self, mask):
         """Return the messages of a mask."""
-        names, columns = self.names, (column[which] for column in self[2:])
-        return JointStates(self.rows[which], names, *columns)
+        names, columns = self.names, (column[mask] for column in self[2:])
+        return JointStates(self.rows[mask], names, *columns)
 
 
 @dataclass(frozen=True, eq=False)

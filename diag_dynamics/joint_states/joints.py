@@ -182,15 +182,18 @@ class LinkPositions:
     """
 
     def __init__(self, model):
-        own = {
+        flexible = {
             n: j
             for n, j in model.flexible_joints.items()
             if (j.position, j.effort) == ("motor", "spring")
         }
-        self._at, self._dofs = places(own, model.coordinate_names), places(own, model.dof_names)
-        self._stiffness = np.array([joint.stiffness for joint in own.values()])
-        self._damping = np.array([joint.damping for joint in own.values()])
-        self.has_any = bool(own)
+        self._at, self._dofs = (
+            places(flexible, model.coordinate_names),
+            places(flexible, model.dof_names),
+        )
+        self._stiffness = np.array([joint.stiffness for joint in flexible.values()])
+        self._damping = np.array([joint.damping for joint in flexible.values()])
+        self.has_any = bool(flexible)
         self.forget()
 
     def forget(self):

@@ -29,8 +29,10 @@ class OdometryBase:
 
     def configure(self, options):
         """Use these :class:`Options` from now on."""
-        own = Options(timeouts={}, max_age=options.max_age, refuse_foreign=options.refuse_foreign)
-        self.stamps.configure(own)
+        stamp_options = Options(
+            timeouts={}, max_age=options.max_age, refuse_foreign=options.refuse_foreign
+        )
+        self.stamps.configure(stamp_options)
 
     @property
     def jumps(self):
@@ -74,12 +76,12 @@ class OdometryBase:
                     f"odom: {quantity} is {values.tolist()}, expected within ±{bound:g}",
                 )
         stamp = message.header.stamp
-        found = self.stamps.accept_values(
+        result = self.stamps.accept_values(
             ("odom",), stamp.sec, stamp.nanosec, [np.zeros(1)] * 3, now
         )
-        if isinstance(found, Rejected):
-            raise RejectedError(*found)
-        state = found.state
+        if isinstance(result, Rejected):
+            raise RejectedError(*result)
+        state = result.state
         self.position, self.velocity, self.stamp = position, velocity, state.newest
         self.unstamped = state.stamp_is_receive_time
 

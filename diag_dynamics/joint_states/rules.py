@@ -69,48 +69,48 @@ def judge_messages(shared, joints, followers, scratch, layouts, messages, number
     memory = Memory(shared, joints, followers, scratch)
     batch = Batch(layouts, messages, numbers, outcome, states)
     for k in range(len(messages)):
-        one = outcome[k]
-        _clear(one)
+        record = outcome[k]
+        _clear(record)
         layout = messages[k].layout
         if layout == FORGET:
             _forget(memory)
             shared[0].stuck_last, shared[0].stuck_kind = -1, 0
             continue
         if layout < 0:
-            one.code = codes.MALFORMED
+            record.code = codes.MALFORMED
         else:
-            one.code = _judge(memory, batch, k, layouts[layout])
-        if one.code == codes.STATE and shared[0].needs_base:
-            one.code = _complete_by_base(shared[0], one)
-        if one.code == codes.STATE:
-            watch_stuck_sensors(memory, states[0, k], states[1, k], one.newest, one)
+            record.code = _judge(memory, batch, k, layouts[layout])
+        if record.code == codes.STATE and shared[0].needs_base:
+            record.code = _complete_by_base(shared[0], record)
+        if record.code == codes.STATE:
+            watch_stuck_sensors(memory, states[0, k], states[1, k], record.newest, record)
 
 
 @kernel
-def _clear(one):
+def _clear(outcome):
     """Forget the message before, whose outcome may be in the same place."""
-    one.code = one.events = one.newest = one.oldest = one.with_effort = one.received = (
-        one.estimated
-    ) = 0
-    one.stuck_kind = one.stuck_joint = one.stuck_more = one.joint = 0
-    one.moved = -1
+    outcome.code = outcome.events = outcome.newest = outcome.oldest = outcome.with_effort = (
+        outcome.received
+    ) = outcome.estimated = 0
+    outcome.stuck_kind = outcome.stuck_joint = outcome.stuck_more = outcome.joint = 0
+    outcome.moved = -1
 
 
 @large_kernel
 def _judge(memory, batch, k, layout):
     """Judge one message and return the code of what comes of it."""
-    message, one = batch.messages[k], batch.outcome[k]
+    message, outcome = batch.messages[k], batch.outcome[k]
     names, row = len(memory.joints) + len(memory.followers), memory.scratch[VALUES]
-    here = layout[HEAD : HEAD + layout[JOINT_COUNT]]
-    beside = layout[HEAD + layout[JOINT_COUNT] : HEAD + layout[COUNT]]
+    indices = layout[HEAD : HEAD + layout[JOINT_COUNT]]
+    follower_indices = layout[HEAD + layout[JOINT_COUNT] : HEAD + layout[COUNT]]
     _spread(batch.numbers[k], layout, names, row)
     position, velocity, effort = row[:names], row[names : 2 * names], row[2 * names : 3 * names]
     if layout[ERROR] == codes.DUPLICATE_NAME:
         return codes.DUPLICATE_NAME
-    if len(here) == 0 and len(beside) == 0:
+    if len(indices) == 0 and len(follower_indices) == 0:
         return codes.FOREIGN
     if message.sec < 0 or message.nanosec >= SECOND:
-        one.first, one.second = message.sec, message.nanosec
+        outcome.first, outcome.second = message.sec, message.nanosec
         return codes.MALFORMED_STAMP
     stamp = message.sec * SECOND + message.nanosec
     unstamped = int(stamp == 0)
@@ -119,37 +119,41 @@ def _judge(memory, batch, k, layout):
     stamp = message.now if unstamped else stamp
     if layout[ERROR]:
         return layout[ERROR]
-    code = _judge_values(memory, here, position, velocity, one)
+    code = _judge_values(memory, indices, position, velocity, outcome)
     if code == codes.NO_VELOCITY and memory.shared[0].slack > 0.0:
-        for j in here:  # a second source often sends no velocities
+        for j in indices:  # a second source often sends no velocities
             velocity[j] = velocity[j] if np.isfinite(velocity[j]) else 0.0
-        step = judge_step(memory, here, position, velocity, stamp, unstamped, one)
+        step = judge_step(memory, indices, position, velocity, stamp, unstamped, outcome)
         code = step if step else code
     if code:
         return code
-    code, anew, source = _judge_stamp(memory, here, beside, stamp, unstamped, message.now, one)
+    code, anew, source = _judge_stamp(
+        memory, indices, follower_indices, stamp, unstamped, message.now, outcome
+    )
     if code:
         return code
     if anew:
-        one.events |= codes.TIME_JUMPED
+        outcome.events |= codes.TIME_JUMPED
         memory.shared[0].restarted = 1
         _forget(memory)
-    if len(here) and memory.shared[0].slack > 0.0:
-        code = judge_step(memory, here, position, velocity, stamp, unstamped, one)
+    if len(indices) and memory.shared[0].slack > 0.0:
+        code = judge_step(memory, indices, position, velocity, stamp, unstamped, outcome)
         if code:
             return code
     if memory.shared[0].estimate:
-        code = _estimate(memory, here, position, velocity, stamp, unstamped, one)
+        code = _estimate(memory, indices, position, velocity, stamp, unstamped, outcome)
         if code:
             return code
     # The message is accepted.
     _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
-    accept_step(memory, here, one)
-    implausible = _store_joints(memory, here, position, velocity, effort, stamp, unstamped)
-    implausible |= _store_followers(memory, beside, position, velocity, effort, stamp, one)
+    accept_step(memory, indices, outcome)
+    implausible = _store_joints(memory, indices, position, velocity, effort, stamp, unstamped)
+    implausible |= _store_followers(
+        memory, follower_indices, position, velocity, effort, stamp, outcome
+    )
     if implausible:
-        one.events |= codes.IMPLAUSIBLE_EFFORT
-    if len(here) == 0:
+        outcome.events |= codes.IMPLAUSIBLE_EFFORT
+    if len(indices) == 0:
         return codes.FOLLOWERS_ONLY
     return _assemble(memory, batch, k)
 
@@ -167,50 +171,55 @@ def _spread(numbers, layout, names, row):
 
 
 @kernel
-def _first(here):
+def _first(indices):
     """Return the first of some joints, which stands for their publisher."""
-    first = here[0]
-    for j in here:
+    first = indices[0]
+    for j in indices:
         first = min(first, j)
     return first
 
 
 @kernel
-def _judge_values(memory, here, position, velocity, one):
+def _judge_values(memory, indices, position, velocity, outcome):
     """Return the code of positions or velocities that are missing or out of bounds."""
-    for j in here:
+    for j in indices:
         if not np.isfinite(position[j]):
-            one.joint, one.first = j, position[j]
+            outcome.joint, outcome.first = j, position[j]
             return codes.NO_POSITION
-    for j in here:
+    for j in indices:
         rules = memory.joints[j]
         if position[j] < rules.lower or position[j] > rules.upper:
-            one.joint, one.first, one.second, one.third = j, position[j], rules.lower, rules.upper
+            outcome.joint, outcome.first, outcome.second, outcome.third = (
+                j,
+                position[j],
+                rules.lower,
+                rules.upper,
+            )
             return codes.POSITION_BOUND
-    for j in here:
+    for j in indices:
         fastest = memory.joints[j].fastest
         if np.isfinite(velocity[j]) and abs(velocity[j]) > fastest:
-            one.joint, one.first, one.second = j, velocity[j], fastest
+            outcome.joint, outcome.first, outcome.second = j, velocity[j], fastest
             return codes.VELOCITY_BOUND
-    for j in here:
+    for j in indices:
         if not np.isfinite(velocity[j]) and not (
             memory.shared[0].estimate and np.isnan(velocity[j])
         ):
-            one.joint, one.first = j, velocity[j]
+            outcome.joint, outcome.first = j, velocity[j]
             return codes.NO_VELOCITY
     return codes.STATE
 
 
 @kernel
-def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
+def _judge_stamp(memory, indices, follower_indices, stamp, unstamped, now, outcome):
     """Return the code of a stamp out of time, whether time has restarted, and a source.
 
     The source is the one with an earlier stamp, or −1.
     """
     span, last, source = float(SECOND), -1, -1
-    if len(here):
-        named = here[0]
-        for j in here:
+    if len(indices):
+        named = indices[0]
+        for j in indices:
             # A stamp and a time of reception may be of two clocks, so they are not compared.
             if (
                 memory.joints[j].known
@@ -218,27 +227,27 @@ def _judge_stamp(memory, here, beside, stamp, unstamped, now, one):
                 and memory.joints[j].stamp > last
             ):
                 last, named = memory.joints[j].stamp, j
-        one.joint = named
+        outcome.joint = named
         if np.isfinite(memory.joints[named].span):
             span = max(float(SECOND), memory.joints[named].span)
         if last >= 0:
-            source = _first(here)
+            source = _first(indices)
     else:
-        one.joint = beside[0]
+        outcome.joint = follower_indices[0]
     if memory.shared[0].max_age and now and not unstamped:
-        code = _judge_clock(memory, stamp, now, one)
+        code = _judge_clock(memory, stamp, now, outcome)
         if code:
             return code, False, source
     anew = last >= 0 and stamp < last
     if anew:
-        code = _judge_late(memory.joints[source], stamp, last, np.int64(span), one)
+        code = _judge_late(memory.joints[source], stamp, last, np.int64(span), outcome)
         if code:
             return code, False, source
     return codes.STATE, anew, source
 
 
 @kernel
-def _judge_clock(memory, stamp, now, one):
+def _judge_clock(memory, stamp, now, outcome):
     """Return the code of a stamp that is far from the clock.
 
     It is STATE if all stamps have been so for PATIENCE.
@@ -254,14 +263,14 @@ def _judge_clock(memory, stamp, now, one):
         shared.refused, shared.refused_at, shared.refused_apart = 1, now, apart
     if not shared.refuse_foreign and now - shared.refused_at >= PATIENCE:
         return codes.STATE
-    one.first, one.second = apart * 1e-9, shared.max_age * 1e-9
+    outcome.first, outcome.second = apart * 1e-9, shared.max_age * 1e-9
     if shared.in_step != 1:
         return codes.FOREIGN_TIME
     return codes.CLOCK_BEHIND if apart > 0 else codes.CLOCK_AHEAD
 
 
 @kernel
-def _judge_late(source, stamp, last, span, one):
+def _judge_late(source, stamp, last, span, outcome):
     """Return the code of a stamp older than `last`.
 
     It is STATE if its source continues from it, because time has restarted.
@@ -270,7 +279,7 @@ def _judge_late(source, stamp, last, span, one):
     if count == 0 or not 0 <= stamp - before <= span:
         first, count = stamp, 0
     source.late_first, source.late_last, source.late_count = first, stamp, count + 1
-    one.first = (last - stamp) * 1e-9
+    outcome.first = (last - stamp) * 1e-9
     if last - stamp <= span:
         return codes.LATE if count + 1 < LATE_COUNT or stamp - first < LATE_TIME else codes.STATE
     return codes.STATE if count else codes.STAMP_FROM_PAST
@@ -308,25 +317,25 @@ def _forget(memory):
 
 
 @kernel
-def _estimate(memory, here, position, velocity, stamp, unstamped, one):
+def _estimate(memory, indices, position, velocity, stamp, unstamped, outcome):
     """Replace missing velocities by filtered difference quotients.
 
     Return the code of a step that is too fast.
     """
     shared = memory.shared[0]
-    for j in here:
+    for j in indices:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
-        if elapsed == 0 or not _continues(memory, j, elapsed, unstamped, one):
+        if elapsed == 0 or not _continues(memory, j, elapsed, unstamped, outcome):
             continue
         quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
         if np.isnan(velocity[j]) and quotient > MAX_VELOCITY:
-            one.joint, one.first, one.second = j, position[j], MAX_VELOCITY
+            outcome.joint, outcome.first, outcome.second = j, position[j], MAX_VELOCITY
             return codes.FAST_STEP
-    for j in here:
+    for j in indices:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
-        if not _continues(memory, j, elapsed, unstamped, one):
+        if not _continues(memory, j, elapsed, unstamped, outcome):
             joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
             joint.estimate_period = LONGEST / PERIODS
             joint.estimate_position, joint.estimate_stamp, joint.estimate_known = (
@@ -353,9 +362,9 @@ def _estimate(memory, here, position, velocity, stamp, unstamped, one):
 
 
 @kernel
-def _continues(memory, j, elapsed, unstamped, one):
+def _continues(memory, j, elapsed, unstamped, outcome):
     """Whether an estimate goes on: no restart, no other clock, no jump, no pause."""
-    joint, moved = memory.joints[j], one.moved >= 0 and memory.scratch[FAR, j] > 0.0
+    joint, moved = memory.joints[j], outcome.moved >= 0 and memory.scratch[FAR, j] > 0.0
     if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
         return False
     longest = joint.span if np.isfinite(joint.span) else 0.0
@@ -370,10 +379,10 @@ def _estimate_step(joint, position):
 
 
 @kernel
-def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
+def _store_joints(memory, indices, position, velocity, effort, stamp, unstamped):
     """Store the values of joints; return whether an effort is implausible, which is as unknown."""
     implausible = False
-    for j in here:
+    for j in indices:
         joint = memory.joints[j]
         torque = effort[j] * joint.factor
         if abs(torque) > joint.strongest:
@@ -384,13 +393,13 @@ def _store_joints(memory, here, position, velocity, effort, stamp, unstamped):
 
 
 @kernel
-def _store_followers(memory, beside, position, velocity, effort, stamp, one):
+def _store_followers(memory, indices, position, velocity, effort, stamp, outcome):
     """Store values of followers and compare their positions.
 
     Return whether an effort is implausible.
     """
     implausible = False
-    for j in beside:
+    for j in indices:
         follower = memory.followers[j - len(memory.joints)]
         torque = effort[j] * follower.factor
         if abs(torque) > MAX_EFFORT:
@@ -402,19 +411,19 @@ def _store_followers(memory, beside, position, velocity, effort, stamp, one):
         if follower.body or is_stale or not np.isfinite(position[j]):  # bodies: see _close_loops
             continue
         expected = follower.multiplier * source.position + follower.offset
-        _compare_follower(memory, follower, expected, one)
+        _compare_follower(memory, follower, expected, outcome)
     return implausible
 
 
 @kernel
-def _compare_follower(memory, follower, expected, one):
+def _compare_follower(memory, follower, expected, outcome):
     """Store the positions of a follower that disagree; forget those of an earlier message."""
     distance, tolerance = abs(follower.position - expected), memory.shared[0].tolerance
     distance = abs(_wrap_angle(distance)) if follower.turns else distance
     if tolerance == 0.0 or not distance > tolerance:
         return
-    if not one.events & codes.DISAGREES:
-        one.events |= codes.DISAGREES
+    if not outcome.events & codes.DISAGREES:
+        outcome.events |= codes.DISAGREES
         for f in range(len(memory.followers)):
             memory.followers[f].own = np.nan
     follower.own, follower.expected = follower.position, expected
@@ -423,7 +432,7 @@ def _compare_follower(memory, follower, expected, one):
 @kernel
 def _assemble(memory, batch, k):
     """Make up the state of all joints; return its code."""
-    one, joints = batch.outcome[k], memory.joints
+    outcome, joints = batch.outcome[k], memory.joints
     newest, oldest = joints[0].stamp, joints[0].stamp
     for j in range(len(joints)):
         if not joints[j].known:
@@ -431,22 +440,22 @@ def _assemble(memory, batch, k):
         newest, oldest = max(newest, joints[j].stamp), min(oldest, joints[j].stamp)
     for j in range(len(joints)):
         if newest - joints[j].stamp > joints[j].span:
-            one.joint, one.first = j, joints[j].span * 1e-9
+            outcome.joint, outcome.first = j, joints[j].span * 1e-9
             return codes.STALE_JOINT
     if memory.shared[0].estimate:
         for j in range(len(joints)):
             if np.isnan(joints[j].velocity):
                 return codes.AWAITING_VELOCITY
-    one.newest, one.oldest, one.with_effort = newest, oldest, 1
+    outcome.newest, outcome.oldest, outcome.with_effort = newest, oldest, 1
     for j in range(len(joints)):
         if not np.isfinite(joints[j].velocity):
-            one.joint, one.first = j, joints[j].velocity
+            outcome.joint, outcome.first = j, joints[j].velocity
             return codes.NO_VELOCITY
         batch.states[0, k, j], batch.states[1, k, j] = joints[j].position, joints[j].velocity
         batch.states[2, k, j] = joints[j].effort
-        one.received |= joints[j].unstamped
-        one.estimated |= joints[j].estimated
-        one.with_effort &= int(np.isfinite(joints[j].effort))
+        outcome.received |= joints[j].unstamped
+        outcome.estimated |= joints[j].estimated
+        outcome.with_effort &= int(np.isfinite(joints[j].effort))
     for f in range(len(memory.followers)):
         follower = memory.followers[f]
         if follower.body == 0:
@@ -454,7 +463,7 @@ def _assemble(memory, batch, k):
                 follower, newest
             )
     if memory.shared[0].robot:
-        return _close_loops(memory, batch.states[0, k], batch.states[2, k], one)
+        return _close_loops(memory, batch.states[0, k], batch.states[2, k], outcome)
     return codes.STATE
 
 
@@ -466,7 +475,7 @@ def _fresh_effort(follower, newest):
 
 
 @large_kernel
-def _close_loops(memory, position, effort, one):
+def _close_loops(memory, position, effort, outcome):
     """Reflect efforts of followers with changing ratios and compare their positions.
 
     Return the code of an open loop. Positions are compared with those of the same stamp.
@@ -476,7 +485,7 @@ def _close_loops(memory, position, effort, one):
         q[shared.nq - n + j] = position[j]
     status = call_address(shared.follow, (shared.robot, address_of(q), shared.ratios, 0))
     if status != 0:
-        one.joint = n + len(memory.followers) + (-status) % 1000
+        outcome.joint = n + len(memory.followers) + (-status) % 1000
         return codes.OPEN_LOOP
     table = _matrix_at(shared.ratios, (shared.bodies, 1 + 2 * shared.nv))
     for f in range(len(memory.followers)):
@@ -484,24 +493,27 @@ def _close_loops(memory, position, effort, one):
         if follower.body == 0:
             continue
         for j in range(n):
-            effort[j] += row[1 + shared.nv - n + j] * _fresh_effort(follower, one.newest)
-        if follower.stamp == one.newest:
-            _compare_follower(memory, follower, row[0], one)
+            effort[j] += row[1 + shared.nv - n + j] * _fresh_effort(follower, outcome.newest)
+        if follower.stamp == outcome.newest:
+            _compare_follower(memory, follower, row[0], outcome)
     return codes.STATE
 
 
 @kernel
-def _complete_by_base(shared, one):
+def _complete_by_base(shared, outcome):
     """Return the code of a state whose base is that of the newest odometry."""
-    if shared.restarted and shared.base_stamp > one.newest + SECOND:
+    if shared.restarted and shared.base_stamp > outcome.newest + SECOND:
         shared.base_stamp = -1  # it is of the time before the restart
     shared.restarted = 0
     if shared.base_stamp < 0:
         return codes.BEFORE_ODOMETRY
-    apart = abs(one.newest - shared.base_stamp)
+    apart = abs(outcome.newest - shared.base_stamp)
     if apart > ODOM_TIMEOUT:
-        one.first, one.second = apart * 1e-9, ODOM_TIMEOUT * 1e-9
+        outcome.first, outcome.second = apart * 1e-9, ODOM_TIMEOUT * 1e-9
         return codes.STALE_ODOMETRY
-    one.newest, one.oldest = max(one.newest, shared.base_stamp), min(one.oldest, shared.base_stamp)
-    one.received |= shared.base_unstamped
+    outcome.newest, outcome.oldest = (
+        max(outcome.newest, shared.base_stamp),
+        min(outcome.oldest, shared.base_stamp),
+    )
+    outcome.received |= shared.base_unstamped
     return codes.STATE

@@ -37,45 +37,50 @@ CANDIDATE_TIMEOUT = 500_000_000
 
 
 @large_kernel
-def judge_step(memory, here, position, velocity, stamp, unstamped, one):
-    """Return the code of a step; set `one.moved` if the candidate replaces the state in force."""
-    far = _mark_far_joints(memory, here, position, velocity, stamp, unstamped)
+def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
+    """Return the code of a step; set `outcome.moved` if the candidate replaces the state."""
+    far = _mark_far_joints(memory, indices, position, velocity, stamp, unstamped)
     if far < 0:
         return codes.STATE
     joint, slack = memory.joints[far], memory.shared[0].slack
-    in_row, interleaved = _compare_candidate(memory, here, position, velocity, stamp)
-    moves = interleaved and _moves_alone(memory, here, position, velocity)
+    in_row, interleaved = _compare_candidate(memory, indices, position, velocity, stamp)
+    moves = interleaved and _moves_alone(memory, indices, position, velocity)
     if moves or (in_row >= STATES and not interleaved):
-        one.moved, one.moved_from, one.moved_to = far, joint.position, position[far]
+        outcome.moved, outcome.moved_from, outcome.moved_to = far, joint.position, position[far]
         return codes.STATE
     elapsed = stamp - joint.stamp
-    one.joint, one.first, one.second, one.third = far, joint.position, position[far], elapsed * 1e-9
-    one.fourth = _largest_step(joint, slack, velocity[far], joint.velocity, elapsed)
-    one.fifth, one.sixth = joint.velocity, velocity[far]
-    for j in here:
+    outcome.joint, outcome.first, outcome.second, outcome.third = (
+        far,
+        joint.position,
+        position[far],
+        elapsed * 1e-9,
+    )
+    outcome.fourth = _largest_step(joint, slack, velocity[far], joint.velocity, elapsed)
+    outcome.fifth, outcome.sixth = joint.velocity, velocity[far]
+    for j in indices:
         _store_candidate(memory.joints[j], position[j], velocity[j], stamp)
         memory.joints[j].other_count, memory.joints[j].interleaved = in_row, interleaved
     return codes.INTERLEAVED if interleaved else codes.JUMP
 
 
 @kernel
-def accept_step(memory, here, one):
+def accept_step(memory, indices, outcome):
     """End the row of the candidate; exchange it for the state in force where it takes its place."""
-    if one.moved >= 0:
-        one.events |= codes.MOVED
-    for j in here:
+    if outcome.moved >= 0:
+        outcome.events |= codes.MOVED
+    for j in indices:
         joint = memory.joints[j]
         joint.other_count = 0
-        if one.moved >= 0:
+        if outcome.moved >= 0:
             _store_candidate(joint, joint.position, joint.velocity, joint.stamp)
 
 
 @kernel
-def _mark_far_joints(memory, here, position, velocity, stamp, unstamped):
+def _mark_far_joints(memory, indices, position, velocity, stamp, unstamped):
     """Mark joints whose steps no velocity explains; return the first of them, or −1."""
     first = -1
-    for k in range(len(here) - 1, -1, -1):
-        j = here[k]
+    for k in range(len(indices) - 1, -1, -1):
+        j = indices[k]
         joint, elapsed = memory.joints[j], stamp - memory.joints[j].stamp
         step, slack = _step(joint, position[j], joint.position), memory.shared[0].slack
         far = step > _largest_step(joint, slack, velocity[j], joint.velocity, elapsed)
@@ -110,10 +115,10 @@ def _largest_step(joint, slack, velocity, before, elapsed):
 
 
 @kernel
-def _compare_candidate(memory, here, position, velocity, stamp):
+def _compare_candidate(memory, indices, position, velocity, stamp):
     """Return the messages in a row of the candidate, and whether sources are interleaved."""
     slack, in_row, interleaved = memory.shared[0].slack, STATES, False
-    for j in here:
+    for j in indices:
         joint, elapsed = memory.joints[j], stamp - memory.joints[j].other_stamp
         if memory.scratch[FAR, j] > 0.0:
             largest = _largest_step(joint, slack, velocity[j], joint.other_velocity, elapsed)
@@ -126,10 +131,10 @@ def _compare_candidate(memory, here, position, velocity, stamp):
 
 
 @kernel
-def _moves_alone(memory, here, position, velocity):
+def _moves_alone(memory, indices, position, velocity):
     """Whether a message has moved on from the candidate while the state in force rests."""
     moves, elsewhere = False, False
-    for j in here:
+    for j in indices:
         joint = memory.joints[j]
         if abs(joint.velocity) > 0.0:  # NaN is no motion of the state in force
             return False
@@ -165,7 +170,7 @@ MOVED = 0.05  # distance [rad, m] within the timeout that a joint with velocity 
 
 
 @large_kernel
-def watch_stuck_sensors(memory, position, velocity, stamp, one):
+def watch_stuck_sensors(memory, position, velocity, stamp, outcome):
     """Compare a state with earlier ones, if it is time to."""
     shared = memory.shared[0]
     if shared.stuck_timeout == 0 or len(memory.joints) == 0:
@@ -173,8 +178,8 @@ def watch_stuck_sensors(memory, position, velocity, stamp, one):
     last = shared.stuck_last
     if last < 0 or stamp < last or stamp // shared.stuck_step != last // shared.stuck_step:
         _compare_states(memory, position, velocity, stamp)
-        one.stuck_kind, one.stuck_joint = shared.stuck_kind, shared.stuck_joint
-        one.stuck_more = shared.stuck_more
+        outcome.stuck_kind, outcome.stuck_joint = shared.stuck_kind, shared.stuck_joint
+        outcome.stuck_more = shared.stuck_more
 
 
 @kernel
