@@ -69,12 +69,12 @@ def parameters_of(files=(), assignments=()):
             raise InputError(f"'{entry}' has no '=', expected parameter=value.")
         value = value if value.startswith(ALL) else parsed_yaml(value, f"'{entry}'")
         parts = value.split(",") if isinstance(value, str) else []
-        if len(parts) > 1 and all("=" in one for one in parts):
-            value = [one.strip() for one in parts]
-        for own, checked in _check(name, value, f"'{entry}'").items():
-            if isinstance(checked, list) and all(isinstance(one, str) for one in checked):
-                checked = lists[own] = [*lists.get(own, []), *checked]
-            values[own] = checked
+        if len(parts) > 1 and all("=" in item for item in parts):
+            value = [item.strip() for item in parts]
+        for key, checked in _check(name, value, f"'{entry}'").items():
+            if isinstance(checked, list) and all(isinstance(item, str) for item in checked):
+                checked = lists[key] = [*lists.get(key, []), *checked]
+            values[key] = checked
     return values
 
 
@@ -89,21 +89,21 @@ def _read_file(path):
         return {"parameters_file": str(path)}
     if content and set(content) <= set(COUPLINGS):
         return {"loops_file": str(path)}
-    found = {}
+    values = {}
     for node, section in content.items():
         if not isinstance(section, Mapping) or not isinstance(
             section.get("ros__parameters"), Mapping
         ):
             raise InputError(f"'{path}': section '{node}' has no ros__parameters.")
-        own = str(node).split("/")[-1]
-        if fnmatch(MONITOR, own):
-            ignored = OF_OTHERS if own != MONITOR else ()
-            found |= {
+        node_name = str(node).split("/")[-1]
+        if fnmatch(MONITOR, node_name):
+            ignored = OF_OTHERS if node_name != MONITOR else ()
+            values |= {
                 name: value
                 for name, value in _flatten(section["ros__parameters"])
                 if name not in ignored
             }
-    return found
+    return values
 
 
 def _flatten(section, prefix=""):

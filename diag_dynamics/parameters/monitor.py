@@ -356,7 +356,7 @@ class Settings(NamedTuple):
                 f"'{'floating_base' if values['floating_base'] else sources[0]}' is set."
             )
         for name in ("locked_joints", "armature"):
-            assignments(name, [one for one in values[name] if one != ALL])
+            assignments(name, [entry for entry in values[name] if entry != ALL])
         thresholds = EnergyThresholds(
             assignments("energy.warn", values["energy.warn"], minimum=0.0),
             assignments("energy.error", values["energy.error"], minimum=0.0),

@@ -41,12 +41,13 @@ def model_of(description, values, recorded=None):
             "because the MJCF has no free body, or several. Give the base a <freejoint/>."
         )
     locked = assignments(
-        "locked_joints", [f"{ALL}=0" if one == ALL else one for one in values["locked_joints"]]
+        "locked_joints",
+        [f"{ALL}=0" if entry == ALL else entry for entry in values["locked_joints"]],
     )
     rest = locked.pop(ALL, None)
     if rest is not None and recorded is None:
-        what = "parameter 'locked_joints' has '*', the joints that a recording lacks"
-        raise InputError(f"{what}; expected names of joints, because no recording is read here.")
+        problem = "parameter 'locked_joints' has '*', the joints that a recording lacks"
+        raise InputError(f"{problem}; expected names of joints, because no recording is read here.")
     if described.gravity is not None and list(gravity) == PARAMETERS["gravity"].default:
         gravity = described.gravity
     model = load_urdf(

@@ -68,8 +68,8 @@ class Field:
         self.count = int(count[:-1] or 0) if bracket else None
         self.is_primitive = kind in PRIMITIVES or kind == "string"
         if not self.is_primitive:
-            there, _, kind = kind.rpartition("/")
-            kind = f"{there.removesuffix('/msg') or package}/msg/{kind}"
+            origin, _, kind = kind.rpartition("/")
+            kind = f"{origin.removesuffix('/msg') or package}/msg/{kind}"
         self.kind = kind
 
     @property
@@ -131,8 +131,8 @@ def definition_with_parts(kind):
     """Return the definitions of a type and of all types in it, in the format ``ros2msg``."""
     kinds = [kind]
     for part in kinds:
-        others = (field.kind for field in fields_of(part) if not field.is_primitive)
-        kinds += [other for other in dict.fromkeys(others) if other not in kinds]
+        part_kinds = (field.kind for field in fields_of(part) if not field.is_primitive)
+        kinds += [part_kind for part_kind in dict.fromkeys(part_kinds) if part_kind not in kinds]
     parts = [f"MSG: {part.replace('/msg/', '/')}\n{definition_of(part)}\n" for part in kinds[1:]]
     return ("=" * 80 + "\n").join([f"{definition_of(kind)}\n", *parts])
 
