@@ -38,8 +38,8 @@ export class Plot {
     );
     this.observers = [
       resized(this.box, () => this.#resize()),
-      new IntersectionObserver(([entry]) => {
-        this.seen = entry.isIntersecting;
+      new IntersectionObserver((entries) => {
+        this.seen = entries.at(-1).isIntersecting; // several ones come together on a busy machine
         if (this.seen) this.draw();
       }),
     ];
