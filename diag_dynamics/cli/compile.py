@@ -104,11 +104,11 @@ def _compile(jobs, progress):
         )  # for the workers: Ctrl-C is this process's matter
         running = {pool.submit(compile_unit, unit): unit for unit in UNITS}
         signal.signal(signal.SIGINT, before)
-        for one in as_completed(running):
-            if error := one.exception():
-                return f"{running[one]}: {type(error).__name__}: {error}"
-            done += UNITS[running[one]]
-            progress.show(f"  {100 * done // sum(UNITS.values()):3} %  {running[one]}")
+        for future in as_completed(running):
+            if error := future.exception():
+                return f"{running[future]}: {type(error).__name__}: {error}"
+            done += UNITS[running[future]]
+            progress.show(f"  {100 * done // sum(UNITS.values()):3} %  {running[future]}")
     except BaseException:
         for worker in multiprocessing.active_children():
             worker.terminate()

@@ -115,7 +115,7 @@ def report_lines(report):
             yield from _finding(finding)
     yield ""
     for state in ("ok", "skipped"):
-        names = [check for check, found in report.checks.items() if found == state]
+        names = [check for check, outcome in report.checks.items() if outcome == state]
         if names:
             yield from _wrapped(f"{state:9}", ", ".join(names))
     counts = {
@@ -184,8 +184,8 @@ def _links(facts):
     return ", ".join(parts)
 
 
-def _range(found, unit):
-    low, high = (found[name] for name in ("least", "greatest"))
+def _range(extremes, unit):
+    low, high = (extremes[name] for name in ("least", "greatest"))
     unit = unit and f" {unit}"
     if low is None or high is None:
         return "unbounded" if low is None else f"{low:.3g}{unit} or more"

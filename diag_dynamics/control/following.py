@@ -100,7 +100,7 @@ class Following:
 
     def _fail(self, code, name, error, limits, where, when="on the trajectory"):
         kind, k = where
-        what = f"{_KINDS[kind]} error of joint '{self.names[k]}' {when}"
+        quantity = f"{_KINDS[kind]} error of joint '{self.names[k]}' {when}"
         value, limit = distinct(error[kind, k], limits[kind, k], digits=3)
-        reason = f"{what} is {value}; expected at most {name} = {limit}."
+        reason = f"{quantity} is {value}; expected at most {name} = {limit}."
         self.finish(Outcome(code, reason))

@@ -128,11 +128,11 @@ class Law(ABC):
         )
 
 
-def require_at_most(what: str, value: float, largest: float, unit: str, period: float) -> None:
+def require_at_most(name: str, value: float, largest: float, unit: str, period: float) -> None:
     """Raise InputError if a gain exceeds the largest that is stable at a period [s]."""
     if value > largest:
         limit = f"{ROUND_DOWN * largest:.3g} {unit} at {1.0 / period:.4g} Hz"
-        raise InputError(f"{what} is {value:.6g}; expected at most {limit}.")
+        raise InputError(f"{name} is {value:.6g}; expected at most {limit}.")
 
 
 def require_slow(

@@ -276,21 +276,23 @@ class LoadEstimator:
         InputError
             The mass of the estimate is not significant.
         """
-        load, known = self.last, self._known()
-        remaining, uncertain = known.mass + load.mass, self._uncertain(load)
+        load, payload = self.last, self._known()
+        remaining, uncertain = payload.mass + load.mass, self._uncertain(load)
         if not load.is_significant or remaining < -uncertain:
-            found = (
+            estimate = (
                 f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg"
                 if load.valid
                 else f"unknown: {load.reason}"
             )
             raise InputError(
-                f"load on link '{self.link}' is {found}; "
+                f"load on link '{self.link}' is {estimate}; "
                 "expected a mass above two standard deviations. Move the arm with the load."
             )
         if remaining < uncertain:
             return Payload(0.0)
-        own = RigidBody(known.mass, np.asarray(known.com, float), np.asarray(known.inertia, float))
-        both = RigidBody.union(own, RigidBody(load.mass, load.center, np.zeros((3, 3))))
-        inertia = both.inertia if load.mass > 0.0 else own.inertia * (remaining / known.mass)
-        return Payload(both.mass, both.centre, inertia)
+        body = RigidBody(
+            payload.mass, np.asarray(payload.com, float), np.asarray(payload.inertia, float)
+        )
+        union = RigidBody.union(body, RigidBody(load.mass, load.center, np.zeros((3, 3))))
+        inertia = union.inertia if load.mass > 0.0 else body.inertia * (remaining / payload.mass)
+        return Payload(union.mass, union.centre, inertia)

@@ -220,8 +220,8 @@ class ControlLoop:
     def require(self, target):
         """Raise InputError unless a target, by the name of its topic, is accepted now."""
         if target not in self._mode.targets:
-            others = " or ".join(name for name, kind in LAWS.items() if target in kind.targets)
-            raise InputError(f"{target} is for mode {others}, but {self.mode} is in force.")
+            modes = " or ".join(name for name, kind in LAWS.items() if target in kind.targets)
+            raise InputError(f"{target} is for mode {modes}, but {self.mode} is in force.")
         if self.supervisor.phase != ACTIVE:
             raise InputError(
                 f"{target} comes while the law is not in force: {self.supervisor.reason}."

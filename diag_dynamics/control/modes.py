@@ -258,8 +258,8 @@ class JointMode(Mode):
 
     def _set_target(self, position, state):
         """Make a position the target, from the desired motion on."""
-        here, moving, model = self.desired.position, self.desired.velocity, self._model
-        room = np.where(moving > 0.0, model.upper - here, here - model.lower)
+        start, moving, model = self.desired.position, self.desired.velocity, self._model
+        room = np.where(moving > 0.0, model.upper - start, start - model.lower)
         motion = self.desired, self._speed, self._approach, self._continuous
         self._target = SetPoint(position, state.newest, *motion, self._max_period, room)
         self.forget_rate()
@@ -292,7 +292,7 @@ class JointMode(Mode):
         self.forget_rate()
         return Following(self._model.dof_names, trajectory, tolerances, self._continuous)
 
-    def _require_within_limits(self, what, positions):
+    def _require_within_limits(self, field, positions):
         """Reject positions, shape (..., nv), beyond limits.
 
         A robot would press on its stops there.
@@ -304,7 +304,7 @@ class JointMode(Mode):
             joint = f"joint '{model.dof_names[k]}'"
             position, lower, upper = distinct(positions[row, k], model.lower[k], model.upper[k])
             raise InputError(
-                f"{what.format(row)} of {joint} is {position}, expected within {lower} … {upper}."
+                f"{field.format(row)} of {joint} is {position}, expected within {lower} … {upper}."
             )
 
     def _require_near(self, position, state):

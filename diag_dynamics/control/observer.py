@@ -100,8 +100,10 @@ class DisturbanceObserver:
         Reset unless it differs in gravity alone.
         """
         if dynamics.model.dof_names != self._names:
-            others, own = (", ".join(names) for names in (dynamics.model.dof_names, self._names))
-            raise InputError(f"dynamics have the degrees of freedom {others}, expected {own}.")
+            actual, expected = (
+                ", ".join(names) for names in (dynamics.model.dof_names, self._names)
+            )
+            raise InputError(f"dynamics have the degrees of freedom {actual}, expected {expected}.")
         before, self._dynamics = self._dynamics, dynamics
         dynamics.compile("momentum", "epsilon_from_tau")
         if dynamics.model.bodies is not before.model.bodies:

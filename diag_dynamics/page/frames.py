@@ -87,8 +87,8 @@ class States(NamedTuple):
 def coriolis_work(nu, coriolis, qd):
     """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding."""
     size, speed = np.linalg.norm(nu, axis=-1), np.abs(qd).max(axis=-1, initial=0.0)
-    known = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
-    whole = np.where(known, size * np.linalg.norm(coriolis, axis=-1), np.nan)
+    significant = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
+    whole = np.where(significant, size * np.linalg.norm(coriolis, axis=-1), np.nan)
     return np.abs((nu * coriolis).sum(axis=-1)) / whole
 
 
@@ -159,8 +159,8 @@ class FrameMaker:
         """Return fields that are computed from those of the states."""
         nu, K, energies = states.nu, states.K, self._link_energies(states)
         terms = np.empty((4, *nu.shape))
-        given = states.epsilon, states.gravity, states.residual, states.external_torque
-        for term, value in zip(terms, given, strict=True):
+        arrays = states.epsilon, states.gravity, states.residual, states.external_torque
+        for term, value in zip(terms, arrays, strict=True):
             term[:] = value
         p_effort, p_gravity, p_external = np.einsum("tk,ftk->ft", nu, terms[:3])
         return {

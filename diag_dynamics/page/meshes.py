@@ -110,23 +110,25 @@ def pack(numbers, levels=LEVELS, of_noise=0.0):
     """
     columns, planes = [], []
     for column in np.asarray(numbers, dtype=float).T:
-        known = np.isfinite(column)
-        low, step = _scale(column[known], levels, of_noise)
+        finite = np.isfinite(column)
+        low, step = _scale(column[finite], levels, of_noise)
         whole = np.zeros(len(column), dtype="<u2")
-        whole[known] = np.rint((column[known] - low) / step) + 1
+        whole[finite] = np.rint((column[finite] - low) / step) + 1
         columns.append([low, step])
         planes.append(_difference_planes(whole))
     return Packed(columns, _compress(b"".join(planes)))
 
 
-def _scale(known, levels, of_noise):
+def _scale(finite, levels, of_noise):
     """Return the smallest number and the step from one value to the next."""
-    if not len(known):
+    if not len(finite):
         return 0.0, 1.0
-    low, high = float(known.min()), float(known.max())
-    if high - low < levels and (known == np.rint(known)).all():
+    low, high = float(finite.min()), float(finite.max())
+    if high - low < levels and (finite == np.rint(finite)).all():
         return low, 1.0
-    noise = float(np.median(np.abs(np.diff(known, 2)))) * PER_DIFFERENCE if len(known) > 2 else 0.0
+    noise = (
+        float(np.median(np.abs(np.diff(finite, 2)))) * PER_DIFFERENCE if len(finite) > 2 else 0.0
+    )
     return low, max((high - low) / levels, of_noise * noise, np.finfo(float).tiny)
 
 

@@ -348,8 +348,8 @@ def is_own(request, host):
         return False
     if origin is not None and origin.partition("://")[2] != request.host:
         return False  # browsers let every page open a websocket
-    own = socket.gethostname().lower()
-    if name in ("localhost", own, f"{own}.local", host.lower()) or name.endswith(".localhost"):
+    local = socket.gethostname().lower()
+    if name in ("localhost", local, f"{local}.local", host.lower()) or name.endswith(".localhost"):
         return True
     try:
         return bool(ipaddress.ip_address(name.partition("%")[0]))
