@@ -195,12 +195,12 @@ class SimulatorNode(TableNode, Node):
         plant.simulation.evaluate(plant.simulation.effort)
         return text.lstrip(), plant
 
-    def _take_plant(self, made, _, loaded):
+    def _take_plant(self, result, _, loaded):
         """Publish, offer services and start time; or end the node if the robot cannot be made."""
-        if isinstance(made, Exception):
-            self.finished.set_exception(made)
+        if isinstance(result, Exception):
+            self.finished.set_exception(result)
             return
-        text, self._plant = made
+        text, self._plant = result
         if any(self.values[name] != loaded[name] for name in DYNAMIC):  # changed meanwhile
             self._apply(self.values)
         values, model = self.values, self._plant.simulation.model

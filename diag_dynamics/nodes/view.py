@@ -270,14 +270,14 @@ class RobotSubscription:
     def _receive_parameters(self, future):
         self._requested_at, self._is_outdated = None, False
         values = [parameter_value_to_python(value) for value in future.result().values]
-        known = {
+        received = {
             name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None
         }
         self._differs_in_time = (
-            bool(known.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
+            bool(received.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
         )
         defaults = {name: MONITOR[name].default for name in (*SHARED, *OBSERVED)}
-        self._values = defaults | {"robot_description": ""} | known
+        self._values = defaults | {"robot_description": ""} | received
         self._load()
         return self._values
 
@@ -289,9 +289,9 @@ class RobotSubscription:
         if not description:
             self.stream.set_waiting(f"waiting for {self._topic}")
             return
-        wanted = description, json.dumps(self._values, sort_keys=True, default=str)
-        if wanted != self._loaded:
-            self._loaded = wanted
+        request = description, json.dumps(self._values, sort_keys=True, default=str)
+        if request != self._loaded:
+            self._loaded = request
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):

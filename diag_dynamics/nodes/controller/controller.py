@@ -292,16 +292,16 @@ class ControllerNode(ManagedNode):
         states.forget()  # compiles its rules, or loads them from the cache
         return ControlLoop(model, values, values[COMPENSATES], points), joints, order, states
 
-    def _take_robot(self, made, description, _):
+    def _take_robot(self, result, description, _):
         """Control the robot of a description, or report why it is rejected."""
         self.failure = ""  # that of the robot before
-        if isinstance(made, Exception):
-            self._refuse(Fault(made).reason)
+        if isinstance(result, Exception):
+            self._refuse(Fault(result).reason)
             if self._starting and self.values["robot_description"]:
                 self.finished.set_exception(InputError(self._refused))
             return
         standing = self._standing()
-        self._loop, self._joints, self._order, self._states = made
+        self._loop, self._joints, self._order, self._states = result
         self._description = description
         model, limits = self._loop.dynamics.model, self._loop.limits
         limits.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
@@ -588,16 +588,16 @@ class ControllerNode(ManagedNode):
         topic, problems = self._commands.topic_name, []
         state = self._activity.check()
         receivers = self._commands.get_subscription_count()
-        others = self.count_publishers(topic) - 1
+        other_count = self.count_publishers(topic) - 1
         if not receivers:
             problems.append(f"{topic} has no subscriber")
         elif "not compared" in self._order_known and self._controller in self._receivers():
             problems.append(f"the order of joints is {self._order_known}")
-        if others > 0:
+        if other_count > 0:
             problems.append(f"other nodes publish {topic}")
         return [*problems, *problems_of_limits(self._loop.limits)], {
             "subscribers": receivers,
-            "other publishers": others,
+            "other publishers": other_count,
             "state of the effort controller": state or "unknown",
         }
 

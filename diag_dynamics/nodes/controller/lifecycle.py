@@ -57,12 +57,12 @@ class ManagedNode(TableNode, LifecycleNode):
 
         return callback
 
-    def _transition(self, step, undo, phase, what):
+    def _transition(self, step, undo, phase, problem):
         _, fault = attempt(step)
         if fault is None:
             self.phase, self.failure = phase, ""
             return SUCCESS
-        self.failure = shortened(f"{what}: {fault.text}")
+        self.failure = shortened(f"{problem}: {fault.text}")
         self.get_logger().error(self.failure)
         undo()
         return FAILURE

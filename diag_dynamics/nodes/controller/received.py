@@ -135,13 +135,13 @@ def _tolerance(name, value, default):
     return value if value > 0.0 else np.inf
 
 
-def _columns(what, listed, names):
+def _columns(field, listed, names):
     """Return where `names` has each listed joint."""
     for k, name in enumerate(listed):
         if name not in names:
-            raise InputError(f"{what} has '{name}', expected joints of {', '.join(names)}.")
+            raise InputError(f"{field} has '{name}', expected joints of {', '.join(names)}.")
         if name in listed[:k]:
-            raise InputError(f"{what} has '{name}' twice, expected each joint once.")
+            raise InputError(f"{field} has '{name}' twice, expected each joint once.")
     return [list(names).index(name) for name in listed]
 
 

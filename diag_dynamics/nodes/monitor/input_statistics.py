@@ -47,14 +47,14 @@ class InputStatistics:
         """Add the age of a stamp at its reception [ns]."""
         self._latencies.append(1e-9 * (now - stamp))
 
-    def count_rejected(self, what, cause, text):
+    def count_rejected(self, outcome, cause, text):
         """Count a message as "rejected" or "odometry rejected"."""
-        self.counts[f"{what}: {cause}"] += 1
+        self.counts[f"{outcome}: {cause}"] += 1
         self.last_rejection = shortened(f"{cause}: {text}")
 
-    def count_published(self, what, stamp):
+    def count_published(self, outcome, stamp):
         """Count a state with a stamp [ns]."""
-        self.counts[what] += 1
+        self.counts[outcome] += 1
         self._last_stamp = stamp
 
     def keep(self, robot):
@@ -70,7 +70,9 @@ class InputStatistics:
             self.is_empty = recent["empty"] == recent["received"]
         elapsed = max(self._steady() - self._start, 1e-3)
         values = values | {"input rate [Hz]": f"{recent['received'] / elapsed:.4g}"}
-        values["output rate [Hz]"] = f"{sum(recent[one] for one in PUBLISHED) / elapsed:.4g}"
+        values["output rate [Hz]"] = (
+            f"{sum(recent[outcome] for outcome in PUBLISHED) / elapsed:.4g}"
+        )
         if self._last_stamp is not None:
             values["age of the last state [s]"] = f"{1e-9 * (now - self._last_stamp):.6f}"
         if latencies := self._latencies:
@@ -96,7 +98,7 @@ class InputStatistics:
 
     def _problems(self, robot, recent):
         problems, texts = [], robot.assembler.last_texts if robot else {}
-        if any(one.startswith(("rejected", "odometry rejected")) for one in recent):
+        if any(outcome.startswith(("rejected", "odometry rejected")) for outcome in recent):
             problems.append(f"messages rejected: {self.last_rejection}")
         for key, text in WARNINGS.items():
             if recent[key]:
@@ -130,7 +132,7 @@ def _joint_values(assembler, now):
         "joints with estimated velocity": counted(assembler.estimated),
         "effort undeclared (assumed: N m, with gravity)": counted(assembler.efforts.undeclared),
     }
-    return values | {f"last {one}": text for one, text in assembler.last_texts.items() if text}
+    return values | {f"last {event}": text for event, text in assembler.last_texts.items() if text}
 
 
 def unsynchronized(robot):
@@ -141,4 +143,4 @@ def unsynchronized(robot):
     sources = {"joint_states": robot.assembler} if robot else {}
     if robot and robot.base:
         sources["odom"] = robot.base.stamps
-    return [(name, one.offset) for name, one in sources.items() if one.in_step is False]
+    return [(name, stamps.offset) for name, stamps in sources.items() if stamps.in_step is False]

@@ -59,7 +59,7 @@ class MarkerMaker:
         self._names = [plain(name) for name in model.dof_names]
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
         geometry, folder = links_of(model, description), folder_of(description)
-        self._parts = [(one.name, *part) for one in geometry for part in _parts(one, folder)]
+        self._parts = [(shape.name, *part) for shape in geometry for part in _parts(shape, folder)]
         for number, (*_, marker) in enumerate(self._parts):
             marker.id = number
         moving = [model.placement_in_body(name)[0] for name, *_ in self._parts]

@@ -132,12 +132,12 @@ class MonitorNode(TableNode, Node):
         model = load_robot(self, description, settings.values)
         return MonitoredRobot(description, model, settings, self._revision + 1, self)
 
-    def _take_robot(self, made, description, _):
+    def _take_robot(self, result, description, _):
         """Put a robot in force, or report why it could not be made."""
-        if not isinstance(made, Exception):
-            self._put_in_force(made)
+        if not isinstance(result, Exception):
+            self._put_in_force(result)
             return
-        reason = Fault(made).reason
+        reason = Fault(result).reason
         if self.values["robot_description"] and not self._robot:
             self.finished.set_exception(
                 InputError(f"the robot of parameter 'robot_description' is rejected: {reason}")
@@ -169,8 +169,8 @@ class MonitorNode(TableNode, Node):
     def _set_payload(self, link, payload):
         """Change one payload by the parameter `payloads`; return the model with it."""
         payloads = payloads_of(self.values["payloads"]) | {link: payload}
-        entries = [payload_entry(name, one) for name, one in payloads.items() if one.mass] or [""]
-        result = self.set_parameters([Parameter("payloads", value=entries)])[0]
+        texts = [payload_entry(name, body) for name, body in payloads.items() if body.mass] or [""]
+        result = self.set_parameters([Parameter("payloads", value=texts)])[0]
         if not result.successful:
             raise InputError(result.reason)
         return self._robot.model
@@ -200,16 +200,16 @@ class MonitorNode(TableNode, Node):
         """Publish the state that a joint state completes."""
         now = self.time.now()
         robot.first_received = robot.first_received or self._received
-        found = robot.assembler.accept(message, now)
-        if isinstance(found, Rejected):
-            self._reject("rejected", *found)
-        elif found.state is not None:
-            if not found.state.stamp_is_receive_time:
+        result = robot.assembler.accept(message, now)
+        if isinstance(result, Rejected):
+            self._reject("rejected", *result)
+        elif result.state is not None:
+            if not result.state.stamp_is_receive_time:
                 newest = (
-                    robot.assembler.newest if robot.base else found.state.newest
+                    robot.assembler.newest if robot.base else result.state.newest
                 )  # without that of odometry
                 self._statistics.add_latency(newest, now)
-            self._publish(robot, found.state, "published")
+            self._publish(robot, result.state, "published")
 
     def _take_odometry(self, message):
         self._statistics.counts["odometry received"] += 1
@@ -228,21 +228,21 @@ class MonitorNode(TableNode, Node):
         except Exception as error:
             text = f"odom: {len(message)} bytes, expected a nav_msgs/msg/Odometry ({error})"
             raise RejectedError("malformed", text) from error
-        found = robot.assembler.accept_odometry(message, self.time.now())
-        if isinstance(found, Rejected):
-            self._reject("odometry rejected", *found)
-        elif found.state is not None:
-            self._publish(robot, found.state, "published from odometry")
+        result = robot.assembler.accept_odometry(message, self.time.now())
+        if isinstance(result, Rejected):
+            self._reject("odometry rejected", *result)
+        elif result.state is not None:
+            self._publish(robot, result.state, "published from odometry")
 
-    def _guarded(self, what, action, robot, message):
+    def _guarded(self, outcome, action, robot, message):
         """Serve a message; an exception is counted and logged as a rejection."""
         _, fault = attempt(action, robot, message)
         if fault:
-            self._reject(what, fault.cause, fault.text)
+            self._reject(outcome, fault.cause, fault.text)
 
-    def _reject(self, what, cause, text):
-        self._statistics.count_rejected(what, cause, text)
-        self.get_logger().debug(f"{what}: {cause}: {self._statistics.last_rejection}")
+    def _reject(self, outcome, cause, text):
+        self._statistics.count_rejected(outcome, cause, text)
+        self.get_logger().debug(f"{outcome}: {cause}: {self._statistics.last_rejection}")
 
     def _publish(self, robot, state, outcome):
         """Evaluate a state, watch it, and publish it where there are subscribers."""
@@ -290,11 +290,11 @@ class MonitorNode(TableNode, Node):
         """Put the robot in force with other settings."""
         model = robot.model
         if "payloads" in changed:
-            wanted = payloads_of(changed["payloads"])
+            payloads = payloads_of(changed["payloads"])
             for link in robot.unapplied():  # a warning has named it
-                wanted.pop(link, None)
-            for link in {**model.payloads, **wanted}:
-                model = model.with_payload(link, *wanted.get(link, NO_PAYLOAD))
+                payloads.pop(link, None)
+            for link in {**model.payloads, **payloads}:
+                model = model.with_payload(link, *payloads.get(link, NO_PAYLOAD))
         if "gravity" in changed:
             model = model.with_gravity(changed["gravity"])
         revision = self._revision + (model is not robot.model)
@@ -354,8 +354,8 @@ class MonitorNode(TableNode, Node):
 
     def _absence(self, topic):
         """Return the problem that nothing publishes the topic of joint states."""
-        others = topics_of(self, "sensor_msgs/msg/JointState")
-        elsewhere = f"; joint states are on {listed(others)}. Remap joint_states" if others else ""
+        topics = topics_of(self, "sensor_msgs/msg/JointState")
+        elsewhere = f"; joint states are on {listed(topics)}. Remap joint_states" if topics else ""
         return f"{topic} has no publisher{elsewhere}"
 
     def _overlap(self, topic, names):

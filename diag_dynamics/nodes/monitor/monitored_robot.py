@@ -160,8 +160,8 @@ class MonitoredRobot:
             self.dynamics.compile("evaluate")  # also for groups, or the first state would wait
             self.without_rotors = _without_rotors(self.dynamics)
             resistance = (
-                np.asarray(one, dtype=float)
-                for one in (model.damping, model.friction, model.effort_offset)
+                np.asarray(values, dtype=float)
+                for values in (model.damping, model.friction, model.effort_offset)
             )
             self._resistance = *resistance, float(model.friction_velocity)
             geared = model.load_friction.any() or model.root_friction.any() or model.couplings
@@ -235,10 +235,10 @@ class MonitoredRobot:
 
     def unapplied(self):
         """Links of payloads that are wanted, but not on this robot."""
-        wanted = payloads_of(self.settings.values["payloads"])
+        payloads = payloads_of(self.settings.values["payloads"])
         return [
             link
-            for link, payload in wanted.items()
+            for link, payload in payloads.items()
             if payload.mass and link not in self.model.link_names
         ]
 
@@ -439,5 +439,5 @@ def model_status(robot, revision, refused, loading):
         return Status("model", WARN, text, values, is_logged=True)
     if unapplied := robot.unapplied():
         return Status("model", WARN, f"payloads on unknown links: {', '.join(unapplied)}", values)
-    another = "; loading another robot_description" if loading is not None else ""
-    return Status("model", OK, f"robot '{robot.model.name}'{another}", values)
+    suffix = "; loading another robot_description" if loading is not None else ""
+    return Status("model", OK, f"robot '{robot.model.name}'{suffix}", values)

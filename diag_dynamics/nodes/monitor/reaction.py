@@ -124,11 +124,11 @@ class Reaction:
         if differences:
             self._fail(f"after the response {differences}")
 
-    def _measure(self, what, received):
+    def _measure(self, event, received):
         """Store the time since reception [ms] and its maximum; return it."""
         latency = 1e3 * (self._steady() - received)
-        largest = max(latency, self._latencies.get(what, (0.0, 0.0))[1])
-        self._latencies[what] = latency, largest
+        largest = max(latency, self._latencies.get(event, (0.0, 0.0))[1])
+        self._latencies[event] = latency, largest
         return latency
 
     def _fail(self, reason):
@@ -141,8 +141,8 @@ class Reaction:
         if not self._client:
             return []
         values = {"calls": self._calls, "failed calls": self._failures}
-        for what, (last, largest) in self._latencies.items():
-            values[f"{what} after [ms]"], values[f"{what} after, maximum [ms]"] = (
+        for event, (last, largest) in self._latencies.items():
+            values[f"{event} after [ms]"], values[f"{event} after, maximum [ms]"] = (
                 f"{last:.3g}",
                 f"{largest:.3g}",
             )

@@ -111,12 +111,12 @@ class PayloadServices:
     def _accept(self):
         """Add the load to the payload of its link; return a message."""
         watch = self._watch()
-        link, found = watch.link, watch.estimate
-        if not found.is_load:
+        link, estimate = watch.link, watch.estimate
+        if not estimate.is_load:
             value = (
-                f"{found.mass:.3g} ± {found.mass_deviation:.2g} kg"
-                if found.valid
-                else f"unknown: {found.reason}"
+                f"{estimate.mass:.3g} ± {estimate.mass_deviation:.2g} kg"
+                if estimate.valid
+                else f"unknown: {estimate.reason}"
             )
             raise InputError(
                 f"load on link '{link}' is {value}; expected a recognized load. "

@@ -82,8 +82,8 @@ class ContactLimitsWatch(Watch):
         contact = self._compute(moment.state)
         usage, before = contact.usage, self._levels
         risen = (usage >= self._warn_at).astype(int) + (usage > 1.0)
-        held = (usage >= self._release * self._warn_at).astype(int) + (usage >= self._release)
-        self._levels = np.maximum(risen, np.minimum(before, held))
+        sustained = (usage >= self._release * self._warn_at).astype(int) + (usage >= self._release)
+        self._levels = np.maximum(risen, np.minimum(before, sustained))
         self._exceeded += int(((self._levels == 2) & (before < 2)).sum())
         self._count += 1
         level = int(self._levels.max())

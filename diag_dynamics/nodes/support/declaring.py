@@ -48,7 +48,7 @@ class TableNode:
         defaults = {name: spec.default for name, spec in specs.items()}
         if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
             self.add_pre_set_parameters_callback(
-                lambda new: [self._converted(one, defaults) for one in new]
+                lambda new: [self._converted(parameter, defaults) for parameter in new]
             )
 
     def declare_parameters(self, namespace, parameters, ignore_override=False):
@@ -142,7 +142,9 @@ def judge(node, specs, take):
 
     def check_and_take(parameters):
         changed = {
-            one.name: one.value for one in parameters if one.name in specs and one.value is not None
+            parameter.name: parameter.value
+            for parameter in parameters
+            if parameter.name in specs and parameter.value is not None
         }
         for name, value in changed.items():
             if reason := wrong(name, value, specs):

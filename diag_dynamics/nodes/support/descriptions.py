@@ -146,20 +146,20 @@ class RobotLoader:
             self._thread.start()
 
     def _run(self, request):
-        made, fault = attempt(self._make, *request)
-        self._made = request, fault.error if fault else made
+        result, fault = attempt(self._make, *request)
+        self._made = request, fault.error if fault else result
 
     def _look(self):
         """Take over what the thread has made, or load what was requested meanwhile."""
         if self._timer is None or self._thread.is_alive():
             return
         self._thread = None
-        request, made = self._made
+        request, result = self._made
         if request is not self._requested:
             self._begin()
             return
         self.drop()
-        self._take(made, *request)
+        self._take(result, *request)
         if gc.get_freeze_count():  # the process runs nodes and nothing else
             gc.freeze()
 

@@ -63,7 +63,7 @@ def answered(node, kind, answer, named=str, keep=()):
         if fault.is_internal:
             node.get_logger().error(f"{kind.__name__}: {fault.reason}", throttle_duration_sec=5.0)
             reason = f"Internal error: {fault.text}"
-        kept = {field: getattr(response, field) for field in keep}
-        return kind.Response(success=False, message=shortened(reason), **kept)
+        kept_fields = {field: getattr(response, field) for field in keep}
+        return kind.Response(success=False, message=shortened(reason), **kept_fields)
 
     return callback

@@ -128,14 +128,14 @@ class MessageMaker:
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and its RobotState."""
-        kind, texts, others = EVALUATED[topic], self._texts[topic], {"friction": s.friction}
+        kind, texts, computed = EVALUATED[topic], self._texts[topic], {"friction": s.friction}
         if topic == "kinetic_energy":
-            energies = others["link_energy"] = self._link_energy
+            energies = computed["link_energy"] = self._link_energy
             robot, links = self._workspace.robot, self._model.links
             if not evaluation.link_energy(robot, links, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
         with_effort = s.epsilon is not None
-        values = evaluated_fields(self._names[topic], s, state, with_effort, **others)
+        values = evaluated_fields(self._names[topic], s, state, with_effort, **computed)
         if topic == "state":
             values |= _stamp("oldest_stamp", state.oldest)
         return self.make(topic, kind, state, texts, values, (with_effort, s.friction is not None))
@@ -157,22 +157,27 @@ class MessageMaker:
         texts, shape = self._dofs | {"touched_links": links}, (seen.valid, tuple(links))
         return self.make("external_torque", ExternalTorque, state, texts, values, shape)
 
-    def external_wrench(self, frame, found, state):
+    def external_wrench(self, frame, estimate, state):
         """Return a dynamics.ExternalWrench at the origin of a link, in its axes."""
         texts = {"header": Header(frame_id=frame)}
         return self.make(
-            "external_wrench", WrenchStamped, state, texts, _wrench_values(found.wrench), (frame,)
+            "external_wrench",
+            WrenchStamped,
+            state,
+            texts,
+            _wrench_values(estimate.wrench),
+            (frame,),
         )
 
-    def external_wrench_estimates(self, frame, found, state):
+    def external_wrench_estimates(self, frame, estimate, state):
         """Return the same with its covariance; None: no result."""
-        values, count = flags_of(state) | {"valid": found is not None}, 0
-        if found:
-            unobserved = found.directions[~found.observed]
-            values |= _wrench_values(found.wrench) | {"covariance": found.covariance.ravel()}
-            values |= {"unobserved": unobserved.ravel(), "chi_square": float(found.chi_square)}
+        values, count = flags_of(state) | {"valid": estimate is not None}, 0
+        if estimate:
+            unobserved = estimate.directions[~estimate.observed]
+            values |= _wrench_values(estimate.wrench) | {"covariance": estimate.covariance.ravel()}
+            values |= {"unobserved": unobserved.ravel(), "chi_square": float(estimate.chi_square)}
             count = len(unobserved)
-        texts, shape = {"header": Header(frame_id=frame)}, (frame, found is None, count)
+        texts, shape = {"header": Header(frame_id=frame)}, (frame, estimate is None, count)
         return self.make("external_wrench_estimates", ExternalWrench, state, texts, values, shape)
 
     def load(self, link, load, payload, state):

@@ -18,8 +18,8 @@ def read_state(model, request, followers):
     if joints and not len(state.position):
         raise InputError(f"state.position is empty, expected {len(joints)} entries.")
     q = _vector(model, "state.position", state.position, joints)
-    own = _of_followers(followers, state.position, joints)
-    for disagreement in followers.disagreements(q, own):
+    positions = _of_followers(followers, state.position, joints)
+    for disagreement in followers.disagreements(q, positions):
         raise InputError(f"state.{disagreement}.")
     qd, tau = _vector(model, "state.velocity", state.velocity, joints), None
     if len(state.effort):
@@ -60,7 +60,7 @@ def read_wrenches(model, request):
 def _find_joints(model, names):
     """Return the place of each joint in a request."""
     joints, needed = {}, single_joints(model)
-    known = {
+    allowed = {
         *needed,
         *model.fixed_joints,
         *model.mimic_joints,
@@ -68,7 +68,7 @@ def _find_joints(model, names):
         *model.locked_joints,
     }
     for k, name in enumerate(names):
-        if name not in known or name in joints:
+        if name not in allowed or name in joints:
             fault = "listed twice" if name in joints else f"not a joint of robot '{model.name}'"
             raise InputError(f"state.name: '{name}' is {fault}.")
         joints[name] = k
@@ -92,7 +92,9 @@ def _vector(model, field, values, joints):
 
 def _of_followers(followers, values, joints):
     """Return the values of mimic joints; NaN where they are not listed."""
-    return np.array([values[joints[one]] if one in joints else np.nan for one in followers.names])
+    return np.array(
+        [values[joints[name]] if name in joints else np.nan for name in followers.names]
+    )
 
 
 def _six(field, *vectors):

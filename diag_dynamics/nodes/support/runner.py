@@ -72,9 +72,9 @@ def run(make_nodes, args=None):
     stop, nodes, status = Stop(), [], 0
     try:
         _init(args)
-        made = make_nodes()
-        nodes = made if isinstance(made, list) else [made]
-        del made  # or a lifecycle node stays on the graph
+        created = make_nodes()
+        nodes = created if isinstance(created, list) else [created]
+        del created  # or a lifecycle node stays on the graph
         gc.freeze()  # what was imported stays
         spin(nodes, stop)
     except ExternalShutdownException:

@@ -37,14 +37,14 @@ class Transforms:
             If the transform is older than `max_age` [s]. Transforms that never change have no
             stamp, and no age.
         """
-        found = self._buffer.lookup_transform(target, source, self._latest)
-        stamp = found.header.stamp.sec * SECOND + found.header.stamp.nanosec
+        result = self._buffer.lookup_transform(target, source, self._latest)
+        stamp = result.header.stamp.sec * SECOND + result.header.stamp.nanosec
         age = 1e-9 * (self._time.now() - stamp)
         if stamp and age > max_age:
             raise InputError(f"the transform is {age:.3g} s old")
-        p = found.transform.translation
+        p = result.transform.translation
         return np.array([p.x, p.y, p.z]), from_quaternion(
-            *unit_quaternion(found.transform.rotation)
+            *unit_quaternion(result.transform.rotation)
         )
 
 
