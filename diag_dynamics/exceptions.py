@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can go wrong: every exception names the thing, its value and what was expected."""
+"""Exceptions of the package; each names the thing, its value and what was expected."""
 
 from __future__ import annotations
 

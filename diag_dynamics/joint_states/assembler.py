@@ -40,7 +40,7 @@ class Assembled(NamedTuple):
     """Results of a batch of messages, an element for each."""
 
     outcome: np.ndarray
-    """Of memory.OUTCOME."""
+    """Outcomes of the messages, with the fields of memory.OUTCOME."""
     position: np.ndarray
     """States, (number of messages, nq) and (number of messages, nv).
 

@@ -27,16 +27,19 @@ class JointStates(NamedTuple):
     rows: np.ndarray
     """Place of each message among all of a batch: int64, shape (k,)."""
     names: tuple
-    """Of joints, length n."""
+    """Names of the joints (n)."""
     sec: np.ndarray
     """Seconds and nanoseconds of header.stamp: int64, shape (k,)."""
     nanosec: np.ndarray
     position: np.ndarray
-    """[rad, m], shape (k, n), or (k, any other number), which rejects the messages but for 0."""
+    """Positions [rad, m], shape (k, n).
+
+    A width other than n and 0 rejects the messages.
+    """
     velocity: np.ndarray
-    """[rad/s, m/s], likewise."""
+    """Velocities [rad/s, m/s], with shapes as of positions."""
     effort: np.ndarray
-    """As sent, likewise."""
+    """Efforts as sent, with shapes as of positions."""
 
     def select(self, mask):
         """Return the messages of a mask."""
@@ -46,22 +49,22 @@ class JointStates(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Where the numbers of a message are."""
+    """Places of the numbers in a message."""
 
     names: tuple
     length: int
-    """Of the message [bytes]."""
+    """Length of the message [bytes]."""
     order: str
     """< for little-endian numbers, > otherwise."""
     stamp: struct.Struct
-    """Seconds and nanoseconds."""
+    """Format of the seconds and nanoseconds of the stamp."""
     first: tuple
     """First byte of each of FIELDS, and their numbers."""
     counts: tuple
     fixed: np.ndarray
     """Indices of the bytes that are neither numbers nor padding."""
     text: np.ndarray
-    """These bytes."""
+    """Values of these bytes."""
     parts: tuple
     """Slices between the numbers, padding included, and their bytes.
 

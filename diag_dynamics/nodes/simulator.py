@@ -310,7 +310,7 @@ class SimulatorNode(TableNode, Node):
             self._failure = shortened(str(error))
 
     def _repeat(self):
-        """In lockstep, publish time and the last joint state again if their answer may be lost."""
+        """Publish time and the last joint state again in lockstep if their answer may be lost."""
         now = self.time.steady()
         receivers = self.get_subscriptions_info_by_topic(self._joint_states.topic_name)
         senders = self.get_publishers_info_by_topic(self.resolve_topic_name(COMMANDS))
@@ -320,7 +320,7 @@ class SimulatorNode(TableNode, Node):
             self._joint_states.publish(self._last)
 
     def _answer(self):
-        """In lockstep, advance if the last joint state has been answered."""
+        """Advance in lockstep if the last joint state has been answered."""
         if self.values["lockstep"] and self._moving and self._lockstep.answered(self.time.steady()):
             self._advance(self._steps_of_a_period)
 

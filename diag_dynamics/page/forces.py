@@ -33,7 +33,7 @@ class ForceOptions(NamedTuple):
 
 
 NO_FORCES = ForceOptions()
-"""Without a covariance of the external torque."""
+"""Options without a covariance of the external torque."""
 
 
 class Forces:

@@ -15,7 +15,7 @@ from diag_dynamics.page.layout import CHOSEN
 from diag_dynamics.page.meshes import LEVELS, pack, pack_times
 
 STATIC = Path(__file__).parent / "static"
-"""Where the page lies: it is built from web/ by ``make page``."""
+"""Folder of the page, which ``make page`` builds from web/."""
 
 HEAD = """<!doctype html>
 <html lang="en">

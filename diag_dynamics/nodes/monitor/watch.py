@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a watch of the monitor's states does; watches.WATCHES lists them."""
+"""Interface of watches of the monitor's states; watches.WATCHES lists them."""
 
 from typing import Any, NamedTuple, Protocol
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From results to messages. Dense numbers go through array('d'), the fast legal way."""
+"""Messages of results. Dense numbers go through array('d'), the fast legal way."""
 
 import math
 from array import array

@@ -22,7 +22,7 @@ class Topic(NamedTuple):
 
     name: str
     type: str
-    """That of the message: ``package/Name``, or without package one of this package's."""
+    """Type of the message: ``package/Name``, or the name of a message of this package."""
     meaning: str
     matrix: bool = False
     """Whether it is not made of the evaluation of a state."""
