@@ -29,8 +29,8 @@ def find_mesh(name: str, folder: Path | None) -> Path:
     AMENT_PREFIX_PATH and ROS_PACKAGE_PATH, or around the URDF, whose `folder` relative paths begin
     from.
     """
-    if found := _PACKAGE.fullmatch(name.strip()):
-        package, file = found.groups()
+    if match := _PACKAGE.fullmatch(name.strip()):
+        package, file = match.groups()
         places = [share / file for share in _packages(package, folder)]
         where = (
             f"no package '{package}' around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH "

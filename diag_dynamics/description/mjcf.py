@@ -147,14 +147,14 @@ class _Compiled:
             or f"{kind}{k}"
         )
 
-    def nonzero(self, which: Iterable[int], *attributes: str) -> list[int]:
+    def nonzero(self, objects: Iterable[int], *attributes: str) -> list[int]:
         """Return those of some objects that have one of these attributes other than zero."""
         values = {name: getattr(self.m, name) for name in attributes if hasattr(self.m, name)}
         # The degrees of freedom of a joint have the same numbers.
         by_object = [
             x[self.m.jnt_dofadr] if name.startswith("dof_") else x for name, x in values.items()
         ]
-        return [k for k in which if any(np.any(x[k]) for x in by_object)]
+        return [k for k in objects if any(np.any(x[k]) for x in by_object)]
 
     def moves(self, b: int) -> bool:
         """Return whether a body moves against the world."""
@@ -230,7 +230,7 @@ def _compile(source: object) -> tuple[Any, Any]:
 def _reject_unsupported(c: _Compiled) -> None:
     """Reject what changes M, C, ν or K and cannot be modelled."""
     elsewhere = [a for a in c.actuators if a not in c.actuated]
-    for kind, which, reason in (
+    for kind, objects, reason in (
         ("joint", c.nonzero(c.balls, "dof_armature"), "is a ball joint and has armature"),
         ("joint", c.nonzero(c.free, "dof_armature"), "is free and has armature"),
         (
@@ -240,9 +240,9 @@ def _reject_unsupported(c: _Compiled) -> None:
         ),
         ("tendon", c.nonzero(c.tendons, "tendon_armature"), "has armature"),
     ):
-        if which:
+        if objects:
             raise UnsupportedError(
-                f"{kind} '{c.name(kind, which[0])}' {reason}, which is not supported. "
+                f"{kind} '{c.name(kind, objects[0])}' {reason}, which is not supported. "
                 "Set its armature to zero in the file."
             )
     coupled = set[int]()

@@ -401,17 +401,17 @@ def set_inertia(inertial: Any, mass: float, centre: Array, inertia: Array) -> No
     )
 
 
-def insert_inertia(link: Any, said: str, mass: float, centre: Array, inertia: Array) -> None:
+def insert_inertia(link: Any, comment: str, mass: float, centre: Array, inertia: Array) -> None:
     """Insert an `<inertial>` with a comment into a link, in the file's manner of indenting."""
     inertial = etree.Element("inertial")
-    inertial.append(_comment(said))
+    inertial.append(_comment(comment))
     set_inertia(inertial, mass, centre, inertia)
     _insert_first(link, inertial)
 
 
-def _comment(said: str) -> Any:
+def _comment(text: str) -> Any:
     # A comment has no two dashes in a row, but a file's name may have them.
-    return etree.Comment(f" {said} ".replace("--", "- -"))
+    return etree.Comment(f" {text} ".replace("--", "- -"))
 
 
 def _insert_first(parent: Any, element: Any) -> None:

@@ -60,7 +60,7 @@ def urdf_text(source: Any) -> str:
         raise UrdfError(f"The URDF has more than the {MAX_BYTES} bytes accepted.")
     text = re.sub(
         r"^\ufeff?\s*(<\?xml[^>]*\?>)?\s*",
-        lambda found: "\n" * found[0].count("\n"),
+        lambda match: "\n" * match[0].count("\n"),
         text.rstrip("\0"),
     )
     if not text.strip():
@@ -156,16 +156,16 @@ def _corrected(text: str) -> str:
     tinyxml2, and so all of ROS, accepts others.
     """
     parts, at = [], 0
-    while found := _OPENING.search(text, at):
-        closing = {"<!--": "-->", "<?": "?>"}.get(found[0], "]]>")
-        end = text.find(closing, found.end())
+    while opening := _OPENING.search(text, at):
+        closing = {"<!--": "-->", "<?": "?>"}.get(opening[0], "]]>")
+        end = text.find(closing, opening.end())
         if end < 0:
             break
-        content = text[found.end() : end]
-        if found[0] == "<!--":
+        content = text[opening.end() : end]
+        if opening[0] == "<!--":
             content = re.sub("-(?=-)", "- ", _CONTROL.sub(" ", content))
             content += " " if content.endswith("-") else ""
-        parts += [_AMPERSAND.sub("&amp;", text[at : found.start()]), found[0], content]
+        parts += [_AMPERSAND.sub("&amp;", text[at : opening.start()]), opening[0], content]
         at = end
     return "".join([*parts, _AMPERSAND.sub("&amp;", text[at:])])
 

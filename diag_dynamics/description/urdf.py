@@ -349,15 +349,15 @@ def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
     return link
 
 
-def _name(element: Any, taken: dict[str, None]) -> str:
+def _name(element: Any, names: dict[str, None]) -> str:
     """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
     name = _expanded(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
     if not name:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
-    if name in taken:
+    if name in names:
         raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
-    taken[name] = None
+    names[name] = None
     return name
 
 
