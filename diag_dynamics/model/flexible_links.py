@@ -187,12 +187,12 @@ def _normal_modes(
 
 
 def _beam(
-    link: str, tip: str, vector_: Array, given: Mapping[str, Any], mass: float, polar: float
+    link: str, tip: str, vector_: Array, entries: Mapping[str, Any], mass: float, polar: float
 ) -> FlexibleLink:
     """Return a uniform beam from the link's origin to the origin of its tip."""
     where = f"flexible link '{link}'"
     counts = numbers(
-        f"{where}: modes", given.get("modes", (2, 2, 0)), (3,), "three numbers of modes"
+        f"{where}: modes", entries.get("modes", (2, 2, 0)), (3,), "three numbers of modes"
     )
     if (
         (counts != counts.astype(int)).any()
@@ -205,10 +205,10 @@ def _beam(
             f"{MAX_MODES}."
         )
     n_y, n_z, n_x = (int(n) for n in counts)
-    EI = numbers(f"{where}: EI", given["EI"], (2,), "two numbers > 0 [N m²]")
+    EI = numbers(f"{where}: EI", entries["EI"], (2,), "two numbers > 0 [N m²]")
     if not (EI > 0.0).all():
         raise InputError(f"{where}: EI is {EI.tolist()}, expected two numbers > 0 [N m²].")
-    GJ = positive(f"{where}: GJ", given.get("GJ"), "[N m²]") if n_x else 1.0
+    GJ = positive(f"{where}: GJ", entries.get("GJ"), "[N m²]") if n_x else 1.0
     if n_x and not polar > 0.0:
         raise InputError(
             f"{where}: its inertia about the beam is {polar:g} kg m², "
@@ -245,10 +245,10 @@ def _beam(
         names,
         _axes(vector_),
         np.concatenate([planes[0].frequencies, planes[1].frequencies, twist.frequencies]),
-        _ratios(where, given, names),
+        _ratios(where, entries, names),
         tuple(station(xi, False, weight) for xi, weight in _gauss(points + 2)),
         {tip: station(1.0, True, 0.0)},
-        np.array([bend(k, *one) for k in (0, 1) for one in _gauss(3 * (n_y, n_z)[k])]).reshape(
+        np.array([bend(k, *point) for k in (0, 1) for point in _gauss(3 * (n_y, n_z)[k])]).reshape(
             -1, 2, n
         ),
     )
@@ -262,8 +262,8 @@ def _gauss(count: int) -> list[tuple[float, float]]:
     return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * w).tolist(), strict=True))
 
 
-def _ratios(where: str, given: Mapping[str, Any], modes: tuple[str, ...]) -> Array:
-    ratio = given.get("damping_ratio", 0.0)
+def _ratios(where: str, entries: Mapping[str, Any], modes: tuple[str, ...]) -> Array:
+    ratio = entries.get("damping_ratio", 0.0)
     return per_name(
         f"{where}: damping_ratio", ratio, modes, "a finite number >= 0", lambda x: 0.0 <= x < np.inf
     )
@@ -287,25 +287,25 @@ NODE = "mass", "xyz", "shape", "shortening"
 TIP = "shape", "slope", "shortening"
 
 
-def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any]) -> FlexibleLink:
+def _elements(link: str, origins: Mapping[str, Array], entries: Mapping[str, Any]) -> FlexibleLink:
     """Return the modes of nodes, in the link's axes.
 
     They are shapes of unit modal mass of the link clamped at its origin.
     """
     where = f"flexible link '{link}'"
-    n = np.size(given["frequencies"])
+    n = np.size(entries["frequencies"])
     frequencies = numbers(
-        f"{where}: frequencies", given["frequencies"], (n,), "numbers > 0 [rad/s]"
+        f"{where}: frequencies", entries["frequencies"], (n,), "numbers > 0 [rad/s]"
     )
-    if not n or not (frequencies > 0.0).all() or not isinstance(given["nodes"], list | tuple):
+    if not n or not (frequencies > 0.0).all() or not isinstance(entries["nodes"], list | tuple):
         raise InputError(
-            f"{where} has frequencies {given['frequencies']!r}, expected numbers > 0 [rad/s], "
+            f"{where} has frequencies {entries['frequencies']!r}, expected numbers > 0 [rad/s], "
             "and a list of nodes."
         )
     axes = _axes(next(iter(origins.values())))
 
-    def station(name: str, entry: Any, known: tuple[str, ...], at: Array | None = None) -> Station:
-        entry = mapping(f"{where}: {name}", entry, known)
+    def station(name: str, entry: Any, keys: tuple[str, ...], at: Array | None = None) -> Station:
+        entry = mapping(f"{where}: {name}", entry, keys)
         at = numbers(f"{where}: xyz of {name}", entry.get("xyz", at), (3,), "three numbers")
         parts = {}
         for key, shape in (("shape", (n, 3)), ("slope", (n, 3)), ("shortening", (n, n))):
@@ -317,13 +317,15 @@ def _elements(link: str, origins: Mapping[str, Array], given: Mapping[str, Any])
         H = 0.5 * (parts["shortening"] + parts["shortening"].T)
         return Station(axes.T @ at, axes.T @ parts["shape"].T, axes.T @ parts["slope"].T, H, mass)
 
-    nodes = tuple(station(f"node {k}", entry, NODE) for k, entry in enumerate(given["nodes"]))
+    nodes = tuple(station(f"node {k}", entry, NODE) for k, entry in enumerate(entries["nodes"]))
     tips = {
         joint: station(f"tip '{joint}'", entry, TIP, origins[joint])
-        for joint, entry in given["tips"].items()
+        for joint, entry in entries["tips"].items()
     }
     names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, 2, n))
-    return FlexibleLink(names, axes, frequencies, _ratios(where, given, names), nodes, tips, bends)
+    return FlexibleLink(
+        names, axes, frequencies, _ratios(where, entries, names), nodes, tips, bends
+    )
 
 
 # --- The modes of a model -------------------------------------------------------------------------
@@ -344,11 +346,11 @@ def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
 
 
 def _values(
-    link: FlexibleLink, names: tuple[str, ...], values: Array, held: Mapping[str, float]
+    link: FlexibleLink, names: tuple[str, ...], values: Array, locked: Mapping[str, float]
 ) -> Array:
     """Return the entries of a link's modes in a vector, and values of locked modes."""
     return np.array(
-        [held[mode] if mode in held else values[names.index(mode)] for mode in link.modes]
+        [locked[mode] if mode in locked else values[names.index(mode)] for mode in link.modes]
     )
 
 
@@ -380,17 +382,17 @@ class Flexible(NamedTuple):
         """All joints that are modes or follow them."""
         return frozenset().union(*self.groups)
 
-    def without(self, held: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
+    def without(self, locked: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
         """Return the links without modes that are held, and all joints that are held then."""
-        if wrong := sorted(self.forms.keys() & held.keys()):
+        if wrong := sorted(self.forms.keys() & locked.keys()):
             raise InputError(
                 f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these."
             )
-        forms = {name: form.without(held) for name, form in self.forms.items()}
+        forms = {name: form.without(locked) for name, form in self.forms.items()}
         rigid = {name: form.constant for name, form in forms.items() if not form.sources}
         forms = {name: form for name, form in forms.items() if form.sources}
-        groups = tuple(own - held.keys() - rigid.keys() for own in self.groups)
-        return Flexible(self.links, forms, groups), held | rigid
+        groups = tuple(group - locked.keys() - rigid.keys() for group in self.groups)
+        return Flexible(self.links, forms, groups), locked | rigid
 
 
 def read_flexible_links(source: Any) -> Mapping[str, Any]:

@@ -49,8 +49,8 @@ class FollowerState(NamedTuple):
 
     def reflected(self, effort: Array) -> Array:
         """Return Gᵀτ [N m, N], shape (nv,), for efforts τ of followers, shape (f,)."""
-        found: Array = self.ratios.T @ effort
-        return found
+        reflected: Array = self.ratios.T @ effort
+        return reflected
 
 
 class FollowerMotion:
@@ -158,14 +158,14 @@ def limit_by_followers(
 
 
 def _end(
-    model: RobotModel, k: int, limit: float, sign: float, own: Mapping[str, Array]
+    model: RobotModel, k: int, limit: float, sign: float, group: Mapping[str, Array]
 ) -> float | None:
     """Return the position up to which a joint moves toward its limit from the start.
 
     Return None if followers are beyond theirs.
     """
     motion, start = FollowerMotion(model), model.start
-    rows, ends = [motion.names.index(name) for name in own], np.array(list(own.values()))
+    rows, ends = [motion.names.index(name) for name in group], np.array(list(group.values()))
 
     def fits(x: float) -> bool:
         start[k] = x

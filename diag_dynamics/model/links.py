@@ -97,12 +97,12 @@ def wrenches_on_links(
     expected = "six finite numbers, force [N] then moment [N m]"
     expected += "".join(f", or ({count}, 6) of them: a row for each state" for count in states)
     records = np.zeros((*(states or (1,)), len(f_ext)), WRENCH)
-    for k, (name, given) in enumerate(f_ext.items()):
+    for k, (name, wrench) in enumerate(f_ext.items()):
         if name not in model.link_names:
             raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
-        array = array_of(given)
+        array = array_of(wrench)
         if array is None or array.shape not in ((6,), (*states, 6)) or not np.isfinite(array).all():
-            raise InputError(f"f_ext on link '{name}' is {given!r}, expected {expected}.")
+            raise InputError(f"f_ext on link '{name}' is {wrench!r}, expected {expected}.")
         wrenches = np.broadcast_to(array, (len(records), 6))
         records[:, k] = wrenches_at(model, name, wrenches, (0.0, 0.0, 0.0), frame)
     return records.reshape(-1)

@@ -127,9 +127,9 @@ def load_urdf(
     if gravity is None:
         gravity = STANDARD_GRAVITY if description.gravity is None else description.gravity
     description = with_couplings(description, loops)
-    beside = Parameters() if parameters is None else read_parameters(parameters)
-    description = with_parameters(description, beside)
-    warn_of_inertias(description, beside.lighter_links)
+    additional = Parameters() if parameters is None else read_parameters(parameters)
+    description = with_parameters(description, additional)
+    warn_of_inertias(description, additional.lighter_links)
     description, flexible = with_flexible_links(description, read_flexible_links(loops))
     description = with_armature(description, armature)
     if friction_velocity is not None:
@@ -145,7 +145,7 @@ def load_urdf(
         payloads=checked_payloads({} if payloads is None else payloads, description),
         flexible_links=flexible,
     )
-    model = build(description, options, beside)
+    model = build(description, options, additional)
     _warn_of_balls(model)
     if description.omitted:
         text = f"Forward and inverse dynamics of robot '{model.name}' omit: "

@@ -144,19 +144,20 @@ def close(
     cut = _Cut(tree)
     start = cut.start(loops)
     linear = {
-        name: Curve(one.leader, np.array([[0.0, one.offset, one.multiplier]]))
-        for name, one in mimics.items()
+        name: Curve(mimic.leader, np.array([[0.0, mimic.offset, mimic.multiplier]]))
+        for name, mimic in mimics.items()
     }
     families = [(cut.members(loop), [loop]) for loop in loops]
     families += [
-        (cut.between(f, one.source) | {f, one.source}, []) for f, one in (curves | linear).items()
+        (cut.between(f, curve.source) | {f, curve.source}, [])
+        for f, curve in (curves | linear).items()
     ]
-    for members, own in _merged(families):
-        if own and not members:
-            cut.reject_open(own, start)
-        elif own:
+    for members, cuts in _merged(families):
+        if cuts and not members:
+            cut.reject_open(cuts, start)
+        elif cuts:
             group = Group(
-                members, own, {f: one for f, one in (linear | curves).items() if f in members}, []
+                members, cuts, {f: one for f, one in (linear | curves).items() if f in members}, []
             )
             for name in group.equations:
                 for kind in (result.curves, result.mimics, result.followers):
@@ -303,7 +304,7 @@ def _pivots(J: Array, names: list[str], free: int, driven: Set[str]) -> tuple[st
         axis = A[:, k] / np.linalg.norm(A[:, k])
         A -= np.outer(axis, axis @ A)
         weight[k] = 0.0
-    return tuple(name for name, own in zip(names, weight, strict=True) if own)
+    return tuple(name for name, is_left in zip(names, weight, strict=True) if is_left)
 
 
 class _Cut:
@@ -328,9 +329,9 @@ class _Cut:
             name = self._carriers[name]
         return path
 
-    def between(self, name: str | None, other: str | None) -> set[str]:
+    def between(self, name: str | None, second: str | None) -> set[str]:
         """Return the joints that carry one of two joints, and are it, but not the other."""
-        return self._carriers_of(name) ^ self._carriers_of(other)
+        return self._carriers_of(name) ^ self._carriers_of(second)
 
     def members(self, loop: Loop) -> set[str]:
         """Return the joints between the ends of a loop."""

@@ -213,15 +213,15 @@ class Followers:
         now = self.motion.at(position)
         return now.position, now.ratios[:, now.ratios.shape[1] - len(position) :]
 
-    def reflected(self, position: Array, effort: Array, own: Array) -> Array:
+    def reflected(self, position: Array, effort: Array, loads: Array) -> Array:
         """Return efforts of the independent joints and, through G, of the followers.
 
         Unknown efforts of followers count as zero.
         """
-        reflected: Array = effort + np.where(np.isfinite(own), own, 0.0) @ self.at(position)[1]
+        reflected: Array = effort + np.where(np.isfinite(loads), loads, 0.0) @ self.at(position)[1]
         return reflected
 
-    def disagreements(self, position: Array, own: Array) -> list[str]:
+    def disagreements(self, position: Array, measured: Array) -> list[str]:
         """Texts, one for each follower further than `tolerance` from where its source puts it.
 
         NaN is not compared.
@@ -229,19 +229,19 @@ class Followers:
         if not self.tolerance:
             return []
         expected, _ = self.at(position)
-        distance = np.abs(np.where(np.isfinite(own), own, np.nan) - expected)
+        distance = np.abs(np.where(np.isfinite(measured), measured, np.nan) - expected)
         distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
         return [
-            self.disagreement(k, own[k], expected[k])
+            self.disagreement(k, measured[k], expected[k])
             for k, far in enumerate(distance > self.tolerance)
             if far
         ]
 
-    def disagreement(self, k: int, own: float, expected: float) -> str:
+    def disagreement(self, k: int, measured: float, expected: float) -> str:
         """Text on follower k, whose position is not the expected one."""
         sources = ", ".join(map(repr, self._sources[self.names[k]]))
         return (
-            f"position of joint '{self.names[k]}' is {own:.9g}, "
+            f"position of joint '{self.names[k]}' is {measured:.9g}, "
             f"expected {expected:.9g} from {sources}, "
             f"which it follows, within mimic_tolerance = {self.tolerance:g}"
         )
