@@ -297,10 +297,10 @@ class _HeldOut:
         self._parts, self._limits = [], []
         for k in range(int(numbers.max()) + 1):
             inside = numbers == k
-            others = rows.select(~inside)
-            if not others.duration:
+            outside = rows.select(~inside)
+            if not outside.duration:
                 continue
-            limits, level = fit_limits(others, rate, template.release, template.hold_off)
+            limits, level = fit_limits(outside, rate, template.release, template.hold_off)
             if level:
                 self._parts.append(rows.select(inside))
                 self._limits.append(limits)

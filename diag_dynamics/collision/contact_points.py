@@ -142,9 +142,9 @@ class ContactLimits:
 
     def of(self, point: ContactPoint) -> tuple[str, ...]:
         """Return the names of the body regions that a point may meet."""
-        own = self.points.get(point.name, {})
-        if own.get("link") == point.link and "regions" in own:
-            return tuple(own["regions"])
+        entry = self.points.get(point.name, {})
+        if entry.get("link") == point.link and "regions" in entry:
+            return tuple(entry["regions"])
         return tuple(self.links.get(point.link, self.default or ()))
 
     def with_energy(self, energy: float, name: str) -> ContactLimits:
@@ -171,12 +171,12 @@ class ContactLimits:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> ContactLimits:
         """Read a YAML file of these fields; see config/contact_limits.example.yaml."""
-        what = f"contact limits '{os.fspath(path)}'"
-        content = mapping(what, read_yaml(path, what), tuple(cls.__dataclass_fields__))
+        title = f"contact limits '{os.fspath(path)}'"
+        content = mapping(title, read_yaml(path, title), tuple(cls.__dataclass_fields__))
         try:
             return cls(**{name: value for name, value in content.items() if value is not None})
         except InputError as error:
-            raise InputError(f"{what}: {error}") from None
+            raise InputError(f"{title}: {error}") from None
 
 
 class ContactPoints:
@@ -207,10 +207,10 @@ class ContactPoints:
     ) -> None:
         choice("worst_by", worst_by, _BY)
         self.model, self.worst_by = instance("model", model, RobotModel), worst_by
-        given = tuple(
+        contact_points = tuple(
             point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points
         )
-        self._given = model, given, limits, worst_by
+        self._given = model, contact_points, limits, worst_by
         limits = limits or ContactLimits()
         where = dict.fromkeys(limits.links, "links") | {
             of["link"]: "points" for of in limits.points.values()
@@ -221,10 +221,10 @@ class ContactPoints:
                     f"contact limits, {where[link]}: '{link}' is not a link of robot "
                     f"'{model.name}'."
                 )
-        kept: dict[str, Any] = {}  # link, regions and points by name
+        by_name: dict[str, Any] = {}  # link, regions and points by name
         rows, entries, region = [np.zeros((0, 3))], [], 0
-        for point in given:
-            if point.name in kept:
+        for point in contact_points:
+            if point.name in by_name:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
             coordinates, direction = _rows(point), np.zeros(3)
@@ -235,7 +235,7 @@ class ContactPoints:
             if body == 0:
                 continue
             coordinates.flags.writeable = False
-            kept[point.name] = point.link, limits.of(point), coordinates
+            by_name[point.name] = point.link, limits.of(point), coordinates
             first, first_region, region = (
                 sum(map(len, rows)),
                 region,
@@ -246,15 +246,15 @@ class ContactPoints:
                 (body, first, first + len(coordinates), first_region, region, tuple(direction))
             )
         self.names, columns = (
-            tuple(kept),
-            zip(*kept.values(), strict=True) if kept else ((), (), ()),
+            tuple(by_name),
+            zip(*by_name.values(), strict=True) if by_name else ((), (), ()),
         )
         self.links, self.regions, self.points = columns
         self.count = sum(map(len, self.points))
         self.region_names = tuple(name for names in self.regions for name in names)
-        table, known = np.array(entries, dtype=contacts.CONTACT_ENTRY), limits.regions
-        near = [known[name] for name in self.region_names]
-        limited = [any(known[name].is_limited for name in names) for names in self.regions]
+        table, regions = np.array(entries, dtype=contacts.CONTACT_ENTRY), limits.regions
+        near = [regions[name] for name in self.region_names]
+        limited = [any(regions[name].is_limited for name in names) for names in self.regions]
         self.limited = np.array(limited, dtype=bool)
         self.limited.flags.writeable = False
         base, _ = model.placement_in_body(model.root_link)  # whose axes are the root link's
@@ -294,11 +294,11 @@ def _rows(point: ContactPoint) -> Array:
     raise InputError(f"points of '{point.name}' are {point.points!r}, expected {expected}.")
 
 
-def _region(name: object, given: object) -> BodyRegion:
-    if isinstance(given, BodyRegion):
-        return given
+def _region(name: object, entry: object) -> BodyRegion:
+    if isinstance(entry, BodyRegion):
+        return entry
     fields = "mass", "stiffness", "force", "energy"
-    numbers = dict(mapping(f"region '{name}'", given, fields))
+    numbers = dict(mapping(f"region '{name}'", entry, fields))
     if numbers.get("mass") == "clamped":
         numbers["mass"] = math.inf
     try:

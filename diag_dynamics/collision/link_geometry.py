@@ -99,10 +99,10 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
     if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
         corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
-        reach, held = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
+        reach, hull_reach = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
         # In other directions nothing can lie outside.
-        known = held > 1e-9 * reach.max()
-        factor = max(1.0, float((reach[known] / held[known]).max(initial=1.0)))
+        is_relevant = hull_reach > 1e-9 * reach.max()
+        factor = max(1.0, float((reach[is_relevant] / hull_reach[is_relevant]).max(initial=1.0)))
         corners = centre + factor * (corners - centre)
     centre, rays = corners.mean(axis=0), _directions(most - len(corners))
     ahead = rays @ dense.T

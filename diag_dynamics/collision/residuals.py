@@ -187,27 +187,27 @@ def poisson_interval(count: int) -> tuple[float, float]:
 
 def peaks_above(segments: Segments, level: float, release: float, hold_off: float) -> Array:
     """Return the highest score of each alarm at a level, by release and hold-off [s]."""
-    found = [np.empty(0)]
+    maxima = [np.empty(0)]
     for stamps, score in segments:
         above = np.flatnonzero(score > level)
         if not len(above):
             continue
-        held = np.concatenate([[False], score >= release * level, [False]])
-        starts, ends = np.flatnonzero(np.diff(held.astype(np.int8))).reshape(-1, 2).T
+        is_high = np.concatenate([[False], score >= release * level, [False]])
+        starts, ends = np.flatnonzero(np.diff(is_high.astype(np.int8))).reshape(-1, 2).T
         runs, first = np.unique(np.searchsorted(starts, above, side="right") - 1, return_index=True)
         pause = stamps[above[first[1:]]] - stamps[ends[runs[:-1]] - 1]
         begins = above[first[np.append(True, pause > 1e9 * hold_off)]]
-        found.append(np.maximum.reduceat(score, begins))
-    return np.concatenate(found)
+        maxima.append(np.maximum.reduceat(score, begins))
+    return np.concatenate(maxima)
 
 
 def block_maxima(segments: Segments) -> Array:
     """Return the maximum, or that of each column, in blocks of a second."""
-    found = []
+    maxima = []
     for stamps, values in segments:
         blocks = (stamps - stamps[0]) // SECOND
-        found.append(np.maximum.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1))))
-    return np.concatenate(found)
+        maxima.append(np.maximum.reduceat(values, np.flatnonzero(np.diff(blocks, prepend=-1))))
+    return np.concatenate(maxima)
 
 
 def find_level(
@@ -221,17 +221,17 @@ def find_level(
     scores = np.concatenate([score for _, score in segments])
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]
     expected = rate * duration
-    wanted = int(np.clip(duration / PEAK_PERIOD, MIN_PEAKS, MAX_PEAKS))
+    min_count = int(np.clip(duration / PEAK_PERIOD, MIN_PEAKS, MAX_PEAKS))
     before, best, peaks = float(grid[0]), -math.inf, np.empty(0)
     for level in grid.tolist():
-        found = peaks_above(segments, level, release, hold_off)
-        if len(found) > len(peaks):
-            best, peaks = level, found
-        if len(found) > max(expected, wanted - 1):
+        highest = peaks_above(segments, level, release, hold_off)
+        if len(highest) > len(peaks):
+            best, peaks = level, highest
+        if len(highest) > max(expected, min_count - 1):
             break
         before = level
-    if expected >= wanted:
-        return Level(before, "counted", min(len(found), int(expected)))
+    if expected >= min_count:
+        return Level(before, "counted", min(len(highest), int(expected)))
     if len(peaks) >= MIN_PEAKS:
         return _extrapolate(best, peaks, expected, "tail")
     maxima = block_maxima(segments)
