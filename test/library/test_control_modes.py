@@ -13,7 +13,7 @@ from arm import gravity_of, state_at
 from controlled import frictionless
 from described import UR5, S, robot
 from diag_dynamics.control.loop import ControlLoop
-from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION, TRACKING
+from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.controller import PARAMETERS
 
@@ -63,16 +63,6 @@ def largest(error):
             REGULATION,
             lambda x: {"regulation_stiffness": [f"*={x}"]},
             "stiffness of 'wrist_3_joint'",
-        ),
-        (
-            TRACKING,
-            lambda x: {"tracking_gain": [f"*={x - 10.0}"]},
-            r"gain \+ .*convergence of 'shoulder_pan_joint'",
-        ),
-        (
-            TRACKING,
-            lambda x: {"tracking_bound": 0.3 * (x - 30.0)},
-            r"gain \+ bound/width \+ convergence",
         ),
         (DAMPING, lambda x: {"damping": [f"*={x}"]}, "gain of 'shoulder_pan_joint'"),
         (POSE, lambda x: {"orientation_stiffness": x}, "orientation_stiffness"),
