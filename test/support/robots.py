@@ -183,19 +183,6 @@ def in_other_units(urdf: str, mass: float = 1.0, length: float = 1.0) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def tips_lighter(urdf: str, factor: float) -> str:
-    """Return a URDF in which the links that carry no other have less mass and inertia."""
-    robot = ET.fromstring(urdf)
-    parents = {joint.find("parent").get("link") for joint in robot.findall("joint")}
-    for link in robot.findall("link"):
-        if link.get("name") not in parents and link.find("inertial") is not None:
-            for element in link.find("inertial"):
-                if element.tag in ("mass", "inertia"):
-                    for name, value in element.attrib.items():
-                        element.set(name, repr(float(value) * factor))
-    return ET.tostring(robot, encoding="unicode")
-
-
 def _text(numbers) -> str:
     return " ".join(repr(float(x)) for x in numbers)
 
