@@ -131,27 +131,6 @@ def test_unnamed_entries_stay():
     assert options.armature[0] == 0.2 and options.friction_velocity == 0.0
 
 
-def test_record_of_a_joint():
-    """It has what the URDF, parameters and arguments state, in this order; a spring replaces armature."""
-    spring = {"stiffness": 2e4, "rotor_inertia": 1e-4, "gear": 50.0}
-    numbers = {"damping": 2.0, "effort_scale": 0.5, "armature": 0.3}
-    model = dd.load_urdf(
-        PANDA,
-        armature={"panda_joint3": 0.7},
-        parameters={"joints": {"panda_joint2": numbers, "panda_joint3": {"armature": 0.3}}},
-    )
-    first, second, third = (model.description.joints[f"panda_joint{k}"] for k in (1, 2, 3))
-    assert (second.damping, second.effort_scale, second.armature) == (2.0, 0.5, 0.3)
-    assert (first.damping, first.effort_scale, first.armature) == (0.003, None, 0.0)
-    assert (third.armature, third.upper, second.upper) == (0.7, 2.8973, 1.7628)
-    springy = model.with_parameters({"flexible_joints": {"panda_joint3": spring}})
-    record = springy.description.joints["panda_joint3"]
-    assert (record.armature, record.reflected_inertia) == (0.0, 0.25)
-    assert springy.armature[2] == 0.25 and model.description.joints["panda_joint3"].spring is None
-    of_links = springy.with_effort_of("spring")
-    assert of_links.description.joints["panda_joint3"].reflected_inertia == 0.0
-
-
 def test_later_parameters():
     """A model with these and then those equals one that is loaded with `merged_with`."""
     first, second = (dd.Payload(mass, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)) for mass in (0.5, 1.0))
