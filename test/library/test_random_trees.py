@@ -229,20 +229,6 @@ def assert_drives(c, acceleration, tau):
     assert_close(needed, tau / c.unit, 1e-12, sum(map(norm, terms)))
 
 
-def wrenches(c):
-    """ℓJᵀf in both frames, in evaluation, forward and inverse dynamics."""
-    (q, qd, tau, qdd), f_ext = c.sample, laws.wrenches_on(c.model, c.model.nv)
-    for frame in ("link", "world"):
-        effort = c.oracle.effort_of(q, f_ext, frame)
-        s = c.dyn.evaluate(q, qd, tau, f_ext, frame=frame)
-        expected = np.linalg.solve(c.t.m, effort)
-        assert_close(s.external, expected, c.tolerance, norm(expected) + norm(c.t.epsilon))
-        assert_drives(c, c.dyn.forward_dynamics(q, qd, tau, f_ext, frame=frame), tau + effort)
-        actual = c.dyn.inverse_dynamics(q, qd, qdd, f_ext, frame=frame) / c.unit
-        expected = (c.oracle.inverse_dynamics(q, qd, qdd) - effort) / c.unit
-        assert_close(actual, expected, c.tolerance, norm(expected) + norm(effort / c.unit))
-
-
 LAWS = (
     laws.m_is_the_udu_factor,
     laws.m_factors_the_mass_matrix,
@@ -260,7 +246,6 @@ LAWS = (
     coriolis_torque,
     forward_dynamics,
     forward_dynamics_of_aba,
-    wrenches,
 )
 
 
