@@ -70,8 +70,7 @@ PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inerti
 <axis xyz="0 1 0"/><parent link="base"/><child link="rod"/></joint></robot>"""
 
 
-@pytest.mark.parametrize("order", [1, 4])
-def test_a_falling_pendulum_with_gears(order):
+def test_a_falling_pendulum_with_gears():
     """Until its rate reverses, against scipy's solution of its equation: I q̈ = −m g l sin q − μ|m g l sin q| − s √q̇."""
     mu, s, inertia, weight = 0.2, 1.5, 0.1 + 2.0 * 0.25, 2.0 * 9.81 * 0.5
     model = with_gears(PENDULUM, [mu], [s])
