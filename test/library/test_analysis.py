@@ -98,22 +98,9 @@ def analysed(tmp_path, capsys):
 
 FAULTS = {
     "none": (lambda tau, gravity: tau, None),
-    "sign": (lambda tau, gravity: -tau, "efforts of all joints seem to have the opposite sign"),
-    "sign of a joint": (
-        lambda tau, gravity: tau * [1, -1, 1, 1, 1, 1],
-        "effort of joint 'shoulder_lift_joint' has the opposite sign",
-    ),
     "unit": (
         lambda tau, gravity: tau / 11.4,
         "another unit: they are 0.0863 times the model torque",
-    ),
-    "no gravity": (
-        lambda tau, gravity: tau - gravity,
-        "gravity seems to be missing in the efforts (effort_includes_",
-    ),
-    "exchanged": (
-        lambda tau, gravity: tau[:, [0, 2, 1, 3, 4, 5]],
-        "exchanged: those of shoulder_lift_joint, elbow_joint are in the columns",
     ),
     "noise": (lambda tau, gravity: tau + 12.0 * np.sin(np.arange(len(tau)))[:, None], None),
 }

@@ -328,10 +328,6 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
 
 
 FAULTS = {
-    "raw units of each joint": (
-        lambda t, q, qd, tau: (t, q, qd, tau * [900.0, 400.0, 30.0]),
-        "--what gains,friction",
-    ),
     "implausible": (
         lambda t, q, qd, tau: (
             t,
@@ -353,10 +349,6 @@ FAULTS = {
     "velocities in degrees": (
         lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau),
         "joint 'elbow'",
-    ),
-    "velocities of half the rate": (
-        lambda t, q, qd, tau: (t, q, qd * [1.0, 0.5, 1.0], tau),
-        "joint 'lift'",
     ),
     "no run without a gap": (lambda *columns: [one[:8] for one in columns], "no run of 10 states"),
 }
