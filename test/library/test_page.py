@@ -17,7 +17,6 @@ import trimesh
 
 import diag_dynamics as dd
 import page_fixture
-from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import GAP, FrameMaker, States
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of
@@ -527,23 +526,6 @@ def test_the_end_effector_link_of_trees(expected, chains, options):
     mount = joint("mount", "fixed", expected, "camera", xyz=(0.0, 0.3, 0.0))
     with_camera = dd.load_urdf(text.replace("</robot>", f"{camera}{mount}</robot>"), **options)
     assert Layout(with_camera).to_json()["end_effector"] == expected
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("panda", "panda_hand"),
-        ("ur5", "wrist_3_link"),
-        ("tiago", "hand_palm_link"),
-        ("pr2", "l_gripper_palm_link"),
-        ("go2", "FL_foot"),
-    ],
-)
-@pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
-def test_the_end_effector_link_of_robots(name, expected):
-    """The page, markers and plots have one rule."""
-    model = dd.load_urdf(find_urdf(name), massless="lock")
-    assert Layout(model).to_json()["end_effector"] == expected
 
 
 def stands_in(link):

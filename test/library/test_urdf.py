@@ -228,7 +228,6 @@ BROKEN = {
     "a folder": (".", "'.': it is no file"),
     "a number": (7, "int"),
     "empty": ("", "is empty"),
-    "too large": ("<robot>" + " " * (33 << 20) + "</robot>", "33554432 bytes"),
     # XML
     "blank": ("<!-- nothing -->", "not well-formed XML"),
     "cut short": (ARM[:-30], "not well-formed XML"),
@@ -243,29 +242,10 @@ BROKEN = {
         "<!-- <robot -->" + ENTITY + changed(MASS, '<mass value="&m;"/>'),
         "DOCTYPE",
     ),
-    "content behind a decoy": (
-        "<!-- <robot -->" + ENTITY + changed("</robot>", "&m;</robot>"),
-        "DOCTYPE",
-    ),
     "external entity": (
         '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;"/>',
         "DOCTYPE",
     ),
-    "remote schema": (
-        '<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="r"/>',
-        "DOCTYPE",
-    ),
-    # xacro
-    "xacro, undeclared": (
-        '<robot name="r"><xacro:include filename="x"/><link name="l"/></robot>',
-        "<xacro:include>",
-    ),
-    "xacro in a name": (
-        changed('"upper"', '"${side}_upper"'),
-        "<link> in line 1 is '${side}_upper'",
-    ),
-    "xacro in a type": (arm(kind="$(arg kind)"), "joint 'shoulder': type is '$(arg kind)'"),
-    "xacro property": (changed(MASS, '<mass value="${m}"/>'), "link 'upper': <mass value='${m}'>"),
     # tree
     "not a robot": ("<sdf/>", "<sdf>"),
     "no links": ('<robot name="r"/>', "no <link>"),
