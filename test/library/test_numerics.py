@@ -475,24 +475,6 @@ def test_messages_while_compiling(monkeypatch, capsys):
 
 # --- Processes with an empty cache
 
-# Prints D of a pendulum and the cache hits.
-SCRIPT = """
-import numpy as np
-import diag_dynamics as dd
-from diag_dynamics.sweeps import evaluation, factorization
-
-urdf = '''<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -2"/><mass value="3"/>
-<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'''
-model = dd.load_urdf(urdf)
-D, own = np.zeros(1), model.new_workspace()
-factorization.factors(own.robot, np.zeros(1), np.zeros((3, 1, 1)), D)
-energies = np.zeros((1, 2))
-evaluation.link_energies(own.robot, model.links, *np.zeros((2, 1, 1)), energies)
-print(D[0], sum(factorization.factors.run.stats.cache_hits.values()))
-"""
-
-
 # Loads and evaluates a plain arm; prints the functions that are compiled.
 PLAIN_ARM = """
 import numpy as np
@@ -517,46 +499,3 @@ def test_plain_arm_compiles_neither_loading_nor_groups(tmp_path):
     assert "inward_joint" in functions
     groups = {"compose", "gather_bias", "inward_coupled", "inward_base", "factorize_group"}
     assert not loading and not groups & set(functions)
-
-
-def run(folder, cache, **more):
-    """Run the script with the package in `folder`; return D, the cache hits and stderr."""
-    environment = {
-        k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "XDG_CACHE_HOME", "TMPDIR")
-    }
-    environment |= {
-        "PYTHONPATH": str(folder),
-        "NUMBA_CACHE_DIR": str(cache),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    } | more
-    command = [sys.executable, "-c", SCRIPT]
-    options = {"cwd": folder, "umask": 0, "capture_output": True, "text": True}
-    done = subprocess.run(command, env=environment, **options)
-    assert done.returncode == 0, done.stderr
-    D, hits = done.stdout.split()[-2:]
-    return float(D), int(hits), done.stderr
-
-
-@pytest.fixture
-def copy(tmp_path):
-    """Return a folder with a copy of the package, without its nodes."""
-    folder = tmp_path / "site"
-    shutil.copytree(
-        PACKAGE, folder / "diag_dynamics", ignore=shutil.ignore_patterns("nodes", "__pycache__")
-    )
-    return folder
-
-
-@pytest.mark.full
-def test_next_process_loads_from_the_cache(copy, tmp_path):
-    """An edit of spatial.py, which the sweeps inline, changes their result."""
-    cache = tmp_path / "cache"
-    for hits in (False, True):
-        D, found, _ = run(copy, cache)
-        assert D == 13.0 and (found > 0) is hits
-    spatial = copy / "diag_dynamics" / "sweeps" / "spatial.py"
-    text = spatial.read_text()
-    before = "    if direction == ANGULAR_Z:\n        return w[2]\n"
-    assert text.count(before) == 1
-    spatial.write_text(text.replace(before, before.replace("w[2]", "2.0 * w[2]")))
-    assert run(copy, cache)[:2] == (26.0, 0)
