@@ -59,7 +59,7 @@ def _time_axis(t):
 
 
 def _draw_joint(found, k, slides):
-    """Return drawings of a joint's efforts and errors, and its error over the range of its measured effort."""
+    """Return drawings of a joint's efforts and errors, and its error by the range of its effort."""
     curves, name = found.curves, found.model.dof_names[k]
     error = found.quality["torque_rms"][name][1]
     measured = curves.measured[:, k]
@@ -74,7 +74,7 @@ def _draw_joint(found, k, slides):
 
 
 def _draw(curves, k, *names):
-    """Return the paths of a joint's curves, the last one on top, and their range, which contains zero."""
+    """Return the paths of a joint's curves, the last one on top, and their range with zero."""
     t, values = curves.t, np.array([getattr(curves, name)[:, k] for name in names])
     low, high = float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
     scale = HEIGHT / (high - low or 1.0)

@@ -62,8 +62,8 @@ def set_point(message, names):
 def trajectory(message, names, position):
     """Return the waypoints of a JointTrajectory in the order of `names`, and its start [ns].
 
-    The start is 0 for a trajectory that starts with the first state. Joints that the message lacks hold
-    their `position` [rad, m].
+    The start is 0 for a trajectory that starts with the first state. Joints that the message lacks
+    hold their `position` [rad, m].
     """
     columns = _columns("trajectory.joint_names", message.joint_names, names)
     if not columns:
