@@ -123,5 +123,5 @@ def _link_axes(layout):
 
 def _name(row, column, symbols):
     """Return a combination: the symbol of its column, then others with their coefficients."""
-    others = [f"{row[k]:+.4g} {symbols[k]}" for k in np.flatnonzero(row) if k != column]
-    return " ".join([symbols[column], *others])
+    terms = [f"{row[k]:+.4g} {symbols[k]}" for k in np.flatnonzero(row) if k != column]
+    return " ".join([symbols[column], *terms])

@@ -99,14 +99,14 @@ def identify(
         The robot has a floating base, or a joint of several degrees of freedom.
     """
     instance("model", model, RobotModel)
-    names, steps, asked = read_what(what, model)
-    if len(asked) > 1:
+    names, steps, masses = read_what(what, model)
+    if len(masses) > 1:
         raise InputError(f"what is {what!r}; expected one payload at most.")
-    if asked and reference is None and "inertias" in steps:
+    if masses and reference is None and "inertias" in steps:
         raise InputError(
             f"what is {what!r}, but reference is missing. Give a recording without the payload."
         )
-    if reference is not None and not asked:
+    if reference is not None and not masses:
         raise InputError(
             f"what is {what!r}; expected payload:<link>, because reference is a recording without "
             "it."
@@ -122,8 +122,8 @@ def identify(
             "Load the model without flexible_joints."
         )
     require_single_joints(model)
-    payload = next((Carrier(link, *model.placement_in_body(link)) for link in asked), None)
-    data = FitData(model, payload, recordings, reference, "gains" in names, asked)
+    payload = next((Carrier(link, *model.placement_in_body(link)) for link in masses), None)
+    data = FitData(model, payload, recordings, reference, "gains" in names, masses)
     try:
         selection = Selection(model, steps, payload, data)
     except ConvergenceError as error:
@@ -134,7 +134,7 @@ def identify(
             raise ConvergenceError(f"{text}.") from error
         selection = Selection(model, steps, None, data)
         selection.warnings.append(f"no payload was identified: {text}")
-    if "gains" in names and reference is None and None in asked.values():
+    if "gains" in names and reference is None and None in masses.values():
         selection.warnings.append(
             "gains contain the weight of the payload. Give a reference without it, or its mass "
             "(payload:LINK=MASS)"
@@ -314,7 +314,9 @@ def _in_order(datasets):
         moved[:] = np.ptp(positions, axis=0) > TRAVEL
     measured &= moves | ~(measured & moves).any(axis=0)
     pairs = sorted(zip(datasets, measured, strict=True), key=lambda pair: pair[0].key)
-    return [(segment, known) for dataset, known in pairs for segment in dataset.segments]
+    return [
+        (segment, is_measured) for dataset, is_measured in pairs for segment in dataset.segments
+    ]
 
 
 def _origin(model, data, quality):

@@ -23,7 +23,7 @@ GOOD, POOR = 0.05, 0.15  # error of the effort over its measured range
 TICKS = 5.0  # of the time axis, about
 
 
-def write_report(path, found):
+def write_report(path, identification):
     """Write the report of an identification into an HTML file.
 
     It is an :class:`~diag_dynamics.identification.result.Identification`.
@@ -34,17 +34,21 @@ def write_report(path, found):
         autoescape=True,
         undefined=jinja2.StrictUndefined,
     )
-    quality = found.quality
+    quality = identification.quality
     page = environment.get_template("report.html.j2").render(
-        found=found,
+        found=identification,
         quality=quality,
         curves=[
-            _draw_joint(found, k, slides) for k, slides in enumerate(sliding_dofs(found.model))
+            _draw_joint(identification, k, slides)
+            for k, slides in enumerate(sliding_dofs(identification.model))
         ],
-        axis=_time_axis(found.curves.t),
+        axis=_time_axis(identification.curves.t),
         good=(GOOD, POOR, MIN_EXPLAINED),
         units=UNITS,
-        joints={name: _parameters(found, k, name) for k, name in enumerate(found.model.dof_names)},
+        joints={
+            name: _parameters(identification, k, name)
+            for k, name in enumerate(identification.model.dof_names)
+        },
         base=[_base_parameter(parameter) for parameter in quality["base_parameters"]["parameters"]],
         version=diag_dynamics.__version__,
     )
@@ -58,10 +62,10 @@ def _time_axis(t):
     return {"duration": duration, "ticks": np.arange(0.0, duration, step).tolist()}
 
 
-def _draw_joint(found, k, slides):
+def _draw_joint(identification, k, slides):
     """Return drawings of a joint's efforts and errors, and its error by the range of its effort."""
-    curves, name = found.curves, found.model.dof_names[k]
-    error = found.quality["torque_rms"][name][1]
+    curves, name = identification.curves, identification.model.dof_names[k]
+    error = identification.quality["torque_rms"][name][1]
     measured = curves.measured[:, k]
     extent = np.nanmax(measured, initial=-np.inf) - np.nanmin(measured, initial=np.inf)
     return {
@@ -94,12 +98,12 @@ def _path(x, y):
     return "".join(parts)
 
 
-def _parameters(found, k, name):
+def _parameters(identification, k, name):
     """Return value, half of its interval and whether it was fitted of each parameter of a joint."""
-    fitted, cells = found.parameters.joints.get(name), {}
-    deviations = found.quality["deviations"].get(name, {})
+    fitted, cells = identification.parameters.joints.get(name), {}
+    deviations = identification.quality["deviations"].get(name, {})
     for key in COLUMNS:
-        value = float(getattr(found.model, key)[k])
+        value = float(getattr(identification.model, key)[k])
         half = SIGMAS * deviations[key] if key in deviations else None
         cells[key] = {
             "value": value,

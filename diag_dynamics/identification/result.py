@@ -136,12 +136,12 @@ def _split_body(model, body, whole):
         link = model.link_names[record["index"]]
         _, placement = model.placement_in_body(link)
         carried = _carried(model.payloads.get(link), placement)
-        own, whole = inertias.parameters_of_record(record) - carried, whole - carried
-        if own[0] > 0.0:
+        bare, whole = inertias.parameters_of_record(record) - carried, whole - carried
+        if bare[0] > 0.0:
             names.append(link)
-            parts.append(inertias.floored(own))
+            parts.append(inertias.floored(bare))
             places.append(np.linalg.inv(placement))
-        elif np.any(own):  # inertia without mass goes to the other links
+        elif np.any(bare):  # inertia without mass goes to the other links
             links[link] = Payload(0.0, np.zeros(3), np.zeros((3, 3)))
     shares = inertias.share_out(parts, inertias.pseudo_inertia(whole)) if names else []
     for link, share, place in zip(names, shares, places, strict=True):

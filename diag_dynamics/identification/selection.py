@@ -198,8 +198,8 @@ class Selection:
 
     def _fit_to(self, sums, free, similar=None):
         """Return the fit of the free unknowns to normal equations and to those of references."""
-        beside = [] if self._data.unloaded is None else [(self._data.unloaded, False)]
-        return fit_rows(self.layout, [(sums, True), *beside], free, self._weight, similar)
+        unloaded = [] if self._data.unloaded is None else [(self._data.unloaded, False)]
+        return fit_rows(self.layout, [(sums, True), *unloaded], free, self._weight, similar)
 
     def _update_load(self):
         """Let the load of gears be that of the inertias that were fitted."""
