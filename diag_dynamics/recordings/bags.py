@@ -62,18 +62,18 @@ class Bag:
         starts = (file.start for file in self._files if file.start is not None)
         self.start = min(starts, default=None)
 
-    def pieces(self, wanted, begin=None, end=None):
+    def pieces(self, connections, begin=None, end=None):
         """Yield Messages of some connections in log-time order.
 
         They contain at least those between two log times [ns].
         """
-        failed, wanted = Counter(), set(wanted)
+        failed, connections = Counter(), set(connections)
 
         def read_file(file, places, conversions):
             convert = partial(
                 _convert, conversions=conversions, places=np.array(places), failed=failed
             )
-            chosen = {k for k, place in enumerate(places) if place in wanted}
+            chosen = {k for k, place in enumerate(places) if place in connections}
             for first, last, read in file.parts(chosen):
                 is_late = end is not None and first >= end
                 if not (is_late or (begin is not None and last < begin)):
@@ -222,9 +222,9 @@ class SqliteFile:
             (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
             self.start = start if isinstance(start, int) else None
 
-    def parts(self, wanted):
+    def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""
-        topics = {key: k for key, k in self._topics.items() if k in wanted}
+        topics = {key: k for key, k in self._topics.items() if k in connections}
         return group_rows(self._read_rows(topics)) if topics else ()
 
     def _read_rows(self, topics):
@@ -278,15 +278,15 @@ class Ros1File:
                 "index", f"{describe_error(error)}: {advice}" if size else "the file is empty"
             )
 
-    def parts(self, wanted):
+    def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""
-        return group_rows(self._read_rows(wanted)) if wanted and self.connections else ()
+        return group_rows(self._read_rows(connections)) if connections and self.connections else ()
 
-    def _read_rows(self, wanted):
+    def _read_rows(self, connections):
         """Yield (connection, log time, content) of each message."""
         time, count = 0, 0
         with self._open() as reader:
-            chosen = {entry.id: k for k, entry in enumerate(reader.connections) if k in wanted}
+            chosen = {entry.id: k for k, entry in enumerate(reader.connections) if k in connections}
             entries = [entry for entry in reader.connections if entry.id in chosen]
             try:
                 for entry, time, data in reader.messages(entries):

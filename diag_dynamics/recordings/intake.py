@@ -42,16 +42,16 @@ class Batch(NamedTuple):
         """Return names of joints in messages, with repetition."""
         return [name for part in self.parts for name in part.names]
 
-    def select(self, which):
+    def select(self, is_selected):
         """Return the messages of a mask."""
-        if which.all():
+        if is_selected.all():
             return self
-        place = np.cumsum(which) - 1
-        parts = [part.select(which[part.rows]) for part in self.parts]
+        place = np.cumsum(is_selected) - 1
+        parts = [part.select(is_selected[part.rows]) for part in self.parts]
         parts = [part._replace(rows=place[part.rows]) for part in parts if len(part.rows)]
-        odometry = {int(place[k]): raw for k, raw in self.odometry.items() if which[k]}
-        errors = {int(place[k]): text for k, text in self.errors.items() if which[k]}
-        return Batch(self.log_time[which], parts, odometry, errors)
+        odometry = {int(place[k]): raw for k, raw in self.odometry.items() if is_selected[k]}
+        errors = {int(place[k]): text for k, text in self.errors.items() if is_selected[k]}
+        return Batch(self.log_time[is_selected], parts, odometry, errors)
 
 
 class Rejection(NamedTuple):
@@ -114,20 +114,20 @@ class Intake:
         rejected = assembled.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}
         for k, (cause, text) in sorted(rejected.items()):
             self._reject(int(now[k]), f"rejected: {cause}", text)
-        made = code == codes.STATE
-        self._counts["published"] += int(made.sum())
-        moved = self._moved_at(assembled.outcome["events"] & codes.MOVED > 0, made)
-        made = slice(None) if made.all() else made
-        outcome = assembled.outcome[made]
+        is_state = code == codes.STATE
+        self._counts["published"] += int(is_state.sum())
+        moved = self._moved_at(assembled.outcome["events"] & codes.MOVED > 0, is_state)
+        is_state = slice(None) if is_state.all() else is_state
+        outcome = assembled.outcome[is_state]
         stamps = (np.ascontiguousarray(outcome[field]) for field in ("newest", "oldest"))
-        values = (column[made] for column in assembled[1:4])
+        values = (column[is_state] for column in assembled[1:4])
         flags = (outcome[field] > 0 for field in ("with_effort", "received", "estimated"))
-        return States(*stamps, now[made], *values, *flags, moved)
+        return States(*stamps, now[is_state], *values, *flags, moved)
 
-    def _moved_at(self, moved, made):
+    def _moved_at(self, moved, is_state):
         """Return for each state whether positions jumped since the state before."""
         total = np.cumsum(moved) + int(self._moved)
-        at = total[made]
+        at = total[is_state]
         self._moved = bool(len(total) and total[-1] > (at[-1] if len(at) else 0))
         return np.diff(at, prepend=0) > 0
 

@@ -51,7 +51,7 @@ class JointNames:
 
     def unmap_joint(self, joint):
         """Return the names that a recording may have for a joint of the robot."""
-        names = [_replace(other, name, joint) for name, other in self._entries.items()]
+        names = [_replace(target, name, joint) for name, target in self._entries.items()]
         return [name for name in names if name and self.map_name(name) == joint] or [joint]
 
     def check_recording(self, pieces, model):
@@ -100,10 +100,10 @@ def suggest(name, names):
     return f" Is '{near[0]}' meant?" if near else ""
 
 
-def _replace(entry, other, name):
+def _replace(entry, target, name):
     """Return the name that `other` gives for one that fits an entry; None for one that does not."""
     match = re.fullmatch(re.escape(entry).replace(re.escape(ANY), "(.*)"), name, re.DOTALL)
-    return other.replace(ANY, *match.groups()) if match and ANY in entry else match and other
+    return target.replace(ANY, *match.groups()) if match and ANY in entry else match and target
 
 
 def propose_map(names, missing, present, entries):

@@ -85,11 +85,11 @@ class McapFile:
             fields = channel.topic, schema.name if schema else "", channel.message_encoding, md5
             self.connections.append(Connection(*fields))
 
-    def parts(self, wanted):
+    def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""
         places = np.full(1 << 16, UNDECLARED)
         for k, channel in enumerate(self._channels):
-            places[channel] = k if k in wanted else SKIPPED
+            places[channel] = k if k in connections else SKIPPED
         for part in self._parts:
             if not part.channels or (places[list(part.channels)] != SKIPPED).any():
                 yield part.start, part.end, partial(self._read_messages, part, places)
@@ -207,13 +207,13 @@ class McapFile:
         starts, _, end = _find_records(content)
         heads = _read_heads(content, starts)
         place, is_late = places[heads["channel"]], heads["time"] > LAST_TIME
-        for count, what in (
+        for count, kind in (
             (len(content) - end, f"bytes are lost from byte {end} of its records on"),
             ((place == UNDECLARED).sum(), "messages are of undeclared channels"),
             ((is_late & (place >= 0)).sum(), "messages have log times that int64 cannot hold"),
         ):
             if count:
-                self._lose(str(part), f"{count} {what}")
+                self._lose(str(part), f"{count} {kind}")
         size, time = (heads[name].astype(np.int64) for name in ("size", "time"))
         messages = Messages(np.frombuffer(content, np.uint8), place, starts + 31, size - 22, time)
         rows = (place >= 0) & ~is_late

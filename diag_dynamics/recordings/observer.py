@@ -92,9 +92,9 @@ class ObservedStates(NamedTuple):
         """‖m r‖ of all joints together [N m, N of prismatic joints]."""
         return np.linalg.norm(self.external_torque, axis=1)
 
-    def rows(self, which: Array) -> ObservedStates:
+    def rows(self, places: Array) -> ObservedStates:
         """Return the columns at some states."""
-        return ObservedStates(*(column[which] for column in self))
+        return ObservedStates(*(column[places] for column in self))
 
 
 def observe(

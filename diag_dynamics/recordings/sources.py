@@ -137,8 +137,8 @@ class BagSource:
 
     def description(self):
         """Return the robot_description in the bag; raise InputError if there is none."""
-        wanted = self._connections(DESCRIPTION)
-        for messages in self._bag.pieces(wanted) if wanted else ():
+        connections = self._connections(DESCRIPTION)
+        for messages in self._bag.pieces(connections) if connections else ():
             for at, size in zip(messages.at.tolist(), messages.size.tolist(), strict=True):
                 if text := read_message(messages.data[at : at + size].tobytes(), DESCRIPTION).data:
                     return text
@@ -159,17 +159,19 @@ class BagSource:
 
     def batches(self, model):
         """Yield batches of messages in the order of log time."""
-        wanted = self._connections(JOINT_STATE)
-        if not wanted and not model.floating_base:
+        connections = self._connections(JOINT_STATE)
+        if not connections and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._content()}.")
-        if self.names and wanted:
-            self.names.check_recording((batch.names() for batch in self._batches(wanted)), model)
-        wanted += self._connections(ODOMETRY) if model.floating_base else []
-        yield from self._batches(wanted, *self._limits)
+        if self.names and connections:
+            self.names.check_recording(
+                (batch.names() for batch in self._batches(connections)), model
+            )
+        connections += self._connections(ODOMETRY) if model.floating_base else []
+        yield from self._batches(connections, *self._limits)
 
-    def _batches(self, wanted, begin=None, end=None):
+    def _batches(self, connections, begin=None, end=None):
         decoder = Decoder()
-        for messages in self._bag.pieces(wanted, begin, end):
+        for messages in self._bag.pieces(connections, begin, end):
             yield decode_messages(decoder, messages, self._kinds)
 
     def _connections(self, kind):

@@ -171,7 +171,7 @@ def _leading_counts(model):
             for last in bodies[count - 1 :]
             for body in bodies[:count]
         )
-        is_ordered = len({int(*one) - k for k, one in enumerate(numbers) if one}) < 2
+        is_ordered = len({int(*digits) - k for k, digits in enumerate(numbers) if digits}) < 2
         if is_chain and is_ordered and all(numbers) == any(numbers):
             yield count
 

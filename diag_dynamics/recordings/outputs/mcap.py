@@ -77,8 +77,8 @@ class McapOutput:
         numbers = self._count + np.argsort(np.argsort(times, kind="stable"), kind="stable")
         self._count += len(times)
         for channel, topic in self._topics.items():
-            for which, rows in topic.make_rows(piece):
-                stamps = zip(times[which].tolist(), numbers[which].tolist(), strict=True)
+            for places, rows in topic.make_rows(piece):
+                stamps = zip(times[places].tolist(), numbers[places].tolist(), strict=True)
                 with self._target.errors():
                     for row, (time, number) in zip(rows, stamps, strict=True):
                         self._writer.add_message(channel, time, row.tobytes(), time, number)
@@ -118,17 +118,17 @@ class TopicRows:
     def make_rows(self, piece):
         """Yield indices of states, and their messages as uint8, (number of states, bytes)."""
         is_torque = self._topic == "external_torque"
-        known = piece.observed.valid if is_torque else piece.states.effort_known
+        has_values = piece.observed.valid if is_torque else piece.states.effort_known
         touched = self._touched_links(piece)
         is_touched = touched.link != "" if touched else np.zeros(len(piece.states), dtype=bool)
         for is_known, has_links in ((True, True), (True, False), (False, False)):
-            which = np.flatnonzero((known == is_known) & (is_touched == has_links))
-            if not len(which):
+            places = np.flatnonzero((has_values == is_known) & (is_touched == has_links))
+            if not len(places):
                 continue
-            state, seen = _state_of(piece.states[which]), piece.observed.rows(which)
+            state, seen = _state_of(piece.states[places]), piece.observed.rows(places)
             if is_torque:
-                probability = touched.probability[which] if has_links else None
-                alarming = self._alarming(piece, which)
+                probability = touched.probability[places] if has_links else None
+                alarming = self._alarming(piece, places)
                 values = torque_fields(seen, is_known, state, alarming, probability)
                 values["touched_links"] = list(touched.links) if has_links else []
             elif self._topic in ("mass_matrix_factors", "joint_space_dynamics"):
@@ -136,10 +136,10 @@ class TopicRows:
             else:
                 names = self._message.get_fields_and_field_types().keys()
                 names -= {"header", "oldest_stamp", *self._texts}
-                friction = self._friction(piece, which)
-                s = _Rows(piece.s, which)
+                friction = self._friction(piece, places)
+                s = _Rows(piece.s, places)
                 values = evaluated_fields(names, s, state, is_known, friction=friction)
-            yield which, self._encode(values, state, (is_known, has_links))
+            yield places, self._encode(values, state, (is_known, has_links))
 
     def _touched_links(self, piece):
         """Return the TouchedLink of each state; None without a covariance or results."""
@@ -149,19 +149,19 @@ class TopicRows:
         results = piece.states.position[rows], piece.observed.external_torque[rows]
         return expand(self._dynamics.touched_link(*results, self._covariance), rows)
 
-    def _alarming(self, piece, which):
+    def _alarming(self, piece, places):
         """Return the Alarming of some states."""
-        limits = (np.tile(row, (len(which), 1)) for row in self._limits)
+        limits = (np.tile(row, (len(places), 1)) for row in self._limits)
         judged, contact = piece.judged, piece.contact
-        alarms = judged.joints[which], judged.alarm[which], contact.alarm[which]
+        alarms = judged.joints[places], judged.alarm[places], contact.alarm[places]
         return Alarming(*limits, *alarms)
 
-    def _friction(self, piece, which):
+    def _friction(self, piece, places):
         """Return the term of friction; None unless the parameter publish_friction is true."""
         if not self._with_friction:
             return None
         friction = piece.s.friction
-        return np.zeros_like(piece.s.nu[which]) if friction is None else friction[which]
+        return np.zeros_like(piece.s.nu[places]) if friction is None else friction[places]
 
     def _encode(self, values, state, key):
         """Return messages of these values; a key has one layout."""
@@ -197,11 +197,11 @@ class TopicRows:
 class _Rows:
     """Quantities of a BatchEvaluation at some states."""
 
-    def __init__(self, s, which):
-        self._s, self._which = s, which
+    def __init__(self, s, places):
+        self._s, self._places = s, places
 
     def __getattr__(self, name):
-        return getattr(self._s, name)[self._which]
+        return getattr(self._s, name)[self._places]
 
 
 def _state_of(states):

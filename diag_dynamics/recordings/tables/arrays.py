@@ -49,9 +49,9 @@ class ParquetTable:
             if key not in _OWN
         ]
 
-    def blocks(self, numbers, others, lose):
+    def blocks(self, numbers, texts, lose):
         """Yield arrays by column, and the number of each row."""
-        used, row = {k: self.columns[k].name for k in (*numbers, *others)}, 0
+        used, row = {k: self.columns[k].name for k in (*numbers, *texts)}, 0
         names = [column.name for column in self.columns]
         for name in used.values():
             if names.count(name) > 1:
@@ -126,9 +126,9 @@ class NpzTable:
         self.columns = [_make_array_column(name, array) for name, array in arrays.items()]
         self._arrays = list(arrays.values())
 
-    def blocks(self, numbers, others, lose):
+    def blocks(self, numbers, texts, lose):
         """Yield arrays by column, and the number of each row; the file is in memory."""
-        used = [*others[:1], *numbers, *others[1:]]
+        used = [*texts[:1], *numbers, *texts[1:]]
         first, count = self.columns[used[0]].name, len(self._arrays[used[0]])
         for k in used:
             name, array = self.columns[k].name, self._arrays[k]

@@ -124,9 +124,9 @@ class _Chooser:
             fitting = [k for k, name in enumerate(self._headers) if entry in (k, name)]
             fitting = fitting or [k for k, stem in enumerate(self._stems) if entry == stem]
             if entry is not None and len(fitting) != 1:
-                there = f"expected the name or number of one of {listed(self._headers)}"
+                expected = f"expected the name or number of one of {listed(self._headers)}"
                 meant = "" if fitting else suggest(str(entry), self._headers)
-                text = f"{key}: {entry!r} is the name of {len(fitting)} columns; {there}.{meant}"
+                text = f"{key}: {entry!r} is the name of {len(fitting)} columns; {expected}.{meant}"
                 raise InputError(text)
             places.append(None if entry is None else fitting[0])
             if fitting:
@@ -160,8 +160,8 @@ class _Chooser:
             return self._find(key, [members[label] for label in numbers])
         if not named or (key == "position" and self._map.joints and named != list(joints)):
             lack = listed(joint for joint in joints if joint not in members)
-            there = f"columns: {listed(self._headers)}"
-            raise InputError(f"{key}: '{pattern}' fits no column of {lack}; {there}.")
+            available = f"columns: {listed(self._headers)}"
+            raise InputError(f"{key}: '{pattern}' fits no column of {lack}; {available}.")
         self._joints = tuple(named) if key == "position" else joints
         return self._find(key, map(members.get, self._joints))
 

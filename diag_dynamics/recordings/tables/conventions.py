@@ -63,9 +63,9 @@ def by_joint(columns, joints):
     """Return columns with joint and quantity: ``q_elbow``, ``elbow/position``, ``tau[elbow]``."""
     names = "|".join(map(re.escape, sorted(joints, key=len, reverse=True)))
     members = _parse(columns, joints, rf"(?P<label>{names})", r"[\W_]+")
-    there = tuple(joint for joint in joints if joint in members["position"])
-    places = {key: tuple(map(members[key].get, there)) for key in QUANTITIES if members[key]}
-    return {"joints": there, **places} if there else {}
+    present = tuple(joint for joint in joints if joint in members["position"])
+    places = {key: tuple(map(members[key].get, present)) for key in QUANTITIES if members[key]}
+    return {"joints": present, **places} if present else {}
 
 
 def by_number(columns, joints):
@@ -75,8 +75,8 @@ def by_number(columns, joints):
         numbers = sorted(map(int, members))
         if numbers in ranges:
             places[key] = tuple(members[str(number)] for number in numbers)
-    others = {k for k, column in enumerate(columns) if (column.width or 1) != len(joints)}
-    for key, members in _parse(_blank(columns, others), joints, "(?P<label>)", "").items():
+    unequal = {k for k, column in enumerate(columns) if (column.width or 1) != len(joints)}
+    for key, members in _parse(_blank(columns, unequal), joints, "(?P<label>)", "").items():
         for k in members.values():
             if key in places:
                 raise _ambiguous(key, columns, places[key][0], k)

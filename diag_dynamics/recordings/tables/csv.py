@@ -58,9 +58,9 @@ class CsvTable:
         ]
         self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
 
-    def blocks(self, numbers, others, lose):
+    def blocks(self, numbers, texts, lose):
         """Yield numbers and texts by column, and the number of each line."""
-        types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(others, pa.string())
+        types = dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(texts, pa.string())
         convert = arrow_csv.ConvertOptions(
             column_types={str(k): kind for k, kind in types.items()},
             include_columns=list(map(str, types)),

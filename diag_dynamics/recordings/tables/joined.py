@@ -36,9 +36,9 @@ class JoinedTable:
         self.texts = [text for part in parts for text in part.texts]
         self.notes = [f"files: {len(parts)} side by side."]
 
-    def blocks(self, numbers, others, lose):
+    def blocks(self, numbers, texts, lose):
         """Yield arrays by column, and the number of each row; all files are in memory."""
-        parts = [self._read_part(n, numbers, others, lose) for n in range(len(self._parts))]
+        parts = [self._read_part(n, numbers, texts, lose) for n in range(len(self._parts))]
         tables, rows, stamps = zip(*parts, strict=True)
         for n, part in enumerate(self._parts):
             is_same = not self._times[n] or np.array_equal(stamps[n], stamps[self._first])
@@ -47,19 +47,19 @@ class JoinedTable:
                 expected = "expected the same number and times"
                 raise InputError(f"{text}; {expected}. Interpolate the files at common times.")
         for begin in range(0, len(rows[0]), ROWS):
-            places = {k: self._places[k] for k in (*numbers, *others)}
+            places = {k: self._places[k] for k in (*numbers, *texts)}
             arrays = {k: tables[n][column].slice(begin, ROWS) for k, (n, column) in places.items()}
             yield arrays, rows[0][begin : begin + ROWS]
 
-    def _read_part(self, n, numbers, others, lose):
+    def _read_part(self, n, numbers, texts, lose):
         """Return the arrays of a file by column, the numbers of rows from 0, and their stamps."""
         part, times = self._parts[n], self._times[n]
-        numbers, others = (
+        numbers, texts = (
             [self._places[k][1] for k in columns if self._places[k][0] == n]
-            for columns in (numbers, others)
+            for columns in (numbers, texts)
         )
-        others = list(dict.fromkeys([*others, *times]))
-        pieces = [piece for piece in part.blocks(numbers, others, lose) if len(piece[1])]
+        texts = list(dict.fromkeys([*texts, *times]))
+        pieces = [piece for piece in part.blocks(numbers, texts, lose) if len(piece[1])]
         if not pieces:
             raise InputError(f"'{part.path}' has no rows.")
         blocks, rows = zip(*pieces, strict=True)

@@ -113,10 +113,10 @@ class LeRobotTable:
         count = len(dataset.files)
         self.notes = [f"episode {number} of {count} of a LeRobot dataset, {dataset.fps:g} Hz."]
 
-    def blocks(self, numbers, others, _lose):
+    def blocks(self, numbers, texts, _lose):
         """Yield arrays by column, and the number of each frame; the episode is in memory."""
         for begin in range(0, len(self._rows), ROWS):
-            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in (*numbers, *others)}
+            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in (*numbers, *texts)}
             yield arrays, self._rows[begin : begin + ROWS]
 
 

@@ -40,7 +40,7 @@ class Table(Protocol):
     notes: list[str]  # how the file was read; complete after the last block
 
     def blocks(
-        self, numbers: list[int], others: list[int], lose: Callable[..., None]
+        self, numbers: list[int], texts: list[int], lose: Callable[..., None]
     ) -> Iterator[tuple[dict[int, pa.Array], Array]]:
         """Yield cells of columns of numbers, of times and names by column, and rows' numbers.
 
@@ -59,9 +59,9 @@ class Columns(NamedTuple):
     rows: np.ndarray  # line of a text, or row of another file from 0: int64, shape (n,)
     names: np.ndarray | None = None  # joint of each value, empty for none; None: of the table
 
-    def select(self, which):
+    def select(self, places):
         """Return some of the rows."""
-        return Columns(*(None if column is None else column[which] for column in self))
+        return Columns(*(None if column is None else column[places] for column in self))
 
 
 class JointTable:
@@ -97,8 +97,8 @@ class JointTable:
     def pieces(self):
         """Yield pieces as :class:`Columns`, once."""
         checked, count = self._choice.time_scale is not None, 0
-        others = [*self._choice.time, *self._choice.names]
-        for arrays, rows in self._table.blocks(self._choice.values, others, self._lose):
+        texts = [*self._choice.time, *self._choice.names]
+        for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
             columns = self._read({k: unify(array) for k, array in arrays.items()}, rows)
             if not checked and len(columns.rows):
