@@ -216,6 +216,7 @@ def _reduce(at, loop):
     for k in range(loop.followers):
         for row in range(loop.rows):
             A[k, row] = at.J[at.joints[loop.begin + k].order, row]
+        # Earlier reflections of the column, then the one that clears it below R_kk
         for j in range(k):
             _reflect(A[j], scale[j], j, loop.rows, A[k])
         square, own = 0.0, A[k, k]
@@ -224,6 +225,7 @@ def _reduce(at, loop):
         least = min(least, square)
         if not square > 0.0:
             return 0.0
+        # The sign of R_kk is opposite to that of the entry, against cancellation.
         entry = math.copysign(math.sqrt(square), -own)
         A[k, k] -= entry
         at.diagonal[loop.begin + k], scale[k] = 1.0 / entry, 1.0 / (square + abs(own * entry))
@@ -235,8 +237,10 @@ def _solve(table, loop):
     """Solve J_d y = x by least squares; y replaces the first entries of x."""
     at = _opened(table)
     A, x = at.reduced[loop.begin :], at.x
+    # x ← Qᵀ x
     for k in range(loop.followers):
         _reflect(A[k], at.scale[loop.begin + k], k, loop.rows, x)
+    # R y = x, from the last row
     for k in range(loop.followers - 1, -1, -1):
         for j in range(k + 1, loop.followers):
             x[k] -= A[j, k] * x[j]
@@ -311,6 +315,7 @@ def _close(at, number):
             closure.direction,
         )
         d = records.vector_of(d)
+        # φ = dᵀ (a − b), and FᵀS of the joints that carry either end
         at.x[row] = sp.dot(sp.subtract(a, b), d)
         largest, size = max(largest, abs(at.x[row])), max(size, sp.dot(a, a))
         _add_end(at, closure.a, sp.Force(d, sp.cross(a, d)), 1.0, row)
@@ -341,13 +346,16 @@ def _newton(table, number):
         at.ratio[number] = _reduce(at, loop)
         if not at.ratio[number] > SINGULAR:
             return False
+        # Converged: the last correction was small, or φ is rounding.
         if correction <= FINE or apart <= EXACT * size:
             return apart <= CLOSED
+        # J_d Δ = φ
         _solve(table, loop)
         before, correction = correction, 0.0
         for k in range(loop.followers):
             at.position[at.joints[loop.begin + k].order] -= at.x[k]
             correction = max(correction, abs(at.x[k]))
+        # Corrections that are large, or shrink slowly, may lead to another branch.
         if not (correction <= LARGEST_CORRECTION and correction <= max(0.5 * before, FINE)):
             return False
     return False
@@ -361,6 +369,7 @@ def _set_ratios(table, loop):
         at.last[k] = at.position[k]
     for rank in range(loop.end - loop.begin - loop.followers):
         r = at.joints[loop.begin + loop.followers + rank].order
+        # J_d G_r = −J_r
         for row in range(loop.rows):
             at.x[row] = -at.J[r, row]
         _solve(table, loop)
@@ -392,6 +401,7 @@ def _approach(table, number, q):
         for k in range(loop.followers):
             i = at.joints[loop.begin + k].order
             at.position[i] = at.last[i]
+        # Independent joints go a part of the way, followers along their ratios G.
         for rank in range(loop.end - loop.begin - loop.followers):
             r = at.joints[loop.begin + loop.followers + rank].order
             target = q[at.bodies[at.joints[r].body].q]
@@ -405,6 +415,7 @@ def _approach(table, number, q):
             _set_ratios(table, loop)
             if step == 1.0:
                 return True
+            # Steps grow after a success, and are halved after a failure.
             length = min(2.0 * length, LONGEST_STEP)
         else:
             length = 0.5 * min(length, remaining)

@@ -49,6 +49,7 @@ def _propagate_rates(bodies, i, qd, x, work):
     body, w, parent = bodies[i], work[i], work[bodies[i].parent]
     W = joints.motion_outboard(body, w, records.motion_of(parent.W))
     rate = joints.motion_outboard(body, w, records.motion_of(parent.W_rate))
+    # Ẇ = X Ẇ_p + W⁺ × v_J + S Ġ x, and W = W⁺ + S x
     rate = sp.add_motion(rate, sp.cross_motion(W, joints.joint_motion(bodies, i, qd, work)))
     W = sp.add_motion(W, joints.own_motion(body, w, x))
     rate = sp.add_motion(rate, sp.motion_along(body.direction, w.multiplier_rate * x[body.dof]))
@@ -103,11 +104,13 @@ def coriolis_matrix_times(robot, q, qd, x, result):
         body, w = bodies[i], work[i]
         V = joints.update_velocity(body, qd, work, w)
         _propagate_rates(bodies, i, qd, x, work)
+        # f = I Ẇ + b_x
         b = _two_velocity_force(body, V, records.motion_of(w.W))
         records.set_force(w.y, sp.add_force(joints.momentum(body, records.motion_of(w.W_rate)), b))
     ws.clear(result)
     for i in range(1, len(bodies)):
         if bodies[i].armature != 0.0:
+            # A rotor accelerates where ratios change.
             changing = joints.ratio_rate(bodies, joints.turning(bodies, i), x, work)
             result[bodies[i].dof] += work[i].multiplier * bodies[i].armature * changing
     joints.moments_inward(bodies, work, result)
@@ -126,6 +129,7 @@ def m_rate_transposed_times(robot, q, qd, x, result):
         if groups.is_leader(bodies, i):
             k, base = body.dof, work[bodies[body.first].parent]
             W_A, G = records.motion_of(base.W), records.force_of(w.G)
+            # η = x + Gᵀ W_A + Σ g_b x_b, which is ξ of the rates x
             eta = x[k] + groups.induced_rate(bodies, i, W_A, x, table[0], G)
             rate = (
                 groups.momentum_rate(bodies, i, W_A, x, work, table[1])
@@ -155,6 +159,7 @@ def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
             for j in range(i, body.last + 1):
                 if groups.is_leader(bodies, j):
                     k = bodies[j].dof
+                    # η = D^−½ x and u = η − Gᵀ W_A − Σ g_b u_b
                     eta[k] = x[k] / math.sqrt(work[j].D)
                     u[k] = eta[k] - groups.induced_rate(
                         bodies, j, W_A, u, table[0], records.force_of(work[j].G)
@@ -170,6 +175,7 @@ def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
     last = len(bodies) - 1
     while last > 0:
         first = bodies[last].first
+        # The bias of two velocities, then y⁺ on the base
         y = groups.gather_bias(bodies, first, last, qd, u, work, work.W, result)
         y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, table[0], result))
         base = bodies[first].parent
@@ -177,6 +183,7 @@ def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
         for i in range(first, last + 1):
             if groups.is_leader(bodies, i):
                 k = bodies[i].dof
+                # Bx = D^−½ Sᵀ [y − Ṗ (W − ½ S η)]
                 D_rate = table[1, k, k - bodies[i].start]
                 rate = groups.momentum_rate(bodies, i, W_A, u, work, table[1])
                 result[k] = (-result[k] - rate + 0.5 * D_rate * eta[k]) / math.sqrt(work[i].D)

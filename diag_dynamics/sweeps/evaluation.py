@@ -23,6 +23,7 @@ def start_at_world(gravity, world):
 def outward_joint(body, X, own_motion, w, parent):
     """The outward step at a body, for one state or a lane: X, V, own inertia and forces."""
     records.set_placement(w, X)
+    # V = V⁺ + S q̇, where V⁺ is the velocity of the parent in the axes of the body
     V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), own_motion)
     records.set_motion(w.V, V)
     joints.init_articulated_inertia(body, w)
@@ -32,6 +33,7 @@ def outward_joint(body, X, own_motion, w, parent):
 @nk.kernel
 def init_forces(body, X, V, w, parent):
     """Gravity's acceleration of a body, and its y and z before its children have been added."""
+    # a is −g in the axes of the body; y begins as V ×* I V
     acceleration = sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration))
     records.set_vector(w.acceleration, 0, acceleration)
     records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
@@ -63,6 +65,7 @@ def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
 
     C has half of Ḋ ξ.
     """
+    # C = D^−½ (C_ξ − ½ Ḋ ξ) (Algorithm 7.1, Lemma 7.3)
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
     return (
         root * xi,
@@ -92,6 +95,7 @@ def write_outputs(out, k, results):
         results[6],
     )
     out[ws.ARTICULATED_INERTIA, k], out[ws.ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
+    # ν̇ = ε − C − ε_g, and ξ̇ = D⁻¹ (κ − κ_g − C_ξ) (Algorithm 8.1)
     root, nu_dot = math.sqrt(results[7]), results[2] - results[4] - results[6]
     out[ws.NU_DOT, k], out[ws.XI_DOT, k] = (
         nu_dot,
@@ -119,6 +123,7 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     D_rate = sp.along(direction, u)
     without_xi = sp.along(direction, y) - sp.power(u, V)
 
+    # κ = τ − Sᵀ z (5.4), and gravity's ε_g = D^−½ (P S)ᵀ a
     kappa = tau - sp.along(direction, z)
     weight = sp.dot(column.force, records.vector_of(w.acceleration)) / root
 
@@ -172,10 +177,12 @@ def inward_coupled(robot, last, qd, tau, out):
     )
     for i in range(first, last + 1):
         kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
+    # κ begins as τ less the moments of z of the group's bodies; z is now that on their base
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
+    # D, G and g; then κ and the bias within the group, z⁺ and y⁺ on the base
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
@@ -185,6 +192,7 @@ def inward_coupled(robot, last, qd, tau, out):
     V_A = groups.base_motion(bodies, first, work)
     base = work[bodies[first].parent]
     acceleration = sp.Motion(records.vector_of(base.acceleration), sp.ZERO)
+    # Each degree of freedom needs 𝓜̇ without later ones, and is eliminated from it then
     for i in range(last, first - 1, -1):
         if not groups.is_leader(bodies, i):
             continue
@@ -192,6 +200,7 @@ def inward_coupled(robot, last, qd, tau, out):
         G, D, D_rate = records.force_of(w.G), w.D, Q_rate[k, k - start]
         root, xi = math.sqrt(D), qd[k] + groups.induced_rate(bodies, i, V_A, qd, Q, G)
         without_xi = -bias[k] - groups.momentum_rate(bodies, i, V_A, qd, work, Q_rate)
+        # κ_g = F_cᵀ a = D Gᵀ a
         weight = root * sp.power(G, acceleration)
         write_outputs(out, k, outputs(root, xi, kappa[k], without_xi, weight, D, D_rate))
         groups.eliminate_rate(bodies, first, i, work, Q, Q_rate)
@@ -239,8 +248,10 @@ def eliminate_last(direction, armature, w):
     D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
     u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
     D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
+    # ξ_c = q̇_c + Gᵀ V and 𝓜̇_c V, over all directions but the last
     root, xi, momentum_rate = math.sqrt(D), _add_power(rate, G, V), _add_power(D_rate * rate, u, V)
     rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
+    # 𝓜, 𝓜̇, κ, the bias and gravity's wrench without the last direction
     records.set_inertia(w.P, _moved_up_inertia(sp.less_rank_one(P, G, column)))
     records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_products(P_rate, G, rest, u)))
     records.set_force(w.z, _moved_up(sp.subtract_force(kappas, sp.scale_force(G, kappa))))
@@ -306,6 +317,7 @@ def sums(rows):
     """Whether results of one state are finite, K, the share of the first six ν, and νᵀ(ε − ε_g)."""
     finite, energy, base, power = True, 0.0, 0.0, 0.0
     for k in range(rows.shape[1]):
+        # A sum with inf or NaN is not finite, so that one test is enough.
         total = 0.0
         for row in range(ws.XI, ws.N_RESULTS):
             total += rows[row, k]

@@ -21,11 +21,13 @@ def factor_joint(body, w, parent):
 
     P⁺ is added to its parent.
     """
+    # D = SᵀPS + armature and G = P S D⁻¹
     D, column, G = joints.joint_inertia(body.direction, w.armature, records.inertia_of(w.P))
     w.D, w.size = D, joints.scale_along(body.direction, w)
     if joints.is_singular(w.size, D):
         return False
     records.set_force(w.G, G)
+    # P⁺ = P − G (P S)ᵀ, in the axes of the parent
     if body.parent > 0:
         X = records.placement_of(w)
         joints.accumulate_scale(w, X, parent)
@@ -38,6 +40,7 @@ def factorize_group(robot, last):
     """D and G of a group; returns a status."""
     bodies, _, work, table = ws.opened(robot)
     first = bodies[last].first
+    # 𝓜 of the group, then its degrees of freedom are eliminated one by one
     groups.compose(bodies, first, last, work, table[0])
     return groups.eliminate(bodies, first, last, work, table[0])
 
@@ -46,6 +49,7 @@ def factorize_group(robot, last):
 def factorize(robot):
     """D and G of all initialized bodies; returns 0, or the body of a singular joint."""
     bodies, _, work, _ = ws.opened(robot)
+    # From the tips to the base; i is the last body of a group
     i = len(bodies) - 1
     while i > 0:
         body = bodies[i]
@@ -91,6 +95,7 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
         return status
     ws.clear(epsilon)
     for j in range(len(wrenches)):
+        # κ of the wrench, then ε = D^−½ κ
         F = joints.wrench_on_body(bodies, wrenches[j], in_world, work)
         column = epsilon[:, j]
         groups.working_moments_of_wrench(bodies, wrenches[j].body, work, table[0], F, column)
@@ -108,6 +113,7 @@ def xi_from_qd(bodies, qd, work, Q, xi):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if not groups.is_grouped(body):
+            # ξ = q̇ + Gᵀ V⁺ (5.3), where V⁺ is the velocity of the parent in the axes of the body
             V_plus = sp.motion_to_child(
                 records.placement_of(w), records.motion_of(work[body.parent].V)
             )
@@ -127,6 +133,7 @@ def qd_from_xi(bodies, xi, work, Q, qd):
     for i in range(1, len(bodies)):
         body, w = bodies[i], work[i]
         if not groups.is_grouped(body):
+            # q̇ = ξ − Gᵀ V⁺, the inverse of (5.3)
             V_plus = sp.motion_to_child(
                 records.placement_of(w), records.motion_of(work[body.parent].V)
             )
@@ -168,15 +175,18 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
         body, w = bodies[i], work[i]
         first, z = body.first, records.force_of(w.z)
         if not groups.is_grouped(body):
+            # τ = κ + Sᵀ z, or κ = τ − Sᵀ z (5.4); z⁺ = z + G κ
             moment, induced = moments[body.dof], sp.along(body.direction, z)
             moments[body.dof] = moment + induced if is_kappa else moment - induced
             kappa = moment if is_kappa else moments[body.dof]
             z = sp.add_force(z, sp.scale_force(records.force_of(w.G), kappa))
             z = sp.force_to_parent(records.placement_of(w), z)
         elif is_kappa:
+            # The group alone, then the moments of z of its bodies
             z = groups.unfilter_moments(bodies, first, i, work, Q, moments)
             z = sp.add_force(z, groups.gather(bodies, first, i, work, 1.0, moments))
         else:
+            # The same steps in reverse order
             z = groups.gather(bodies, first, i, work, -1.0, moments)
             z = sp.add_force(z, groups.filter_moments(bodies, first, i, work, Q, moments))
         records.add_to_force(work[bodies[first].parent].z, z)
@@ -252,6 +262,7 @@ def qd_from_momentum(robot, q, added, momentum, qd):
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]
+    # κ = [I − HψK] p, ξ = D⁻¹ κ, q̇ = [I − HψK]ᵀ ξ
     if status == 0:
         status = factorize(robot)
     kappa_from_tau(bodies, momentum, work, table[0], qd)
@@ -284,9 +295,11 @@ def factors(robot, q, m_l_unit, D):
             j = bodies[i].dof
             D[j] = work[i].D
             _fill_column(bodies, i, work, table[0], unit[:, j], inverse[:, j])
+            # m = [I + HφK] D^½: columns times √D
             root = math.sqrt(D[j])
             for row in range(j + 1):
                 m[row, j] = unit[row, j] * root
+    # ℓ = D^−½ [I − HψK]: rows over √D
     for row in range(len(D)):
         inverse_root = 1.0 / math.sqrt(D[row])
         for j in range(row, len(D)):
@@ -301,10 +314,12 @@ def _fill_column(bodies, i, work, Q, rigid, articulated):
     rigid[body.dof] = articulated[body.dof] = 1.0
     base = bodies[body.first].parent
     if groups.is_grouped(body):
+        # Rows of the group, and the wrenches on its base: H rigid, F articulated
         groups.unfilter_moments(bodies, body.first, i, work, Q, rigid)
         F = groups.filter_moments(bodies, body.first, i, work, Q, articulated)
         H = records.force_of(w.G)
     else:
         F = H = sp.force_to_parent(records.placement_of(w), records.force_of(w.G))
+    # Rows of the bodies inboard
     groups.moments_of_wrench(bodies, base, 1, work, H, rigid)
     groups.working_moments_of_wrench(bodies, base, work, Q, sp.scale_force(F, -1.0), articulated)

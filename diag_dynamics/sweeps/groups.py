@@ -64,6 +64,7 @@ def compose(bodies, first, last, work, Q):
     for i in range(last, first - 1, -1):
         body, w = bodies[i], work[i]
         P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
+        # P S of the body, times its ratio: part of Q_cc and, inboard, of Q_bc and F_c
         column = sp.scale_force(sp.column_along(body.direction, P), w.multiplier)
         Q[d, d - start] += w.multiplier * (
             sp.along(body.direction, column) + w.multiplier * w.armature
@@ -82,6 +83,7 @@ def compose(bodies, first, last, work, Q):
             column = joints.force_inboard(bodies[j], work[j], column)
             j = bodies[j].parent
         records.add_to_force(owner.G, column)
+        # P goes inboard whole: the group's degrees of freedom are not eliminated yet.
         if body.rank > 0:
             records.add_to_inertia(work[body.parent].P, P)
             for k in range(2):
@@ -106,6 +108,7 @@ def eliminate(bodies, first, last, work, Q):
         w.D = D
         if joints.is_singular(w.size, D):
             return i
+        # G = F_c / D and g_b = Q_bc / D; 𝓜 ← 𝓜 − g D gᵀ, entries of earlier degrees of freedom
         inverse = 1.0 / D
         G = sp.scale_force(column, inverse)
         records.set_force(w.G, G)
@@ -115,8 +118,10 @@ def eliminate(bodies, first, last, work, Q):
                 records.add_to_force(work[j].G, sp.scale_force(G, -Q[b, c - start]))
                 for a in range(start, b + 1):
                     Q[a, b - start] -= Q[a, c - start] * inverse * Q[b, c - start]
+        # Column c is of no further use, and becomes g.
         for b in range(start, c):
             Q[b, c - start] *= inverse
+        # P⁺ = P − G D Gᵀ, with D G = F_c
         if base > 0:
             records.set_inertia(
                 work[base].P, sp.less_rank_one(records.inertia_of(work[base].P), G, column)
@@ -139,6 +144,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
         body, w = bodies[i], work[i]
         P, P_rate, d = records.inertia_of(w.P), records.inertia_of(w.P_rate), body.dof
         column = sp.column_along(body.direction, P)
+        # Rate of P S times the ratio; S is constant in the axes of the body
         rate = sp.scale_force(sp.column_along(body.direction, P_rate), w.multiplier)
         rate = sp.add_force(rate, sp.scale_force(column, w.multiplier_rate))
         column = sp.scale_force(column, w.multiplier)
@@ -146,6 +152,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             body.direction, column
         )
         Q_rate[d, d - start] += own + 2.0 * w.multiplier * w.multiplier_rate * w.armature
+        # Inboard the same column and its rate give Q̇_bc and Ḟ_c.
         rate = rate_inboard(bodies, i, qd, work, column, rate)
         column = joints.force_inboard(body, w, column)
         j = body.parent
@@ -166,6 +173,7 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
         if body.rank > 0:
             records.add_to_inertia(work[body.parent].P_rate, P_rate)
         elif body.parent > 0:
+            # Ṗ of the parent: Xᵀ (Ṗ − (v_J×)ᵀ P − P (v_J×)) X
             X, parent = records.placement_of(w), work[body.parent]
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, P_rate))
             moved = sp.transport(joints.joint_motion(bodies, i, qd, work), P)
@@ -199,9 +207,11 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
             g, g_rate = Q[b, c], Q_rate[b, c]
             records.add_to_force(work[j].u, sp.scale_force(rest, -g))
             records.add_to_force(work[j].u, sp.scale_force(G, -g_rate))
+            # Q̇_ab ← Q̇_ab − g_a (u_b − g_b Ḋ) − u_a g_b
             for a in range(start, b + 1):
                 Q_rate[a, b - start] -= Q[a, c] * (g_rate - g * D_rate) + Q_rate[a, c] * g
     if base > 0:
+        # Ṗ ← Ṗ − G hᵀ − h Gᵀ, h = u − ½ Ḋ G
         half = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
         records.set_inertia(
             work[base].P_rate, sp.less_rank_two(records.inertia_of(work[base].P_rate), G, half)
@@ -237,6 +247,7 @@ def filter_moments(bodies, first, last, work, Q, moments):
     for i in range(last, first - 1, -1):
         if is_leader(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
+            # κ_b = τ_b − Σ g_b κ_c over later c, from the last on
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
                 moments[b] -= Q[b, c - start] * moments[c]
@@ -253,6 +264,7 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
     for i in range(first, last + 1):
         if is_leader(bodies, i):
             c, start = bodies[i].dof, bodies[i].start
+            # τ_b = κ_b + Σ g_b κ_c over later c, from the first on: later moments are still κ
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
                 moments[b] += Q[b, c - start] * moments[c]
@@ -292,6 +304,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
             F = sp.subtract_force(F, filter_moments(bodies, body.first, body.last, work, Q, kappa))
             i = bodies[body.first].parent
             continue
+        # κ = Sᵀ F, and Xᵀ τ̄ F goes inboard
         moment = sp.along(body.direction, F)
         kappa[body.dof] = moment
         F = joints.force_inboard(
