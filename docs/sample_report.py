@@ -16,9 +16,10 @@ import numpy as np
 from diag_dynamics.cli.main import main
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.model import load_urdf
+from diag_dynamics.simulation.drives import Sensors
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples" / "demos"))
-from demo_identify import Push, record
+from demo_identify import NOISE, Push, record
 
 LENGTH, PUSHED = 16.0, (4.0, 8.5, 12.6)
 HELD = {"panda_finger_joint1": 0.03}
@@ -50,7 +51,8 @@ def sample(folder):
     pushes = [
         Push("panda_hand", begin, begin + 0.25, np.array(push)) for begin, push in force.items()
     ]
-    states = record(model.perturbed(0.01, 3), model, *motion(model), pushes)
+    robot, sensors = model.perturbed(0.01, 3), Sensors(NOISE)
+    states = record(robot, model, sensors, *motion(model), pushes)
     path = Path(folder) / "panda_run.npz"
     np.savez(path, **states)  # columns in the order of the joints
     return path

@@ -32,7 +32,7 @@ ROBOTS = {
 STEP, STEPS_PER_STATE, BANDWIDTH = 1e-3, 4, 8.0
 """Step of the simulation [s], steps from one recorded state to the next, and bandwidth of the position loop [1/s]."""
 
-ERRORS = {"noise": (2e-5, 1e-3, 0.1), "seed": 1}
+NOISE = 2e-5, 1e-3, 0.1
 """Of a good drive: noise of encoder and filtered velocity, ripple of torque [rad, rad/s, N m]."""
 
 PUSHES, FORCE, DURATION = 10, 30.0, 1.0 / 3.0
@@ -75,8 +75,8 @@ def real_robot(model, error, seed):
     return model.perturbed(error, seed).with_parameters(dd.Parameters(joints=joints))
 
 
-def record(robot, known, time, position, velocity, acceleration, pushes=(), errors=ERRORS):
-    """Return times, positions, velocities and efforts that the sensors of a robot measure while it follows a motion.
+def record(robot, known, sensors, time, position, velocity, acceleration, pushes=()):
+    """Return times, positions, velocities and efforts that sensors measure while a robot follows a motion.
 
     The controller computes efforts by the model `known`; a spring bounds the error that unknown friction causes.
     """
@@ -84,7 +84,7 @@ def record(robot, known, time, position, velocity, acceleration, pushes=(), erro
         dd.Simulation(robot, q=position[0], step=STEP),
         dd.DiagonalDynamics(known),
     )
-    sensors, stiffness = Sensors(**errors), 40.0 * np.maximum(robot.friction, 0.1)
+    stiffness, states = 40.0 * np.maximum(robot.friction, 0.1), []
     stamps = STEP * np.arange(round((time[-1] - time[0]) / STEP))
     motion = np.hstack([position, velocity, acceleration])
     motion = np.column_stack([np.interp(stamps, time, column) for column in motion.T])
@@ -94,13 +94,12 @@ def record(robot, known, time, position, velocity, acceleration, pushes=(), erro
         acceleration = acceleration + 2.0 * BANDWIDTH * rate + BANDWIDTH**2 * error
         effort = dynamics.inverse_dynamics(q, qd, acceleration) + stiffness * (error + 0.2 * rate)
         if k % STEPS_PER_STATE == 0:
-            sensors.measure(stamps[k], q, qd, np.clip(effort, -limits, limits))
+            states.append(sensors.measure(q, qd, np.clip(effort, -limits, limits)))
         active = [push for push in pushes if push.begin <= stamps[k] < push.end]
         wrenches = {push.link: np.r_[push.force, np.zeros(3)] for push in active}
         simulation.advance(effort, f_ext=wrenches or None, frame="world" if wrenches else "link")
-    states = sensors.known(np.inf)
-    q, qd, tau = (np.array([values[k] for _, values, _ in states]) for k in range(3))
-    return {"t": np.array([t for t, _, _ in states]), "q": q, "qd": qd, "tau": tau}
+    q, qd, tau = (np.array(values) for values in zip(*states, strict=True))
+    return {"t": stamps[::STEPS_PER_STATE], "q": q, "qd": qd, "tau": tau}
 
 
 def random_pushes(robot, motion, rng):
@@ -144,12 +143,11 @@ def judge(dynamics, thresholds, recording, pushes):
 def demonstrate(name, folder, error, seed):
     """Identify and calibrate one robot; print the result and return (name, times, pushes, judgements, real energy)."""
     model = dd.load_robot(name, locked_joints=dict.fromkeys(ROBOTS[name], 0.0))
-    robot, count = real_robot(model, error, seed), iter(range(100))
+    robot, sensors = real_robot(model, error, seed), Sensors(NOISE)
 
     def recorded(what, motion, pushes=()):
         path = folder / f"{name}_{what}.npz"
-        errors = ERRORS | {"seed": next(count)}  # no two recordings have the same noise
-        np.savez(path, **record(robot, model, *motion[1:5], pushes=pushes, errors=errors))
+        np.savez(path, **record(robot, model, sensors, *motion[1:5], pushes=pushes))
         return dd.read_recording(path, model)
 
     motion = dd.excite(model, "friction", trials=100, velocity=0.6, seed=seed)
