@@ -337,22 +337,25 @@ def test_brakes():
 
 def test_link_positions_without_a_state_before():
     """Gaps, jumps and unknown efforts give no rate of the stretch; an unknown effort gives the
-    motor's position.
+    motor's position. Rows may come one by one.
     """
     robot = dd.load_urdf(
         PENDULUM, parameters={"flexible_joints": {"hinge": FLEXIBLE["panda_joint1"]}}
     )
-    links, k = LinkPositions(robot), FLEXIBLE["panda_joint1"]["stiffness"]
+    k, d = FLEXIBLE["panda_joint1"]["stiffness"], FLEXIBLE["panda_joint1"]["damping"]
     ms = np.array([0, 1, 2, 3, 4, 300, 301]) * 1_000_000
     torque = np.array([[1.0, 2.0, np.nan, 4.0, 6.0, 7.0, 8.0]]).T * k * 1e-6
     jumped = np.array([0, 0, 0, 0, 0, 0, 1], bool)
-    d = FLEXIBLE["panda_joint1"]["damping"]
-    q, qd = links.convert(ms, np.zeros((7, 1)), np.zeros((7, 1)), torque, jumped)
+    columns = ms, np.zeros((7, 1)), np.zeros((7, 1)), torque, jumped
     rate = 1e-6 * np.array([0, 1, 0, 0, 2, 0, 0]) / 1e-3
-    np.testing.assert_allclose(-qd[:, 0], rate, atol=1e-15)
-    np.testing.assert_allclose(
-        -q[:, 0], 1e-6 * np.array([1, 2, 0, 4, 6, 7, 8]) - d / k * rate, atol=1e-15
-    )
+    position = 1e-6 * np.array([1, 2, 0, 4, 6, 7, 8]) - d / k * rate
+    for size in (1, 7):
+        links = LinkPositions(robot)
+        rows = [slice(first, first + size) for first in range(0, 7, size)]
+        parts = [links.convert(*(column[part] for column in columns)) for part in rows]
+        q, qd = (np.concatenate(values) for values in zip(*parts, strict=True))
+        np.testing.assert_allclose(-qd[:, 0], rate, atol=1e-15)
+        np.testing.assert_allclose(-q[:, 0], position, atol=1e-15)
 
 
 # --- parameters
