@@ -16,8 +16,8 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from accuracy import assert_close, norm
-from coupling import NAMED, Coupled
+from accuracy import assert_close
+from coupling import Coupled
 from laws import LAWS, Robot, assert_same, everything, fields, load
 from oracles import FLOATING
 
@@ -253,28 +253,3 @@ def test_answers_share_no_memory(panda):
     for (name, a), (other, b) in combinations(arrays, 2):
         assert not np.shares_memory(a, b), (name, other)
     assert all((x == copy).all() for x, copy in zip(sample, given, strict=True))
-
-
-@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (1.5, -2.5, 3.0)], ids=str)
-@pytest.mark.parametrize(
-    "robot", [robots.robot(PANDA), NAMED["parallel gripper"]._replace(mimic="embed")]
-)
-def test_gravity_argument(robot, gravity):
-    """Gravity is an argument or a change of the model, reaches everything it belongs to, and never
-    C.
-    """
-    moved, earth = load(robot, gravity=gravity), load(robot)
-    changed = dd.DiagonalDynamics(earth.model.with_gravity(gravity))
-    for c, before in zip(moved.cases, earth.cases, strict=True):
-        (q, qd, tau, qdd), s, t, unit = c.sample, c.s, c.t, c.unit
-        scale = norm(gravity) * np.sqrt(moved.oracle.mass)
-        assert_close(s.gravity, t.gravity, c.tolerance, scale)
-        assert (changed.evaluate(q, qd, tau).gravity == s.gravity).all()
-        assert_close(c.dyn.gravity_torque(q) / unit, t.g / unit, c.tolerance, scale)
-        assert (s.coriolis == before.s.coriolis).all()
-        assert (c.dyn.coriolis_torque(q, qd) == before.dyn.coriolis_torque(q, qd)).all()
-        assert_close(c.dyn.forward_dynamics(q, qd, tau) * unit, t.acceleration * unit, c.tolerance)
-        expected = moved.oracle.inverse_dynamics(q, qd, qdd) / unit
-        assert_close(c.dyn.inverse_dynamics(q, qd, qdd) / unit, expected, 1e-10)
-        scale = norm(s.nu) * (norm(s.epsilon) + scale + t.coriolis_scale)
-        assert_close(s.power, t.power, c.tolerance, scale)

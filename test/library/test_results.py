@@ -85,25 +85,6 @@ def test_copies_are_permanent(dyn, way):
         assert_equal(twin, result)
 
 
-def test_stored_terms_are_those_of_the_equations(dyn):
-    for kind, result in every_kind(dyn).items():
-        s = result[0] if "batch" in kind else result
-        rate = s.epsilon - s.coriolis - s.gravity
-        if s.external is not None:
-            rate = rate + s.external - s.friction
-        moments = np.sqrt(s.articulated_inertia) * (rate + s.coriolis) - s.coriolis_unnormalized
-        base = s.energy_share[:6].sum() if dyn.model.floating_base else 0.0
-        np.testing.assert_allclose(s.nu_dot, rate, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(
-            s.xi_dot, moments / s.articulated_inertia, rtol=1e-12, atol=1e-12
-        )
-        np.testing.assert_allclose(s.power, s.nu @ (rate + s.coriolis), rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(
-            s.effort_power, s.nu @ (s.epsilon - s.gravity), rtol=1e-9, atol=1e-9
-        )
-        np.testing.assert_allclose(s.base_energy, base)
-
-
 # --- Batches as sequences and tables
 
 

@@ -146,6 +146,13 @@ def unnormalized_scale(t) -> float:
     return t.coriolis_scale + norm(t.Ddot * t.xi / np.sqrt(t.D))
 
 
+def xi_dot_is(s, t, tolerance, scale):
+    """The library's ξ̇ is d/dt D^−½ν along aba's acceleration."""
+    root = np.sqrt(t.D)
+    expected = t.nu_dot - 0.5 * t.Ddot / root * t.xi
+    assert_close(root * s.xi_dot, expected, tolerance, scale + unnormalized_scale(t))
+
+
 def wrenches_on(model, seed) -> dict[str, np.ndarray]:
     """Return wrenches on the root, a tip and some other links, those without inertia among them."""
     rng = np.random.default_rng(seed)
@@ -291,37 +298,12 @@ def forward_dynamics(c):
 
 
 def equation_of_motion(c):
-    """ν̇ + C + ε_g = ε along aba's acceleration; the library's ν̇ is that."""
+    """ν̇ + C + ε_g = ε along aba's acceleration; the library's ν̇ is that, and ξ̇ = d/dt D^−½ν."""
     terms = c.t.nu_dot, c.s.coriolis, c.s.gravity
     assert_close(sum(terms), c.s.epsilon, c.tolerance, sum(map(norm, (*terms, c.s.epsilon))))
     scale = norm(c.s.epsilon) + norm(c.s.gravity) + c.t.coriolis_scale
     assert_close(c.s.nu_dot, c.t.nu_dot, c.tolerance, scale)
-
-
-def nu_and_xi_move_by_the_equations_of_motion(c):
-    """The library's ν and ξ, differenced along aba's motion: ν̇ = ε − C − ε_g, Dξ̇ = κ − C_ξ − κ_g.
-
-    Fourth-order differences of a curve through the state: 1e-8 of ν̇, plus 2e-14 of ν over the
-    step.
-    """
-    s, t, root = c.s, c.t, np.sqrt(c.t.D)
-    h = 1e-3 / max(1.0, np.abs(t.qd).max(), np.sqrt(np.abs(t.acceleration).max()))
-    # a motion with the right q̇ and q̈ at 0; the rates there depend on nothing else
-    along = []
-    for x in (-2, -1, 1, 2):
-        q = c.oracle.moved(t.q, x * h * t.qd + 0.5 * (x * h) ** 2 * t.acceleration)
-        along.append(c.dyn.evaluate(q, t.qd + x * h * t.acceleration))
-
-    def rate(name, along=along, h=h):
-        values = [getattr(state, name) for state in along]
-        return (8 * (values[2] - values[1]) - (values[3] - values[0])) / (12 * h)
-
-    close = max(1e-8, c.tolerance)
-    scale = sum(map(norm, (s.coriolis, s.gravity, s.epsilon))) + 2e-6 * norm(s.nu) / h
-    assert_close(rate("nu"), s.epsilon - s.coriolis - s.gravity, close, scale)
-    terms = s.kappa / root, s.gravity, s.coriolis_unnormalized / root
-    scale = sum(map(norm, terms)) + 2e-6 * norm(s.nu) / h
-    assert_close(root * rate("xi"), terms[0] - terms[1] - terms[2], close, scale)
+    xi_dot_is(c.s, c.t, c.tolerance, scale)
 
 
 def power(c):
@@ -330,6 +312,7 @@ def power(c):
     scale = norm(s.nu) * (norm(s.epsilon) + norm(s.gravity) + t.coriolis_scale)
     assert_close(s.power, t.power, c.tolerance, scale)
     assert_close(s.power, s.nu @ (s.epsilon - s.gravity), 1e-14, scale)
+    assert_close(s.effort_power, s.power, 1e-14, scale)
     assert_close(s.nu @ s.epsilon, t.qd @ t.tau, c.tolerance, norm(s.nu) * norm(s.epsilon))
 
 
@@ -356,6 +339,8 @@ def external_wrenches(c):
         assert_close(actual / c.unit, (rnea - effort) / c.unit, c.tolerance, scale)
         terms = (loaded.nu_dot, s.coriolis, s.gravity, s.epsilon, s.external)
         assert_close(sum(terms[:3]), s.epsilon + s.external, c.tolerance, sum(map(norm, terms)))
+        assert_close(s.nu_dot, loaded.nu_dot, c.tolerance, sum(map(norm, terms)))
+        xi_dot_is(s, loaded, c.tolerance, sum(map(norm, terms)))
         scale = norm(s.nu) * (sum(map(norm, terms[2:])) + t.coriolis_scale)
         assert_close(s.power, loaded.power, c.tolerance, scale)
 
@@ -395,6 +380,7 @@ def friction(c):
     assert_close(actual / c.unit, expected, c.tolerance, norm(expected) + norm(resisting / c.unit))
     terms = (slowed.nu_dot, s.coriolis, s.gravity, s.friction, s.epsilon)
     assert_close(sum(terms[:4]), s.epsilon, c.tolerance, sum(map(norm, terms)))
+    assert_close(s.nu_dot, slowed.nu_dot, c.tolerance, sum(map(norm, terms)))
     assert_close(
         s.power, slowed.power, c.tolerance, norm(s.nu) * (sum(map(norm, terms)) + t.coriolis_scale)
     )
@@ -457,7 +443,6 @@ LAWS = (
     inverse_dynamics,
     forward_dynamics,
     equation_of_motion,
-    nu_and_xi_move_by_the_equations_of_motion,
     power,
     external_wrenches,
     friction,
