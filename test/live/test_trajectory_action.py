@@ -8,6 +8,7 @@ import pytest
 import rclpy
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -81,9 +82,9 @@ class Live:
         self.wait(future.done, what)
         return future.result()
 
-    def send(self, goal, names=NAMES, seconds=0.5):
+    def send(self, goal, names=NAMES, seconds=0.5, **tolerances):
         message = FollowJointTrajectory.Goal(
-            trajectory=trajectory([(seconds, goal, [0.0] * len(names))], names)
+            trajectory=trajectory([(seconds, goal, [0.0] * len(names))], names), **tolerances
         )
         return self.result_of(
             self.client.send_goal_async(message, self.feedback.append), "an answer to the goal"
@@ -130,6 +131,16 @@ def test_success_cancel_preemption_and_rejection(live):
     live.wait(lambda: loop.state and not loop.supervisor.starting, "the law in force again")
     assert not live.send(Q, ["wing", *NAMES[1:]]).accepted
     assert "joint_names has 'wing'" in live.node._record._last_refusal
+    assert not live.send(Q, goal_tolerance=[JointTolerance(name="wing")]).accepted
+    assert "goal_tolerance has 'wing'" in live.node._record._last_refusal
+    close = JointTolerance(name=NAMES[2], position=1e-7)
+    beyond = live.send(Q + 0.01, seconds=60.0, path_tolerance=[close])
+    result = live.result_of(beyond.get_result_async(), "the end beyond a tolerance")
+    assert (result.status, result.result.error_code) == (GoalStatus.STATUS_ABORTED, -4)
+    assert f"joint '{NAMES[2]}' on the trajectory is" in result.result.error_string
     part = live.send(Q[1:] + 0.01, NAMES[1:])
     result = live.result_of(part.get_result_async(), "success of some joints")
     assert result.status == GoalStatus.STATUS_SUCCEEDED
+    live.node.trigger_deactivate()
+    live.node.trigger_cleanup()
+    live.wait(lambda: not live.client.server_is_ready(), "the end of the action")

@@ -4,7 +4,6 @@
 """Direction of gravity from an IMU or tf: gravity of the published state, against Pinocchio with another gravity."""
 
 import sys
-from types import ModuleType, SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -16,6 +15,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.statuses import OK, WARN
 from nodes import MS, PANDA, Monitor, S, joint_state, robot
 from pushed import GAIN, Motion, feed, subscribed
+from transforms import transform_of, with_tf2_ros
 
 G = 9.81
 TILT = pin.rpy.rpyToMatrix(0.3, -0.2, 0.5)
@@ -149,37 +149,15 @@ def test_wrong_messages_are_faults(peer):
         assert monitor.gravity() is None and monitor.process.alive()
 
 
-class Buffer:
-    """A buffer of tf2_ros, which is not installed with the tests: one transform."""
-
-    transform = None
-
-    def lookup_transform(self, target, source, time):
-        assert (target, source) == ("panda_link0", "world")
-        if self.transform is None:
-            raise LookupError("'world' passed to lookupTransform does not exist")
-        return self.transform
-
-
 def test_frame_of_tf(peer):
     """By a fake of tf2_ros; a transform without a stamp is static."""
-    module = ModuleType("tf2_ros")
-    module.Buffer, module.TransformListener = Buffer, lambda buffer, node: None
-    with (
-        mock.patch.dict(sys.modules, tf2_ros=module),
-        Carried(peer, "/framed", gravity_frame="world") as monitor,
-    ):
+    with with_tf2_ros(), Carried(peer, "/framed", gravity_frame="world") as monitor:
         assert monitor.gravity() is None
-        x, y, z, w = map(float, pin.Quaternion(TILT.T).coeffs())  # of the world in the root link
-        stamp = SimpleNamespace(sec=0, nanosec=0)
-        zero = SimpleNamespace(x=0.0, y=0.0, z=0.0)
-        transform = SimpleNamespace(translation=zero, rotation=SimpleNamespace(x=x, y=y, z=z, w=w))
-        monitor.node._gravity._transforms._buffer.transform = SimpleNamespace(
-            header=SimpleNamespace(stamp=stamp), transform=transform
-        )
+        buffer = monitor.node._gravity._transforms._buffer
+        buffer.frames, buffer.transform = ("panda_link0", "world"), transform_of(TILT.T)
         peer.pass_time(0.03)
         np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-9)
-        stamp.sec = peer.now() // S - 5
+        buffer.transform.header.stamp.sec = peer.now() // S - 5
         peer.pass_time(1.1)
         assert monitor.gravity() is None
         assert "the transform" in monitor.next_report().entries["gravity"].message
