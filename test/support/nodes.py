@@ -20,9 +20,9 @@ from diag_dynamics.msg import (
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -209,15 +209,14 @@ class Peer(contextlib.AbstractContextManager):
 
     def set_parameter(self, node, name, value):
         """Set a parameter of a node and return the result."""
-        request = SetParameters.Request(
-            parameters=[Parameter(name=name, value=parameter_value(value))]
-        )
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
         return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
 
     def set_parameters_atomically(self, node, values):
         """Set several parameters of a node, all or none, and return the result."""
         parameters = [
-            Parameter(name=name, value=parameter_value(value)) for name, value in values.items()
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
         ]
         request = SetParametersAtomically.Request(parameters=parameters)
         return self.call(
@@ -229,7 +228,7 @@ class Peer(contextlib.AbstractContextManager):
         values = self.call(
             GetParameters, f"{node}/get_parameters", GetParameters.Request(names=list(names))
         ).values
-        return {name: python_value(value) for name, value in zip(names, values, strict=True)}
+        return dict(zip(names, map(parameter_value_to_python, values), strict=True))
 
     def transition(self, node, label):
         """Ask a managed node for a transition, and return whether it succeeded."""
@@ -239,40 +238,6 @@ class Peer(contextlib.AbstractContextManager):
     def phase(self, node):
         """Return the lifecycle state of a managed node."""
         return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
-
-
-def parameter_value(value):
-    """Return the message for a Python value."""
-    for kind, number, field in (
-        (bool, ParameterType.PARAMETER_BOOL, "bool_value"),
-        (int, ParameterType.PARAMETER_INTEGER, "integer_value"),
-        (float, ParameterType.PARAMETER_DOUBLE, "double_value"),
-        (str, ParameterType.PARAMETER_STRING, "string_value"),
-        (list, ParameterType.PARAMETER_DOUBLE_ARRAY, "double_array_value"),
-    ):
-        if isinstance(value, list) and all(isinstance(one, str) for one in value):
-            return ParameterValue(
-                type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=value
-            )
-        if isinstance(value, kind):
-            return ParameterValue(type=number, **{field: value})
-    raise TypeError(value)
-
-
-def python_value(value):
-    """Return the Python value of a message."""
-    fields = (
-        "bool",
-        "integer",
-        "double",
-        "string",
-        "byte_array",
-        "bool_array",
-        "integer_array",
-        "double_array",
-    )
-    found = getattr(value, f"{[*fields, 'string_array'][value.type - 1]}_value")
-    return found if isinstance(found, (bool, int, float, str)) else list(found)
 
 
 # --- a monitor
