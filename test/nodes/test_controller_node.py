@@ -53,12 +53,11 @@ def wait_for_rest(arm, goal):
     arm.wait_for(settled, f"rest at {goal}")
 
 
-def test_tracking_is_pinocchios_and_arrives(arm):
+def test_tracking_arrives(arm):
     """A set-point, then a trajectory which is followed closely all along; joints that are not controlled are refused."""
     names, goal = arm.simulator.robot.names, np.array(START_AT) + 0.15
     arm.set_point.publish(joint_state(names[::-1], goal[::-1]))
     wait_for_rest(arm, goal)
-    check_commands(arm, "tracking", goal)
     record(arm)
     points = [
         (1.5, np.array(START_AT) - 0.1, [0.1] * 6, [0] * 6),
