@@ -381,26 +381,17 @@ def test_a_clock_that_goes_back(damped, jump):
 # --- limits
 
 
+@ONE
 def test_efforts_are_limited(fed):
-    """By the URDF's limits; the status names the joint. Efforts get there at their rate."""
+    """By the URDF's limits; the status names the joint."""
     limit = dd.load_urdf(robot(UR5).path).effort_limit
-    goal = Q + np.array([0.5, -0.6, 0.4, 0.5, -0.5, 0.3])
     fed.law("tracking")
     fed.settle()
-    fed.status.forget()
-    fed.take(fed.set_point, joint_state(NAMES, goal))
+    fed.take(fed.set_point, joint_state(NAMES, Q + np.array([0.5, -0.6, 0.4, 0.5, -0.5, 0.3])))
     status = fed.arrive()
-    effort = np.array(status.effort_command) + fed.compensated * gravity_of(Q)
     (joint,) = status.saturated_dofs
-    assert np.abs(effort)[NAMES.index(joint)] == pytest.approx(limit[NAMES.index(joint)])
-    assert (np.abs(effort) <= limit + 1e-9).all()
-    efforts = np.array([s.effort_command for s in fed.status.messages])
-    assert {s.phase for s in fed.status.messages} == {ACTIVE}
-    # By states' stamps, as efforts are ramped: the clock has a topic of its own, and may come after the state.
-    times = np.array([nanoseconds(s.header.stamp) / S for s in fed.status.messages])
-    assert (
-        np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(times) + 1e-6
-    ).all()
+    usage = np.abs(status.effort_command) / limit
+    assert usage.max() == usage[NAMES.index(joint)] == pytest.approx(1.0)
 
 
 # --- targets
