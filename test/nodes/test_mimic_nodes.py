@@ -8,14 +8,11 @@ import math
 import numpy as np
 import pytest
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics
-from geometry_msgs.msg import Pose, Twist
 from std_msgs.msg import String
 
-from coupling import Coupled
 from diag_dynamics.nodes.support.statuses import OK, WARN
-from nodes import LATCHED, Monitor, Truth, assert_close, description, joint_state, robot, tolerance
+from nodes import LATCHED, Monitor, Truth, assert_close, description, joint_state, robot
 
-CHAIN = "follower of a follower"
 FAN = "several followers of one leader"
 GRIPPER = "parallel gripper"
 SOURCE, MIMIC = "f1", "f2"
@@ -160,30 +157,3 @@ def test_wrong_mimic_joints_in_requests(monitor, fan):
     unknown = fan.message(f2=math.nan, g1=math.nan)
     unknown.effort[unknown.name.index("f3")] = math.nan
     fan.truth.check_state(answer(monitor, "diagonalize", unknown).state)
-
-
-def test_floating_base(peer):
-    """The base's rates come first."""
-    found = robot(GRIPPER)
-    whole = Whole(found, 1, **dict.fromkeys(found.oracle.coupling.mimics, 3.0))
-    request = {"base_pose": Pose(), "base_twist": Twist()}
-    request["base_pose"].position.z = 0.5
-    request["base_pose"].orientation.x, request["base_pose"].orientation.w = 0.6, 0.8
-    request["base_twist"].linear.y, request["base_twist"].angular.x = 0.3, -0.2
-    floating = Coupled(found.urdf, floating_base=True)
-    base, rates = [0.0, 0.0, 0.5, 0.6, 0.0, 0.0, 0.8], [0.0, 0.3, 0.0, -0.2, 0.0, 0.0]
-    truth = floating.at(
-        np.r_[base, whole.q], np.r_[rates, whole.qd], np.r_[np.zeros(6), whole.truth.state.tau]
-    )
-    peer.publisher(String, "/base/robot_description", LATCHED).publish(description(found.urdf))
-    with Monitor(peer, "/base", floating_base=True) as monitor:
-        monitor.process.wait_for_text("Ready")
-        state = answer(monitor, "diagonalize", whole.message(), **request).state
-        assert tuple(state.dof_names[6:]) == found.names
-        for name in ("nu", "epsilon", "gravity"):
-            assert_close(np.array(getattr(state, name)), getattr(truth, name), tolerance(truth))
-        response = answer(monitor, "forward_dynamics", whole.message(), **request)
-        unit = np.sqrt(np.diag(truth.M))
-        assert_close(
-            np.array(response.acceleration) * unit, truth.acceleration * unit, tolerance(truth)
-        )
