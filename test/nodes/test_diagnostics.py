@@ -18,8 +18,7 @@ from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import EnergyThresholds, Settings
 from diag_dynamics.parameters.robots import model_of
 from joint_state_readers import DEFAULTS
-from nodes import MS, PANDA, Monitor, S, Truth, joint_state, robot
-from pushed import STEP, Motion
+from nodes import MS, PANDA, Monitor, S, Truth, robot
 from robots import TwoLinkArm
 
 KEYS = {
@@ -120,16 +119,6 @@ def test_energy_too_high(monitor, panda, word, level):
             assert report.values["largest kinetic energy [J]"] == f"{fast.kinetic_energy:.6g}"
             entry = monitor.next_report().entries["energy"]  # which may come before another state
             assert (entry.level, entry.message) == (level, message)
-
-
-def test_power_balance(monitor, panda):
-    """Efforts of a motion explain the change of kinetic energy."""
-    motion = Motion(panda)
-    monitor.tick(10 * S)
-    monitor.next_report()
-    for k in range(100):
-        monitor.publish(joint_state(panda.names, *motion(k), monitor.tick(STEP)))
-    assert abs(float(monitor.next_report().values["power-balance residual [W]"])) < 1e-3
 
 
 CLOCK = 1000 * S
