@@ -87,29 +87,6 @@ def test_parameters(monitor, standing, name, value, restarts):
         assert restarts or after.norm > before.norm
 
 
-def test_time(monitor, standing, panda):
-    """Neither a jump back nor a gap is integrated over; a lost state is.
-
-    At last all fields have the torque of one step.
-    """
-    restart(monitor)
-    feed(monitor, [standing(0)] * 10)
-    monitor.tick(3 * STEP)
-    assert feed(monitor, [standing(0)])[0].valid
-    monitor.tick(200 * MS)
-    first, second = feed(monitor, [standing(0)] * 2)
-    assert nothing(first) and second.valid
-    monitor.now -= 60 * S
-    lost, first, second = feed(monitor, [standing(0)] * 3)
-    assert lost is None and nothing(first)
-    np.testing.assert_allclose(second.external_torque, through(1) * standing.push, rtol=1e-6)
-    m = standing.oracle.factor(standing.middle)
-    np.testing.assert_allclose(m @ second.residual, second.external_torque, rtol=1e-6)
-    assert second.norm == pytest.approx(np.linalg.norm(second.residual))
-    assert second.torque_norm == pytest.approx(np.linalg.norm(second.external_torque))
-    assert tuple(second.dof_names) == panda.names and second.header.frame_id == panda.root
-
-
 # --- efforts
 
 
