@@ -12,7 +12,6 @@ from diag_dynamics.srv import Diagonalize
 from sensor_msgs.msg import JointState
 
 import diag_dynamics as dd
-from controllers import Controller
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.monitor.watches import numerical_health
@@ -128,26 +127,6 @@ def test_simulator_of_a_four_bar(peer, loops_file):
 
 
 GRIPPER = Path(__file__).parents[2] / "examples/closed_loops/four_bar_gripper"
-STRONG = '<limit effort="200" velocity="9"/>'
-
-
-def test_controller_of_a_four_bar(peer, loops_file):
-    """Tracking moves crank and arm to a set-point by two efforts."""
-    urdf = four_bar(crank=STRONG).replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/>{STRONG}')
-    shared = {"robot_description": urdf, "loops_file": loops_file(FOUR_BAR)}
-    states, goal = peer.topic(JointState, "/led/joint_states"), np.array([0.9, 0.2])
-    own = {"autostart": True, "robot_compensates_gravity": False, "use_sim_time": True}
-    with (
-        Controller(peer, "/led", **own, **shared) as controller,
-        peer.start("simulator", "-r", "__ns:=/led", lockstep=True, rate=250.0, **shared),
-    ):
-        controller.connect()
-        controller.set_point.publish(joint_state(["arm", "crank"], goal[::-1]))
-        controller.wait_for(
-            lambda s: np.abs(np.array(states.messages[-1].position[:2]) - goal).max() < 1e-3,
-            "the goal",
-        )
-    assert {len(message.data) for message in controller.sent.messages} == {2}
 
 
 def test_page_of_a_four_bar(peer, loops_file):
