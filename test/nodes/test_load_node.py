@@ -28,7 +28,6 @@ OBSERVED = {
     "collision.threshold": ["total=5"],
     "robot_description": robot(PANDA).path,
 }
-FREE = Motion(robot(PANDA))
 LOADED = Motion(robot(PANDA), payloads={HAND: (MASS, CENTER, 5e-4 * np.eye(3))})
 
 
@@ -97,44 +96,27 @@ def test_an_unknown_effort_with_a_load(monitor):
         assert messages[-1].valid and np.isnan(messages[-1].external_torque[1])
 
 
-@pytest.mark.full
 def test_accept_and_reset(monitor):
-    """After acceptance the model explains the efforts; put down, the load is negative; reset restores."""
+    """Accepted twice, less is put down, and reset returns to the payload before."""
     response = call(monitor, "accept_payload")
     assert not response.success and "unknown" in response.message
-    feed(monitor, map(LOADED, range(900)))
-    response = call(monitor, "accept_payload")
-    assert response.success and f"'{HAND}'" in response.message
-    assert payload(monitor).mass == pytest.approx(MASS, abs=0.05)
-    found = feed(monitor, map(LOADED, range(900, 1800)))
-    assert not any(one.collision for one in found)
-    assert not monitor.load.messages[-1].is_load and abs(monitor.load.messages[-1].mass) < 0.1
-    assert monitor.load.messages[-1].payload.m == payload(monitor).mass
-    feed(monitor, map(FREE, range(1800, 2700)))
-    down = monitor.load.messages[-1]
-    assert down.is_load and down.mass == pytest.approx(-MASS, abs=0.1)
-    assert (
-        "Put down: load -1" in monitor.process.output
-        and "Picked up: load -" not in monitor.process.output
-    )
-    response = call(monitor, "reset_payload")
-    assert response.success and payload(monitor) is None
-    found = feed(monitor, map(FREE, range(2700, 2800)))
-    assert np.abs(found[-1].external_torque).max() < 0.05
-
-
-def test_reset_returns_to_the_payload_before(monitor):
     request = SetPayload.Request(link=HAND)
     request.inertia.m = 0.4
     assert monitor.call(SetPayload, "set_payload", request).success
     heavier = Motion(robot(PANDA), payloads={HAND: (2.0, CENTER, 5e-4 * np.eye(3))})
-    for first, motion, mass in ((0, LOADED, MASS), (900, heavier, 2.0)):  # accepted twice
+    for first, motion, mass in ((0, LOADED, MASS), (900, heavier, 2.0)):
         feed(monitor, map(motion, range(first, first + 900)))
         assert call(monitor, "accept_payload").success
         assert payload(monitor).mass == pytest.approx(mass, abs=0.06)
     feed(monitor, map(heavier, range(1800, 1810)))
     response = call(monitor, "accept_payload")  # of nothing more
     assert not response.success and "expected a recognized load" in response.message
+    feed(monitor, map(LOADED, range(1810, 2710)))
+    load = monitor.load.messages[-1]
+    assert load.is_load and load.mass == pytest.approx(MASS - 2.0, abs=0.1)
+    assert load.payload.m == payload(monitor).mass
+    assert "Put down: load -0." in monitor.process.output
+    assert "Picked up: load -" not in monitor.process.output
     assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
 
 
