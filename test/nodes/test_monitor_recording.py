@@ -95,17 +95,9 @@ def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
     assert [one.effort_valid for one in published] == states.effort_known.tolist()
     assert [one.stamp_is_receive_time for one in published] == states.stamp_received.tolist()
     assert [one.velocity_estimated for one in published] == states.velocity_estimated.tolist()
-    dynamics = dd.DiagonalDynamics(case.model)
     for k, one in enumerate(published):
-        effort = states.effort[k] if states.effort_known[k] else None
-        assert np.array(one.effort).tobytes() == (b"" if effort is None else effort.tobytes())
-        s = dynamics.evaluate(states.position[k], states.velocity[k], effort)
-        for field in ("nu", "xi", "coriolis", "gravity", "articulated_inertia", "epsilon", "kappa"):
-            expected = getattr(s, field)
-            assert np.array(getattr(one, field)).tobytes() == (
-                b"" if expected is None else expected.tobytes()
-            ), field
-        assert (one.kinetic_energy, one.power) == (s.kinetic_energy, s.effort_power or 0.0)
+        effort = states.effort[k] if states.effort_known[k] else np.empty(0)
+        assert np.array(one.effort).tobytes() == effort.tobytes()
 
 
 # --- external torque and collisions, for each parameter
