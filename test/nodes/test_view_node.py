@@ -10,7 +10,6 @@ from diag_dynamics.srv import SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
-import diag_dynamics as dd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.messages import to_time
 from nodes import LATCHED, PANDA, UR5, Monitor, S, nanoseconds, robot
@@ -67,8 +66,7 @@ def frame_of(stream, stamp):
 
 def test_numbers_are_those_of_the_messages(monitor, view, panda):
     """A frame is the state of its stamp and the external torque of about then, as float32."""
-    dyn = dd.DiagonalDynamics(dd.load_urdf(panda.path))
-    with stream_of(view, link="panda_hand") as stream:
+    with stream_of(view) as stream:
         for sample in range(3):
             message = monitor.serves(panda, sample)["state"]
             frame = frame_of(stream, monitor.now)
@@ -77,15 +75,6 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
                     frame[name], np.array(getattr(message, field), dtype=np.float32)
                 )
             assert frame["K"] == np.float32(message.kinetic_energy)
-            np.testing.assert_allclose(
-                frame["p_effort"] + frame["p_gravity"], message.power, rtol=1e-4, atol=1e-4
-            )
-            s = dyn.evaluate(message.position, message.velocity, message.effort)
-            np.testing.assert_allclose(frame["link_energy"], s.link_energy, rtol=1e-5, atol=1e-7)
-            velocity = dyn.link_velocity(
-                message.position, "panda_hand", message.velocity, frame="world"
-            )[:3]
-            np.testing.assert_allclose(frame["link_velocity"], velocity, rtol=1e-5, atol=1e-6)
             assert frame.flags <= {"no_external_torque", "late"}
 
 
@@ -354,7 +343,6 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
     assert worst == message.worst
     place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
     np.testing.assert_array_equal(frame["contact_limits_position"], place)
-    assert about["half"] == pytest.approx(0.5 * (17.451901 - 0.629769))  # of the links that move
 
 
 def test_a_load_is_shown(peer, monitor, view, panda):
