@@ -3,7 +3,6 @@
 
 """What all nodes share: parameters of a table, robots loaded in a thread, and texts of diagnostics."""
 
-import array
 import re
 import signal
 import threading
@@ -18,7 +17,7 @@ from rclpy.parameter import Parameter, get_parameter_value
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support import runner
-from diag_dynamics.nodes.support.declaring import TableNode, convert, judge
+from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import MAX_WARNINGS, RobotLoader, load_robot
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.controller import PARAMETERS as OF_CONTROLLER
@@ -58,28 +57,6 @@ def made(no_discovery):
     for node in nodes:
         node.destroy_node()
     context.try_shutdown()
-
-
-@pytest.mark.parametrize(
-    ("value", "default", "expected"),
-    [
-        (1, 0.0, 1.0),
-        (True, 0.0, True),
-        ("1", 0.0, "1"),
-        (2, 1, 2),
-        (array.array("q", [1, 2, 3]), [0.0] * 3, [1.0, 2.0, 3.0]),
-        ("[0, 0, -9.81]", [0.0] * 3, [0.0, 0.0, -9.81]),
-        ("down", [0.0] * 3, "down"),
-        (None, [""], [""]),
-        (array.array("d"), [""], [""]),
-        (["a=1"], [""], ["a=1"]),
-        ("a=1", [""], "a=1"),
-    ],
-)
-def test_types_of_values(value, default, expected):
-    """An integer is a number, an empty list has the type of the default; other types stay."""
-    found = convert("x", value, default)
-    assert found == expected and type(found) is type(expected)
 
 
 def test_values_on_the_command_line(made):
@@ -129,6 +106,7 @@ def test_values_set_while_running(made):
         assert (value if isinstance(value, float) else list(value)) == expected
     for name, text, reason in (
         ("max_age", "high", "Wrong parameter type"),
+        ("max_age", "true", "Wrong parameter type"),
         ("gravity", "down", "Wrong parameter type"),
         ("gravity", "[]", "Wrong parameter type"),
         ("gravity", "[1.0]", "parameter 'gravity' is [1.0], expected 3 numbers."),
@@ -136,19 +114,6 @@ def test_values_set_while_running(made):
         ("mimic", "free", "read-only"),
     ):
         assert reason in put(name, text).reason
-
-
-def test_parameters_while_unconfigured(made):
-    """Parameters of a node with a lifecycle change before it is configured."""
-    node = made(specs=OF_CONTROLLER)
-    change = [Parameter("max_state_age", value=0.05)]
-    result = node.set_parameters(change)[0]
-    assert (
-        not result.successful
-        and "read-only while the node is configured. Call cleanup first" in result.reason
-    )
-    node.is_unconfigured = True
-    assert node.set_parameters(change)[0].successful and node.values["max_state_age"] == 0.05
 
 
 def test_unknown_names(made, tmp_path, capfd):

@@ -136,14 +136,6 @@ def test_installed_configuration_holds_the_defaults(node):
     assert written == {name: spec.default for name, spec in node_parameters(node).items()}
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "config" / "robots").glob("*.yaml")), ids=lambda path: path.stem
-)
-def test_configuration_of_a_robot_names_parameters_of_the_monitor(path):
-    written = yaml.safe_load(path.read_text(encoding="utf-8"))["/**"]["ros__parameters"]
-    assert set(parameters_of([path])) == set(flatten(written)) <= set(node_parameters("monitor"))
-
-
 # --- Topics, services and help ---
 
 
