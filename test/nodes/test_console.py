@@ -31,12 +31,12 @@ ODD = {
 }
 
 
-def send(monitor, names, seconds, effort=None):
+def send(monitor, names, seconds):
     """Publish joint states of these names at 10 Hz."""
     for _ in range(round(10 * seconds)):
         q, qd, tau, _ = ARM.samples[0]
         count = len(names)
-        values = (q[:count], 0.0 * qd[:count], (tau if effort is None else effort * tau)[:count])
+        values = (q[:count], 0.0 * qd[:count], tau[:count])
         monitor.publish(joint_state(names, *values, monitor.tick()))
         monitor.peer.pass_time(0.1)
 
@@ -128,14 +128,6 @@ def test_publisher_that_leaves(peer):
         monitor.feeder = peer.publisher(JointState, "/arm/joint_states")
         send(monitor, ARM.names, 15.0)
         assert "[INFO] [diag_dynamics]: joint states: publishing (after " in monitor.process.output
-
-
-def test_efforts_that_gravity_contradicts(peer):
-    """Efforts of zero have a line within two seconds, whatever else is wrong."""
-    with Monitor(peer, "/weak", outputs=[], robot_description=ARM.path) as monitor:
-        send(monitor, ARM.names, 2.0, effort=0.0)
-        (line,) = lines(monitor, "efforts")
-        assert line.startswith("all efforts are 0, but gravity requires others")
 
 
 def test_description_of_another_type(peer):
