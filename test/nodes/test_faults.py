@@ -14,7 +14,6 @@ from std_msgs.msg import String
 
 import robots
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN, without_numbers
-from floating import FloatingMonitor
 from joint_state_cases import COUNTERS, WIRING
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 from nodes import LATCHED, MS, PANDA, UR5, Monitor, Reports, description, joint_state, robot
@@ -83,20 +82,6 @@ def test_counters(peer, tmp_path, counter):
 # --- joint states that are rejected
 
 
-def check_rejected(monitor, message, cause, words):
-    """Publish a joint state, which may have no effect but a count and a warning."""
-    before = monitor.next_report()
-    monitor.forget()
-    monitor.publish(message)
-    assert not published(monitor)
-    report = monitor.next_report()
-    assert report.since(before) == {"received": 1, f"rejected: {cause}": 1}
-    assert report.count("received") == report.outcomes()
-    rejection, entry = report.values["last rejection"], report.entries["joint states"]
-    assert entry.level == WARN and without_numbers(rejection) in entry.message
-    assert all(word in rejection for word in words), rejection
-
-
 def test_stuck_sensors(monitor, panda):
     """Diagnostics warn of velocities without motion, and the states are published."""
     q, qd, tau, _ = panda.samples[0]
@@ -145,13 +130,6 @@ def test_ignored(monitor, panda, outcome, make):
 
 
 # --- odometry
-
-
-@pytest.fixture(scope="module")
-def floating(peer):
-    """Start a monitor of Solo, whose odometry may be 0.5 s old."""
-    with FloatingMonitor(peer, "/floating") as monitor:
-        yield monitor
 
 
 # --- descriptions
