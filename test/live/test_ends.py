@@ -162,28 +162,3 @@ def test_a_node_that_cannot_leave_the_graph(ros_domain):
         process.wait_for_text("spins")
         process.signal(signal.SIGTERM)
         assert process.wait() == 1 and "in destroy_node" in process.output
-
-
-NEGATIVE_MASS = """<robot name="r"><link name="base"/><link name="arm&#x9b;2J"><inertial><mass value="-1"/>
-<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-<joint name="j" type="continuous"><parent link="base"/><child link="arm&#x9b;2J"/></joint></robot>"""
-"""Its second link has a name that would move the cursor of a terminal."""
-
-
-@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [(None, "robot.urdf"), (NEGATIVE_MASS, r"link 'arm\x9b2J': mass -1 kg is negative.")],
-)
-def test_a_robot_that_is_none(ros_domain, tmp_path, node, text, reason):
-    """The process ends with status 1, and its last line says why, in printable characters."""
-    path = tmp_path / "robot.urdf"
-    if text:
-        path.write_text(text, encoding="utf-8")
-    autostart = {"autostart": True} if node == "controller" else {}
-    with node_process(node, **OPTIONS[node] | {"robot_description": path} | autostart) as process:
-        assert process.wait() == 1
-        assert (
-            reason in process.output.strip().splitlines()[-1] and "Traceback" not in process.output
-        )
-        assert all(line.isprintable() for line in process.output.split("\n"))
