@@ -185,14 +185,6 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda)
     peer.pass_time(3.0)
 
 
-def test_other_robots_are_found(peer, monitor, view):
-    """A monitor that begins later, in another namespace, is listed with its robot."""
-    with start_monitor(peer, UR5, "/other"):
-        robots = {one["name"]: one["robot"] for one in get_json(view.node.address, "/robots")}
-        assert robots == {"/arm": "panda", "/other": "ur5"}
-        assert get_json(view.node.address, "/layout?robot=/other")["robot"] == "ur5"
-
-
 def error_of(view, name):
     """Return the error of a robot on the page."""
     (robot,) = (one for one in get_json(view.node.address, "/robots") if one["name"] == name)
