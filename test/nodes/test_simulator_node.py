@@ -19,15 +19,6 @@ from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth, nanosec
 from simulators import Simulator
 
 
-def collect(simulator, count):
-    """Receive so many joint states from now on and return them."""
-    simulator.states.forget()
-    simulator.peer.wait_until(
-        lambda: len(simulator.states.messages) >= count, f"{count} joint states"
-    )
-    return simulator.states.messages[:count]
-
-
 @pytest.fixture(scope="module")
 def wave(peer):
     """Start a Panda that moves along sine waves, with a step of the integrator for each state."""
@@ -105,7 +96,7 @@ def test_monitor_accepts_the_robot_of_the_demo(peer):
         Simulator(peer, "/demo", UR5, rate=100.0, **parameters["simulator"]) as simulator,
         Monitor(peer, "/demo", **rules, **parameters["monitor"]) as monitor,
     ):
-        collect(simulator, 300)
+        peer.wait_until(lambda: len(simulator.states.messages) >= 300, "joint states")
         report = monitor.next_report()
     assert report.count("published") > 200
     assert [name for name in report.counts() if "rejected" in name] == []
