@@ -121,23 +121,24 @@ class Limits:
     ) -> None:
         model = actuated(dynamics).model
         self._names, self._compensated = model.dof_names, compensated
-        self._springs: PositionRepulsion | None = None
-        self.energy: EnergyLimiter | None = None
-        self.tank: EnergyTank | None = None
-        self.contact: ContactLimiter | None = None
         self._saturation = EffortSaturation(model, effort_limit)
         self.unlimited = names_where(self._names, np.isinf(self._saturation.limit))
+        self._springs: PositionRepulsion | None = None
         if margin:
             effort = SPRING_SHARE * self._saturation.limit
             stiffness = np.where(np.isinf(effort), SPRING_EFFORT, effort) / margin
             self._springs = PositionRepulsion(dynamics, margin, stiffness, SPRING_TIME * stiffness)
         energy = EnergyLimiter(dynamics, energy_limit, joint_energy_limit, energy_rate)
-        if np.isfinite([energy.limit, *energy.joint_limit]).any():
-            self.energy = energy
-        if tank_energy:
-            self.tank = EnergyTank(dynamics, tank_energy, energy_rate, not compensated)
-        if contact_points is not None:
-            self.contact = ContactLimiter(dynamics, contact_points, CONTACT_RATE)
+        is_limited = np.isfinite([energy.limit, *energy.joint_limit]).any()
+        self.energy = energy if is_limited else None
+        self.tank = (
+            EnergyTank(dynamics, tank_energy, energy_rate, not compensated) if tank_energy else None
+        )
+        self.contact = (
+            None
+            if contact_points is None
+            else ContactLimiter(dynamics, contact_points, CONTACT_RATE)
+        )
         self._rate = EffortRate(dynamics, effort_rate, self.energy)
         self._gravity = np.zeros(model.nv)
         self.reset(start)
