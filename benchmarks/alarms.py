@@ -8,7 +8,7 @@
 Real recordings without contact (../shared/recordings) have pushes put into their efforts: on an arm that is held on its way,
 a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated Panda is
 pushed indeed, under a tracking law, and has other friction than the observer knows of. Another one stops after each motion,
-where its friction holds it, and is pushed there or on its way. A UR5 and a UR10 are plants of Pinocchio with stiction, whose
+where its friction holds it, and is pushed there or on its way. Four further arms are plants of Pinocchio with stiction, whose
 programs move some of the joints and stop: see arms_with_stiction.py.
 
 The momentum observer (De Luca and Mattone, 2003) has the thresholds of the row without a dead zone.
@@ -45,7 +45,7 @@ PUSH, LATEST, PAUSE = (
     1.5,
 )  # [s]: how long a push lasts, until when it may be seen, between two of them
 FORCES = (10.0, 20.0, 40.0)  # [N]
-ARMS = "ur5_robot", "ur10_robot"
+ARMS = "ur5_robot", "ur10_robot", "xarm7", "z1"
 MOTION, PERIOD_OF_STOPS, PERIOD_OF_PUSHES = 3.0, 6.0, 5.0  # [s]
 PUSHED = {
     "standing": (4.0, 5.4),
@@ -88,7 +88,8 @@ class Robot:
         """Return what the observer estimates."""
         none = np.zeros(len(states.stamps), dtype=bool)
         stamps = (states.stamps,) * 3
-        rows = RecordedStates(*stamps, states.q, states.qd, states.tau, ~none, none, none, none)
+        motion = map(np.ascontiguousarray, states[1:])
+        rows = RecordedStates(*stamps, *motion, ~none, none, none, none)
         observer = Observer(self.dyn, GAIN, friction=True)
         batches = [columns for _, columns in observer.observe_states(rows)]
         r, torque, _, valid = (np.concatenate(column) for column in zip(*batches, strict=True))
@@ -98,7 +99,8 @@ class Robot:
         """Return stamps at which a momentum observer by Pinocchio is above the thresholds, a second apart."""
         model = pin.buildModelFromUrdf(self.urdf)
         locked = [model.getJointId(joint) for joint in self.options.get("locked_joints", ())]
-        model = pin.buildReducedModel(model, locked, pin.neutral(model))
+        if locked:
+            model = pin.buildReducedModel(model, locked, pin.neutral(model))
         own, data = self.model, model.createData()
         limits = thresholds.of_names(own.dof_names)
         r, integral, begins, last = np.zeros(own.nv), None, [], -np.inf
@@ -522,7 +524,7 @@ def compare(short):
     for stops in (False, True):
         rows += simulated(*((10, 60.0) if short else (40, 300.0)), np.random.default_rng(20), stops)
     for arm in ARMS:
-        rows += with_stiction(arm, *((60.0, 5) if short else (600.0, 20)))
+        rows += with_stiction(arm, *((60.0, 5) if short else (300.0, 10)))
     return rows
 
 
