@@ -97,13 +97,15 @@ class Dataset:
     removed. `known` are the joints with efforts (bool); those of the others are the model's. Errors
     begin with `name`, the path if there is one. `origin` has path, robot, number of all states, and
     times of the first and the last one [s]. Raises InputError if the recording is of another robot,
-    too long, lacks states or efforts, or has velocities in another unit.
+    too long, lacks states or efforts, or has velocities in another unit. Efforts that are not
+    `in_torque` may be of any size.
     """
 
-    def __init__(self, name, recording, model, max_values=MAX_VALUES):
+    def __init__(self, name, recording, model, max_values=MAX_VALUES, in_torque=True):
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
         self.delay, self.findings, self.name = 0.0, [], name
         self.known = np.ones(model.nv, dtype=bool)
+        self._min_plausible = MIN_PLAUSIBLE if in_torque else 0.0
         try:
             self._prepare(recording, model, max_values)
         except InputError as error:
@@ -256,7 +258,7 @@ class Dataset:
         """Return segments of usable states, and add findings on the others."""
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
-        fewest = MIN_PLAUSIBLE if self._counts.get("implausible effort") else 0.0
+        fewest = self._min_plausible if self._counts.get("implausible effort") else 0.0
         if finite.mean() <= fewest:
             raise self._no_efforts(self._lacking)
         rows = np.flatnonzero(finite)

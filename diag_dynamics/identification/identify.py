@@ -171,11 +171,11 @@ class FitData:
         share = MAX_VALUES // (len(loaded) + len(unloaded))
         self.left_out_gains = None
         self.loaded = [
-            Dataset(f"recordings[{k}]", recording, model, share)
+            Dataset(f"recordings[{k}]", recording, model, share, in_torque=not with_gains)
             for k, recording in enumerate(loaded)
         ]
         self._references = [
-            Dataset(f"reference[{k}]", recording, model, share)
+            Dataset(f"reference[{k}]", recording, model, share, in_torque=not with_gains)
             for k, recording in enumerate(unloaded)
         ]
         self.datasets = [*self.loaded, *self._references]
