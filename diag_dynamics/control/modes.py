@@ -54,6 +54,9 @@ ARRIVED, PATIENCE = 0.01, 2.0
 FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
 """Error at which springs overcome Coulomb friction [rad, m], and compensated fraction at rest."""
 
+FRICTION_ROUNDS = 4
+"""Rounds that distribute stiffness against friction among joints."""
+
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
 
@@ -419,16 +422,20 @@ class RegulationMode(JointMode):
     def adapt(self, position, period):
         """Set the stiffness for a position [rad, m] and a period [s]."""
         self._period, law = period, self.law
-        factors, dynamics = law.dynamics.factors(position), law.dynamics
+        m, inverse = law.dynamics.factors(position)[:2]
         largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
-        tracking = np.abs(factors.m * self._gain @ factors.m.T * self._convergence).sum(axis=1)
-        square = _largest_square(factors.l, tracking)
-        friction = _coulomb_friction(self._model, dynamics.gravity_torque(position))
-        inertia = 1.0 / np.square(factors.l).sum(axis=0)
-        remaining = max(largest - square, 0.0) / _largest_square(factors.l, inertia)
-        missing = np.maximum(friction / FRICTION_ERROR - tracking, 0.0)
-        stiffness = min(largest / square, 1.0) * tracking
-        stiffness += np.minimum(missing, remaining * inertia)
+        tracking = np.abs(m * self._gain @ m.T * self._convergence).sum(axis=1)
+        stiffness = min(largest / _largest_square(inverse, tracking), 1.0) * tracking
+        friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
+        inertia = 1.0 / np.square(inverse).sum(axis=0)
+        for _ in range(FRICTION_ROUNDS):
+            missing = np.maximum(friction / FRICTION_ERROR - stiffness, 0.0)
+            if not missing.any():
+                break
+            inertia *= missing > 0.0
+            remaining = largest - _largest_square(inverse, stiffness)
+            remaining /= _largest_square(inverse, inertia)
+            stiffness += np.minimum(missing, remaining * inertia)
         adapted = np.where(np.isinf(self._chosen), stiffness, self._chosen)
         if not np.array_equal(adapted, law.stiffness):
             law.stiffness = adapted
