@@ -407,7 +407,8 @@ def test_a_target_that_is_not_reached(fed):
     for _ in range(1001):
         status = fed.step()
     assert status.message == "joint 'elbow_joint' is 0.05 rad from its target"
-    fed.wait_until_told("control", "mode tracking; target not reached: joint 'elbow_joint'", b"\1")
+    text = "mode tracking; target not reached: joint 'elbow_joint'"
+    assert fed.wait_until_told("control", text, b"\1").values["reason"] == status.message
 
 
 def test_targets_change_and_are_lost(fed):

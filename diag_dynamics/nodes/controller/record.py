@@ -93,7 +93,6 @@ class Record:
             if loop.shortfall:
                 return _fault(f"{mode}; target not reached: ", loop.shortfall, values)
             return Status("control", OK, mode, values)
-        values["reason"] = supervisor.reason
         if loop.state is None:
             return _fault("no commands: ", supervisor.reason, values)
         if supervisor.phase == RAMPING_DOWN:
@@ -136,6 +135,7 @@ class Record:
 
 def _fault(text, reason, values, level=WARN):
     """Return the status of a law that is not in force, or was not, for a reason."""
+    values["reason"] = reason
     message = text + without_numbers(reason)
     return Status("control", level, message, values, text + reason)
 
