@@ -18,7 +18,7 @@ from diag_dynamics.wire.definitions import PRIMITIVES
 
 HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little-endian, no options
 
-_PRIMITIVES = {name: f"<{kind}" for name, kind in PRIMITIVES.values()}
+_PRIMITIVES = {name: f"<{kind}" for name, kind in PRIMITIVES.values() if name != "octet"}
 
 _SEQUENCE = re.compile(r"sequence<(\w+)>")
 _ARRAY = re.compile(r"(\w+)\[\d+\]")

@@ -767,11 +767,12 @@ def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
     recording, dyn = dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5)
     turned = recorded(ur5, recording.t, recording.q, recording.qd, -recording.tau)
     assert not any("thresholds are wrong" in text for text in dd.calibrate(recording, dyn).warnings)
-    found = dd.calibrate([recording, turned], dyn)
-    assert (
-        "efforts of all joints seem to have the opposite sign (effort_scale: '*=-1'): thresholds are wrong"
-        in found.warnings
-    )
+    (text,) = [
+        text
+        for text in dd.calibrate([recording, turned], dyn).warnings
+        if text.endswith("thresholds are wrong")
+    ]
+    assert text.startswith("efforts of all joints seem to have the opposite sign")
 
 
 @pytest.mark.parametrize(
