@@ -576,7 +576,7 @@ def test_compiled_where_it_is_installed(tmp_path):
         set(PYTHON_INSTALL_DIR lib/python)
         set(Python3_EXECUTABLE "{sys.executable}")
         install(DIRECTORY diag_dynamics DESTINATION lib/python)
-        include({ROOT}/cmake/compile_ahead.cmake)
+        include("{ROOT}/cmake/compile_ahead.cmake")
         """
     )
     (tmp_path / "diag_dynamics").mkdir()
