@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.reader import SeekingReader
-from mcap.records import Channel, Chunk, Schema
+from mcap.records import Channel, Chunk, Schema, Statistics
 from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
@@ -27,7 +27,7 @@ from diag_dynamics.recordings.messages import (
 )
 
 MAGIC = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, LAST, PRIVATE = 2, 3, 4, 5, 6, 15, 128
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, STATISTICS, LAST, PRIVATE = 2, 3, 4, 5, 6, 11, 15, 128
 """Kinds of records; those from `PRIVATE` on are not of the format."""
 COMPRESSIONS = {"": "zlib", "zstd": "zstandard", "lz4": "lz4.frame"}
 MAX_SIZE = 1 << 30  # maximum size of a chunk, a message, a declaration and a summary [bytes]
@@ -125,6 +125,7 @@ class McapFile:
         """Read channels and parts from all records."""
         file.seek(0)
         at, stop, begin = len(MAGIC), self._size, file.read(len(MAGIC))
+        chunks = 0  # less those that statistics count
         if not begin:
             self._lose("byte 0", "the file is empty")
             return
@@ -135,6 +136,8 @@ class McapFile:
             opcode, size = _RECORD.unpack(file.read(9).ljust(9, b"\0"))
             end = at + 9 + size
             if opcode == FOOTER and end + len(MAGIC) == stop:
+                if chunks < 0:
+                    self._lose(f"byte {at}", f"{-chunks} chunks are missing: no record is theirs")
                 return
             is_record = 0 < opcode <= LAST or opcode >= PRIVATE
             if not is_record or end > stop:
@@ -146,7 +149,10 @@ class McapFile:
                     self._add_part(Part(at, end - at))
                 return
             if opcode == CHUNK:
+                chunks += 1
                 self._add_part(Part(at, end - at))
+            elif opcode == STATISTICS:
+                chunks -= Statistics.read(ReadDataStream(file)).chunk_count
             elif opcode in (SCHEMA, CHANNEL, MESSAGE):
                 end = at + self._add_part(Part(at, min(max(RUN, end - at), stop - at), False))
             at = end

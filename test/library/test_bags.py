@@ -296,6 +296,16 @@ def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
         assert set(numbers) <= set(range(25)) and (len(numbers) == 25 or findings), at
 
 
+def test_mcap_chunk_that_is_no_chunk_any_more(tmp_path):
+    """Statistics count it, where no index has it."""
+    path = write_mcap(tmp_path / "x.mcap", numbered(25), COMPRESSIONS[0], index_types=NO_INDEX)
+    content = bytearray(path.read_bytes())
+    content[content.index(b"\x06", 200)] ^= 1
+    path.write_bytes(content)
+    numbers, findings = read(path)
+    assert len(numbers) < 25 and unread(findings)
+
+
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 @pytest.mark.parametrize("is_cut", [True, False])
 def test_mcap_whose_only_chunk_has_no_end(tmp_path, compression, is_cut):
