@@ -152,7 +152,8 @@ class McapFile:
                 chunks += 1
                 self._add_part(Part(at, end - at))
             elif opcode == STATISTICS:
-                chunks -= Statistics.read(ReadDataStream(file)).chunk_count
+                with suppress(Exception):  # damaged
+                    chunks -= Statistics.read(ReadDataStream(file)).chunk_count
             elif opcode in (SCHEMA, CHANNEL, MESSAGE):
                 end = at + self._add_part(Part(at, min(max(RUN, end - at), stop - at), False))
             at = end
