@@ -181,6 +181,22 @@ def test_identity_7_1(c):
     assert_close(c.s.coriolis, w.mine(C), c.tolerance, c.t.coriolis_scale)
 
 
+def test_lemma_7_1_by_the_skew_brace(c):
+    """Lemma 7.1: with 2(V~*M − MV~) for 2V~*M, as V~V = 0, the brace is skew, so ν*C = 0."""
+    w = c.w
+    skew = brace(w, 2 * (w.V_cross.T @ w.M - w.M @ w.V_cross))
+    size = norm(w.P) * norm(w.V)
+    assert_close(skew, -skew.T, 1e-13, size)
+    assert_close(w.V_cross @ w.V, np.zeros_like(w.V), 1e-14, norm(w.V) ** 2)
+    C = w.mine(0.5 * np.linalg.inv(w.root) @ w.H @ w.psi @ skew @ w.V)
+    assert_close(c.s.coriolis, C, c.tolerance, c.t.coriolis_scale)
+    # ν*D^−½Hψ = V*, so that ν*C = ½ V*{skew}V
+    assert_close(
+        w.psi.T @ w.H.T @ np.linalg.solve(w.root, w.oracle.to_pin(c.s.nu)), w.V, c.tolerance
+    )
+    assert_close(c.s.nu @ c.s.coriolis, 0.0, 1e-12, norm(c.s.nu) * c.t.coriolis_scale)
+
+
 def unnormalized_scale(c: Case) -> float:
     """Return the size of the terms of D^−½C_ξ."""
     return c.t.coriolis_scale + norm(c.t.Ddot * c.t.xi / np.sqrt(c.t.D))

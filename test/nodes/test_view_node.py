@@ -185,10 +185,14 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda)
     peer.pass_time(3.0)
 
 
-def error_of(view, name):
-    """Return the error of a robot on the page."""
-    (robot,) = (one for one in get_json(view.node.address, "/robots") if one["name"] == name)
-    return robot["error"]
+def wait_for_error(peer, view, name, text):
+    """Wait until the page has an error of a robot with a text, or without a text none."""
+
+    def is_said():
+        errors = {robot["name"]: robot["error"] for robot in get_json(view.node.address, "/robots")}
+        return name in errors and (text in errors[name] if text else not errors[name])
+
+    peer.wait_until(is_said, f"{text or 'no error'} of {name}")
 
 
 def test_what_will_never_come_is_an_error(peer, view):
@@ -198,18 +202,15 @@ def test_what_will_never_come_is_an_error(peer, view):
     described = peer.extra_node("describer", "/")
     with Monitor(peer, "/empty"):
         described.create_publisher(String, "/empty/robot_description", 1)  # not latched
-        peer.pass_time(3.0)
         text = "/played/diag_dynamics/get_parameters has no answer"
-        assert error_of(view, "/played").startswith(text)
-        assert error_of(view, "/empty").startswith("/empty/robot_description has no message")
+        wait_for_error(peer, view, "/played", text)
+        wait_for_error(peer, view, "/empty", "/empty/robot_description has no message")
         peer.drop_node(described)
         publisher = peer.publisher(String, "/empty/robot_description", LATCHED)
         publisher.publish(String(data="<robot"))
-        peer.pass_time(3.0)
-        assert "robot of /empty/diag_dynamics: " in error_of(view, "/empty")
+        wait_for_error(peer, view, "/empty", "robot of /empty/diag_dynamics: ")
         publisher.publish(String(data=XACRO.replace("$(arg side)_", "")))
-        peer.pass_time(3.0)
-        assert error_of(view, "/empty") == ""
+        wait_for_error(peer, view, "/empty", "")
         peer.node.destroy_publisher(publisher)
     peer.drop_node(player)
 
@@ -219,11 +220,10 @@ def test_errors_of_the_robot_before(peer, view):
     describer = peer.extra_node("describer", "/")
     describer.create_publisher(String, "/late/robot_description", 1)  # not latched
     with Monitor(peer, "/late") as monitor:
-        peer.pass_time(3.0)
-        assert error_of(view, "/late").startswith("/late/robot_description has no message")
+        wait_for_error(peer, view, "/late", "/late/robot_description has no message")
         monitor.process.stop()
     with start_monitor(peer, UR5, "/late"):
-        assert error_of(view, "/late") == ""
+        wait_for_error(peer, view, "/late", "")
     peer.drop_node(describer)
 
 
