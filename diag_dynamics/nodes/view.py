@@ -464,6 +464,8 @@ def folders_of(entries):
 class ViewNode(TableNode, Node):
     """The node `view`, see the module; `on_push` is that of the server."""
 
+    _robots, _server = {}, None  # also of a node whose parameters are refused
+
     def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
@@ -491,7 +493,8 @@ class ViewNode(TableNode, Node):
         robots, self._robots = self._robots, {}
         for robot in robots.values():
             attempt(robot.destroy)
-        attempt(self._server.stop)
+        if self._server:
+            attempt(self._server.stop)
         return super().destroy_node()
 
     # --- Robots ---

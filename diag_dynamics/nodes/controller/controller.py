@@ -105,6 +105,9 @@ class ControllerNode(ManagedNode):
     command.
     """
 
+    _loop = _watch = _trajectories = None  # also of a node whose parameters are refused
+    _subscribed = ()
+
     def __init__(self, **options):
         super().__init__(NODES["controller"], PARAMETERS, **options)
         required = ParameterDescriptor(description=f"Required: {WHY_REQUIRED}.")
@@ -112,7 +115,7 @@ class ControllerNode(ManagedNode):
             COMPENSATES, Parameter.Type.BOOL, required
         ).value
         check_values(self.values)
-        self._loop = self._states = self._descriptions = self._watch = self._trajectories = None
+        self._states = self._descriptions = None
         self._activity = None  # of the effort controller
         self._description, self._refused, self._other = None, "", None
         self._published, self._subscribed, self._offered = [], [], []
