@@ -93,21 +93,6 @@ def distinct(*values: float, digits: int = 6) -> list[str]:
     return texts
 
 
-def duration(seconds: float) -> str:
-    """Return a duration [s] with its unit ms, s, min or h, as the page shows it."""
-    if not math.isfinite(seconds):
-        return UNKNOWN
-    if seconds < -1e-6:
-        return f"-{duration(-seconds)}"
-    if seconds < 1e-6:
-        return "0 ms"
-    units = (1.0, 1e3, "ms", 2), (120.0, 1.0, "s", 3), (7200.0, 1.0 / 60.0, "min", 3)
-    for below, factor, unit, digits in units:
-        if seconds < below:
-            return f"{number(factor * seconds, digits)} {unit}"
-    return f"{number(seconds / 3600.0)} h"
-
-
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a line for each row of texts: the first column aligned left, all others right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

@@ -10,6 +10,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
@@ -87,9 +88,11 @@ def find_urdf(robot: str) -> Path:
     if len(keys) > 1:
         raise InputError(f"robot '{robot}' could be any of: {', '.join(keys)}.")
     if not keys:
+        near = get_close_matches(name.lower(), map(str, urdfs), 1)
+        advice = f"Is '{near[0]}' meant? " if near else ""
         raise InputError(
-            f"robot '{robot}' is neither a file nor an example robot. All of these: diag-dynamics "
-            "robots. More: pip install example-robot-data."
+            f"robot '{robot}' is neither a file nor an example robot. {advice}All of these: "
+            "diag-dynamics robots. More: pip install example-robot-data."
         )
     return urdfs[keys[0]]
 

@@ -46,9 +46,9 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         where = f"transmission {short(element.get('name'))}"
         names = {joint.get("name") or "" for joint in _joints_of(element)}
         rotors = _sizes(element, INERTIA, where)
-        ratios = set(_sizes(element, REDUCTION, where)) - {1.0}
         if not rotors:
             continue
+        ratios = set(_sizes(element, REDUCTION, where)) - {1.0}
         for name in names:
             if name not in types:
                 raise UrdfError(f"{where}: joint {short(name)} is not a joint of this URDF.")

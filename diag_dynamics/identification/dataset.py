@@ -38,7 +38,7 @@ from diag_dynamics.recordings.velocities import find_delay
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
 MIN_STATES = 10  # shorter segments are left out
-MIN_PLAUSIBLE = 0.5  # fraction of states without implausible efforts
+MAX_IMPLAUSIBLE = 0.5  # fraction of states with implausible efforts
 
 DOUBTFUL = "effort doubtful"  # cause of findings
 
@@ -105,7 +105,7 @@ class Dataset:
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
         self.delay, self.findings, self.name = 0.0, [], name
         self.known = np.ones(model.nv, dtype=bool)
-        self._min_plausible = MIN_PLAUSIBLE if in_torque else 0.0
+        self._max_implausible = MAX_IMPLAUSIBLE if in_torque else 1.0
         try:
             self._prepare(recording, model, max_values)
         except InputError as error:
@@ -258,8 +258,8 @@ class Dataset:
         """Return segments of usable states, and add findings on the others."""
         efforts = states.effort[:, self.known]
         finite = np.isfinite(np.hstack([states.position, states.velocity, efforts])).all(axis=1)
-        fewest = self._min_plausible if self._counts.get("implausible effort") else 0.0
-        if finite.mean() <= fewest:
+        implausible = self._counts.get("implausible effort", 0)
+        if not finite.any() or implausible > self._max_implausible * len(states):
             raise self._no_efforts(self._lacking)
         rows = np.flatnonzero(finite)
         again = np.diff(states.stamp[rows], prepend=-1) == 0

@@ -200,8 +200,10 @@ def _excess_as_radians(model, names, stamps, position):
     `stamps` are in ns.
     """
     joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))
+    steps = np.diff(stamps)
+    is_step = steps > 0
     for name, q in zip(names, position.T, strict=True):
-        if name not in joints.names or slides[name]:
+        if name not in joints.names or slides[name] or not is_step.any():
             continue
         j = joints.names.index(name)
         lower, upper, fastest = joints.lower[j], joints.upper[j], joints.velocity[j]
@@ -209,7 +211,7 @@ def _excess_as_radians(model, names, stamps, position):
         if name not in joints.continuous and beyond.mean() > MAX_BEYOND:
             largest = q[np.argmax(beyond * np.abs(q))]
             return f"'{name}' would be at {largest:.4g} rad, outside of {lower:.4g} … {upper:.4g}"
-        speed = np.abs(np.diff(q)) * SECOND / np.diff(stamps)
+        speed = np.abs(np.diff(q))[is_step] * SECOND / steps[is_step]
         if fastest > 0.0 and np.mean(speed > fastest) > MAX_BEYOND:
-            return f"'{name}' would move at {speed.max():.4g} rad/s, beyond {fastest:.4g}"
+            return f"'{name}' would move at {np.nanmax(speed):.4g} rad/s, beyond {fastest:.4g}"
     return ""

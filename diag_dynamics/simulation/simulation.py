@@ -142,6 +142,8 @@ class Simulation:
         effort_limits: bool | VectorLike | float = True,
         effort_offset: VectorLike | float | None = None,
     ) -> None:
+        if not isinstance(model, RobotModel):
+            raise InputError(f"model is {model!r:.100}, expected a RobotModel of load_urdf.")
         for name, motor in model.couplings.items():
             if motor.damping or motor.friction:
                 raise UnsupportedError(

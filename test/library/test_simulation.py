@@ -523,6 +523,7 @@ def test_friction_of_coupled_motors_is_no_silent_omission():
         (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
         (lambda sim: sim.change_model(load(UR5)), "degrees of freedom"),
         (lambda sim: sim.change_model(None), "expected a RobotModel"),
+        (lambda sim: dd.Simulation("arm.urdf"), "model is 'arm.urdf', expected a RobotModel"),
         (
             lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)),
             "quaternion",

@@ -380,6 +380,14 @@ def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys, monkeypatch):
     require_truth(read(path, order | {"joints": sorted(JOINTS)}))
 
 
+def test_two_columns_of_time_have_no_scale(tmp_path):
+    """Seconds alone would be scaled."""
+    path = write(tmp_path, {"sec": [1, 1], "nanosec": [1, 2], "q1": [1, 1]})
+    columns = {"time": ["sec", "nanosec"], "position": ["q1"], "scale": {"time": "ms"}}
+    with pytest.raises(dd.InputError, match="time has a scale and two columns"):
+        read(path, columns, JOINTS[:1])
+
+
 def test_a_map_is_written_of_tables_only(tmp_path, capsys):
     path = write_mcap(tmp_path / "x.mcap", numbered(3))
     assert main(["analyse", str(path), "--columns", str(tmp_path / "new.yaml")]) == 2

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import RejectedError
-from diag_dynamics.text import MAX_LENGTH, distinct, duration, number, plain
+from diag_dynamics.text import MAX_LENGTH, distinct, number, plain
 
 FORGED = "elbow\n[FATAL] [0.0] [safety_controller]: fire"
 FORGED_SHOWN = r"elbow\x0a[FATAL] [0.0] [safety_controller]: fire"
@@ -145,24 +145,6 @@ def test_names_of_a_model():
 def test_numbers_are_those_of_the_page(value, expected):
     """Terminal views and plots have the rows of web/test/format.test.js, in ASCII."""
     assert number(value) == expected
-
-
-@pytest.mark.parametrize(
-    ("seconds", "expected"),
-    [
-        *(
-            (math.nan, "-"),
-            (0.0, "0 ms"),
-            (1e-3, "1.0 ms"),
-            (0.25, "250 ms"),
-            (1.0, "1.00 s"),
-            (90.0, "90.0 s"),
-        ),
-        *((120.0, "2.00 min"), (10800.0, "3.00 h"), (-0.0038, "-3.8 ms")),
-    ],
-)
-def test_lengths_of_time_are_those_of_the_page(seconds, expected):
-    assert duration(seconds) == expected
 
 
 @pytest.mark.parametrize(

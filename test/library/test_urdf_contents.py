@@ -319,7 +319,7 @@ ROTORS = {
         (2.0, 0.0),
     ),
     "without a reduction": (motor(ROTOR), (2e-4, 0.0)),
-    "without a rotor": (motor(GEAR + REDUCTION), (0.0, 0.0)),
+    "without a rotor": (motor(GEAR + "<mechanicalReduction>1/50</mechanicalReduction>"), (0, 0)),
     "rotor of zero": (motor('<rotorInertia value="0"/>' + GEAR), (0.0, 0.0)),
     "ROS 1": (
         motor("<rotorInertia>2e-4</rotorInertia><mechanicalReduction>-100</mechanicalReduction>"),

@@ -51,6 +51,9 @@ def _open_file(path, columns):
         raise InputError(f"'{path}' cannot be read: {error.strerror or error}.") from error
     if not begin:
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
+    if begin.startswith(b"\x93NUMPY"):
+        advice = "Write an npz with arrays of these names: time, position"
+        raise InputError(f"'{path}' is a single array without names. {advice}.")
     if name := _READERS.get(begin[:4]):
         return getattr(import_module(f"{__name__}.arrays"), name)(path)
     return import_module(f"{__name__}.csv").CsvTable(path, columns)

@@ -109,8 +109,12 @@ class _Chooser:
         (scale,) = self._map.scale.get("time", (None,))
         column = self._columns[time[0]]
         unit = unit_of(column, ()) or conventions.unit_of_time(column)
-        if scale is None and (unit is not None or len(time) == 2):
-            scale = _factor("time", unit or "s", column.name)
+        if len(time) == 2:
+            if scale is not None:
+                raise InputError("time has a scale and two columns; expected one of them.")
+            scale = 1.0
+        elif scale is None and unit is not None:
+            scale = _factor("time", unit, column.name)
         names = " and ".join(self._headers[k] for k in time)
         self._notes.append(f"time: {names}{_times([scale or 1.0], 'time')}.")
         return time, scale
