@@ -913,3 +913,14 @@ def test_files_that_are_not_side_by_side(tmp_path):
     ):
         with pytest.raises(dd.InputError, match=what):
             read([q, other], None, ARM)
+
+
+def test_efforts_that_begin_late(tmp_path):
+    """A column of lists without values in the first rows is read as the others are."""
+    count, late = 400, 150
+    efforts = [None] * late + [[0.5]] * (count - late)
+    columns = {"t": 0.01 * np.arange(count), "position": [[0.1]] * count, "effort": efforts}
+    parquet.write_table(pa.table(columns), tmp_path / "late.parquet", row_group_size=100)
+    tau = read(tmp_path / "late.parquet").tau[:, 0]
+    assert np.isnan(tau[: late - 1]).all()  # the first state has no velocity
+    assert (tau[-(count - late) :] == 0.5).all()

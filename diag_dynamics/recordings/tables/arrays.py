@@ -38,7 +38,7 @@ class ParquetTable:
         with self._open() as file:
             head = _read_head(file)
             self.columns = [
-                _sample_column(field, head.column(k).combine_chunks())
+                _sample_column(field, _first_values(file, field.name, head.column(k)))
                 for k, field in enumerate(head.schema)
             ]
             metadata = [file.schema_arrow.metadata, *(field.metadata for field in head.schema)]
@@ -86,6 +86,20 @@ def _read_head(file):
         with suppress(*_UNREADABLE, StopIteration):
             return next(_read_tables(file, group, HEAD, None))
     return _flatten(file.schema_arrow.empty_table())
+
+
+def _first_values(file, name, column):
+    """Return the first rows of a column, or later ones where the first have no value."""
+    array = column.combine_chunks()
+    for group in range(file.num_row_groups):
+        if array.null_count < len(array):
+            break
+        with suppress(*_UNREADABLE):
+            for table in _read_tables(file, group, ROWS, [name]):
+                array = table.column(0).combine_chunks()
+                if array.null_count < len(array):
+                    break
+    return array
 
 
 def _sample_column(field, array):
