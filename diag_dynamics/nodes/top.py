@@ -70,7 +70,8 @@ class Top(Node):
 
     def _table(self):
         headings = [*(f"{quantity} {unit}" for quantity, unit in UNITS.items()), "peak"]
-        table = Table("joint", *(Column(text, justify="right") for text in headings), box=None)
+        joint = Column("joint", no_wrap=True)
+        table = Table(joint, *(Column(text, justify="right") for text in headings), box=None)
         for peak, name, values in self.rows:
             table.add_row(Text(name), *map(number, (*values, peak)))
         return table

@@ -151,8 +151,9 @@ def test_restart(pair, killed):
         pair.wait_for_silence(since=death)
     pair.start(killed[0])
     if killed[0] == "monitor" and len(killed) == 2:
-        report = pair.reports.wait_for(lambda report: "no robot" in report.message, "no robot")
-        assert report.level in (WARN, STALE)
+        text = "waiting for the robot_description"
+        report = pair.reports.wait_for(lambda report: report.message == text, text)
+        assert report.level == WARN
         assert not any(stamp > death for topic in pair.topics.values() for stamp in topic.stamps)
     pair.start(*killed[1:])
     pair.wait_for_recovery(since=death)
