@@ -23,7 +23,6 @@ from diag_dynamics.model import end_effector_link, load_urdf
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
 from diag_dynamics.nodes.support.descriptions import COMPILED
-from diag_dynamics.nodes.support.messages import vector
 from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top import QUIT, Top
 from diag_dynamics.nodes.view import ViewNode
@@ -41,9 +40,6 @@ FORCE, ALARM, CONTACT, DEVIATION = 0.15, 0.03, 0.015, 0.003
 """Force of a push, as a fraction of the robot's weight; external torque of an alarm and of a
 contact, and its standard deviation at each joint, as fractions of weight × 1 m."""
 
-LEVER = 0.1
-"""Distance of a push from the axis of the link's joint [m], which would not feel it there."""
-
 RATE, OBSERVER_GAIN, GRAVITY = 250.0, 25.0, 9.81
 """Joint states per second; gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
 
@@ -51,27 +47,18 @@ RATE, OBSERVER_GAIN, GRAVITY = 250.0, 25.0, 9.81
 class Pusher(Node):
     """Pushes the end effector every few seconds, and the link of a page by its button."""
 
-    def __init__(self, model, force):
+    def __init__(self, link, force):
         super().__init__("pusher")
-        self._model, self._force = model, force
+        self._link, self._force = link, force
         self._wrenches = self.create_publisher(WrenchStamped, "external_wrench", 10)
         self.create_timer(PUSH_PERIOD, self.push)
 
     def push(self, link=""):
-        """Push a link across the axis of its joint, each time from the other side."""
+        """Push a link sideways, each time from the other side."""
         message = WrenchStamped()
-        message.header.frame_id = link or end_effector_link(self._model)
-        wrench = self._force * direction_of_push(self._model, message.header.frame_id)
-        message.wrench.force, message.wrench.torque = vector(wrench[:3]), vector(wrench[3:])
+        message.header.frame_id, message.wrench.force.y = link or self._link, self._force
         self._force = -self._force
         self._wrenches.publish(message)
-
-
-def direction_of_push(model, link):
-    """Return the wrench of 1 N across the axis of a link's joint and beside it, in its axes."""
-    axis = model.placement_in_body(link)[1][2, :3]
-    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    return np.hstack([across / np.linalg.norm(across), LEVER * axis])
 
 
 def find_port(port=PARAMETERS["port"].default):
@@ -131,6 +118,7 @@ def main(args=None):
         "robot_description": source,
         "motion": "wave",
         "rate": RATE,
+        "wrench_axes": "world",
         "wrench_timeout": PUSH_TIME,
     }
     covariance = (DEVIATION * weight) ** 2 * np.eye(model.nv)
@@ -144,7 +132,7 @@ def main(args=None):
     }
 
     def make_nodes():
-        pusher = Pusher(model, FORCE * weight)
+        pusher = Pusher(link, FORCE * weight)
         page = {"port": find_port(), "robots": [NAMESPACE]}
         view = ViewNode(pusher.push, parameter_overrides=overrides(page))
         print(f"Open {view.address}", flush=True)

@@ -5,11 +5,8 @@
 
 import socket
 
-import numpy as np
 import pytest
 
-import diag_dynamics as dd
-from diag_dynamics.model import end_effector_link
 from diag_dynamics.nodes import demo
 
 
@@ -31,23 +28,6 @@ def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
     output = capsys.readouterr()
     assert [text for text in texts if text not in output.err] == []
     assert not output.out
-
-
-@pytest.mark.parametrize("name", ["panda", "ur5", "z1"])
-def test_the_link_that_it_pushes_is_told(name):
-    """Its own joint feels a push of the demo; its noise is added."""
-    model = dd.load_robot(name)
-    dyn, weight = dd.DiagonalDynamics(model), demo.GRAVITY * model.total_mass
-    link = end_effector_link(model)
-    wrench = demo.FORCE * weight * demo.direction_of_push(model, link)
-    deviation = demo.DEVIATION * weight
-    noise = deviation * np.random.default_rng(0).normal(size=(50, model.nv))
-    for seed, torque in enumerate(noise):
-        q = model.random(seed)
-        torque += dyn.jacobian(q, link).T @ wrench
-        touched = dyn.touched_link(q, torque, deviation**2 * np.eye(model.nv))
-        assert model.placement_in_body(touched.link)[0] == model.placement_in_body(link)[0]
-        assert touched.confidence > 0.5
 
 
 def test_a_port_that_is_taken():

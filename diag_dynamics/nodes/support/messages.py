@@ -194,11 +194,11 @@ class MessageMaker:
             valid=load.valid,
             mass=load.mass,
             mass_deviation=deviations[0],
-            center_of_mass=vector(load.center),
-            center_of_mass_deviation=vector(deviations[1]),
+            center_of_mass=_vector(load.center),
+            center_of_mass_deviation=_vector(deviations[1]),
             explained=load.explained,
             is_load=load.is_load,
-            payload=Inertia(m=payload.mass, com=vector(payload.com), **moments),
+            payload=Inertia(m=payload.mass, com=_vector(payload.com), **moments),
             **flags_of(state),
         )
 
@@ -221,8 +221,7 @@ class MessageMaker:
         return self.make("contact_limits", ContactLimits, state, texts, values, (contact.points,))
 
 
-def vector(numbers):
-    """Return the message of three numbers."""
+def _vector(numbers):
     x, y, z = map(float, numbers)
     return Vector3(x=x, y=y, z=z)
 
