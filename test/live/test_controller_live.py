@@ -92,7 +92,7 @@ def test_stalls_are_survived_and_reported(live):
         return counted("stalls") >= before.count("stalls") + STALLS
 
     live.peer.wait_until(stalled, "reported stalls", HANG)
-    told = [r.entries["commands"] for r in live.reports]
+    told = [r.entries["commands"] for r in live.reports if "commands" in r.entries]
     assert any(
         "gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told
     )
