@@ -122,6 +122,8 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
 
 def describe(source: Any) -> Description:
     """Return the description of a robot by a source of :func:`load_urdf` or the path of an MJCF."""
+    if isinstance(source, Description):
+        return source
     if is_mjcf(source):
         return read_mjcf(source)
     return describe_urdf(read_text(source))

@@ -3,9 +3,13 @@
 
 """What all nodes share: parameters of a table, robots loaded in a thread, and texts of diagnostics."""
 
+import pickle
 import re
 import signal
+import subprocess
+import sys
 import threading
+import warnings
 from importlib import import_module
 from pathlib import Path
 
@@ -15,7 +19,8 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter, get_parameter_value
 
-from diag_dynamics.exceptions import InputError
+from diag_dynamics.description.catalog import describe
+from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.nodes.support import runner
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import MAX_WARNINGS, RobotLoader, load_robot
@@ -260,6 +265,48 @@ class Log(list):
         return self
 
     info = warning = list.append
+
+
+DESCRIBE = """
+import pickle, sys, warnings
+from diag_dynamics.nodes.support.description_process import described
+
+source = pickle.load(sys.stdin.buffer)
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    try:
+        outcome = described(source)
+    except ValueError as error:
+        outcome = error
+texts = [(warning.category, str(warning.message)) for warning in caught]
+sys.stdout.buffer.write(pickle.dumps((outcome, texts, "yourdfpy" in sys.modules)))
+"""
+"""Reads a description without the reader in its process, and writes what came of it."""
+
+
+@pytest.mark.parametrize("fault", [False, True])
+def test_description_read_in_a_process_of_its_own(fault):
+    """Description, warnings and errors are those of the reader, which stays outside."""
+    parent = "<patent" if fault else "<parent"
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
+        f'{parent} link="a"/><child link="b"/><axis/></joint></robot>'
+    ).encode()
+    command = [sys.executable, "-c", DESCRIBE]
+    process = subprocess.run(command, input=pickle.dumps(text), capture_output=True, check=True)
+    outcome, warned, has_reader = pickle.loads(process.stdout)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        if fault:
+            with pytest.raises(UrdfError) as expected:
+                describe(text)
+            assert isinstance(outcome, UrdfError)
+            assert str(outcome) == str(expected.value)
+        else:
+            assert pickle.dumps(outcome) == pickle.dumps(describe(text))
+    assert warned == [(warning.category, str(warning.message)) for warning in caught]
+    assert bool(warned) is not fault
+    assert not has_reader
 
 
 def test_many_warnings_are_summed_up():

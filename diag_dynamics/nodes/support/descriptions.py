@@ -8,15 +8,18 @@ import gc
 import threading
 from functools import cache
 
+import numpy as np
 from std_msgs.msg import String
 
 from diag_dynamics.description.checks import handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf
+from diag_dynamics.description.records import Description, Inertial, Joint, Link
 from diag_dynamics.description.text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import Parameters, load_urdf
 from diag_dynamics.nodes.support.clocks import steady_clock
+from diag_dynamics.nodes.support.description_process import described
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.runner import Stop
@@ -41,10 +44,11 @@ COMPILED = (
 )
 """Methods of DiagonalDynamics that nodes call."""
 
-SMALL = (
-    '<robot name="any"><link name="a"/><link name="b"><inertial><mass value="1"/>'
-    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>'
+SMALL = Description(
+    "any",
+    "a",
+    {"a": Link("a"), "b": Link("b", Inertial(1.0, np.eye(4), np.eye(3)))},
+    {"j": Joint("j", "continuous", "a", "b", np.eye(4), np.array([1.0, 0.0, 0.0]))},
 )
 """Robot to compile for.
 
@@ -89,7 +93,7 @@ def load_robot(node, description, values):
         text = f"Parameters of {count} joint{'s' * (count != 1)} from '{path}'."
         node.get_logger().info(shortened(text))
     with handle_warnings(warnings.append):
-        model = model_of(description, values)
+        model = model_of(described(description), values)
     for warning in warnings[:MAX_WARNINGS]:
         node.get_logger().warning(str(warning))
     if len(warnings) > MAX_WARNINGS:

@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: diag_dynamics maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Descriptions read in a process of their own, which ends with them.
+
+The reader of URDFs brings 80 MB of libraries that a node does not need again, and a second during
+which its callbacks would wait. What a hostile file does to the reader, it does not do to the node.
+"""
+
+import pickle
+import subprocess
+import sys
+
+from diag_dynamics.description.catalog import describe
+from diag_dynamics.description.checks import handle_warnings, warn
+from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
+
+
+def described(source):
+    """Return the description of a URDF; warnings and errors are those of :func:`describe`."""
+    if "yourdfpy" in sys.modules:  # this process has the libraries already
+        return describe(source)
+    command = [sys.executable, "-m", __name__]
+    process = subprocess.run(command, input=pickle.dumps(source), capture_output=True)
+    if process.returncode != 0:
+        end = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise UrdfError(f"The reader of the URDF ended with {process.returncode}: {end}")
+    description, warnings, error = pickle.loads(process.stdout)
+    for warning in warnings:
+        warn(warning.args[0], type(warning))
+    if error is not None:
+        raise error
+    return description
+
+
+def answer(source):
+    """Return the description of a source, the warnings about it, and None; or an error as third."""
+    warnings = []
+    with handle_warnings(warnings.append):
+        try:
+            return describe(source), warnings, None
+        except DiagDynamicsError as error:
+            return None, warnings, error
+
+
+if __name__ == "__main__":
+    reply = pickle.dumps(answer(pickle.load(sys.stdin.buffer)))
+    sys.stdout.buffer.write(reply)
