@@ -97,11 +97,12 @@ class Robot:
 
     def begins_by_momentum(self, states, thresholds):
         """Return stamps at which a momentum observer by Pinocchio is above the thresholds, a second apart."""
-        model = pin.buildModelFromUrdf(self.urdf)
-        locked = [model.getJointId(joint) for joint in self.options.get("locked_joints", ())]
-        if locked:
-            model = pin.buildReducedModel(model, locked, pin.neutral(model))
-        own, data = self.model, model.createData()
+        own, model = self.model, pin.buildModelFromUrdf(self.urdf)
+        # Joints in `locked_joints` and their mimic joints, all at 0.
+        locked = [joint for joint, name in enumerate(model.names) if name not in own.dof_names]
+        model = pin.buildReducedModel(model, locked[1:], pin.neutral(model))
+        assert tuple(model.names[1:]) == own.dof_names
+        data = model.createData()
         limits = thresholds.of_names(own.dof_names)
         r, integral, begins, last = np.zeros(own.nv), None, [], -np.inf
         for k, (stamp, q, qd, tau) in enumerate(zip(*states, strict=True)):
