@@ -286,6 +286,21 @@ class Oracle:
         )
         return self.from_pin(C_s)
 
+    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """Return Ṁ of M = Σ JᵀIJ, body by body in its own axes.
+
+        Pinocchio's C_s is of sums in the world's axes. There a heavy body that passes by rounds
+        the rate of a small inertia about its own joint.
+        """
+        args = self.configuration(q), self.to_pin(qd)
+        pin.computeJointJacobiansTimeVariation(self.model, self.data, *args)
+        half = np.zeros((self.nv, self.nv))
+        for joint in range(1, self.model.njoints):
+            J = pin.getJointJacobian(self.model, self.data, joint, pin.LOCAL)
+            J_rate = pin.getJointJacobianTimeVariation(self.model, self.data, joint, pin.LOCAL)
+            half += J.T @ self.model.inertias[joint].matrix() @ J_rate
+        return self.from_pin(half + half.T)
+
     def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Return τ, gravity included."""
         args = self.configuration(q), self.to_pin(qd), self.to_pin(qdd)
@@ -477,13 +492,11 @@ class State:
 
     @cached_property
     def mdot(self) -> np.ndarray:
-        """Return ṁ, exact: M = mmᵀ gives ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular, and Ṁ = C_s +
-        C_sᵀ.
-        """
+        """Return ṁ, exact: M = mmᵀ gives ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular."""
         o = self.oracle
         m, Mdot = (np.empty((o.nv, o.nv)) for _ in range(2))
         at = np.ix_(o._order, o._order)  # in Pinocchio's order, where m is upper triangular
-        m[at], Mdot[at] = self.m, self.C_s + self.C_s.T
+        m[at], Mdot[at] = self.m, o.mass_matrix_rate(self.q, self.qd)
         A = np.linalg.solve(m, np.linalg.solve(m, Mdot).T)
         return o.from_pin(m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A))))
 
