@@ -57,6 +57,9 @@ ACCEPT_RETRY_PERIOD = 10.0
 KEEPALIVE_TIMEOUT = 15.0
 """Time after which a connection without requests is closed [s]."""
 
+END_TIMEOUT = 2.0
+"""Time for open requests to end with the server [s]."""
+
 HEARTBEAT = 1.0
 """Time between two heartbeats [s]."""
 
@@ -147,30 +150,41 @@ class PageServer:
             app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT
         )
         await runner.setup()
-        accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
+        accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._started.set()
         while not self._end.is_set():
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._end.wait(), HEARTBEAT / 2.0)
             for news in self._news:
                 news.set()
-        accepting.cancel()
+        self._socket.shutdown(socket.SHUT_RDWR)
+        await accepting
+        # Requests end first: one that ends while aiohttp cancels the waiting for it is an error.
+        deadline = time.monotonic() + END_TIMEOUT
+        while runner.server.connections and time.monotonic() < deadline:
+            for connection in runner.server.connections:
+                if connection.transport:
+                    connection.transport.abort()
+            await asyncio.sleep(0.01)
         await runner.cleanup()
 
     async def _accept_connections(self, server):
         """Accept connections: servers of asyncio have no maximum and log every error."""
-        loop = asyncio.get_running_loop()
-        while True:
+        while not self._end.is_set():
             try:
-                connection, _ = await loop.sock_accept(self._socket)
+                connection, _ = await self._loop.sock_accept(self._socket)
                 if len(server.connections) >= MAX_CONNECTIONS:
                     connection.close()
                 else:
-                    await loop.connect_accepted_socket(server, connection)
+                    await self._loop.connect_accepted_socket(server, connection)
             except OSError as error:  # as without free file descriptors
-                logger.warning("The page accepts no connections: %s. Close other programs.", error)
-                await asyncio.sleep(ACCEPT_RETRY_PERIOD)
+                if not self._end.is_set():
+                    logger.warning(
+                        "The page accepts no connections: %s. Close other programs.", error
+                    )
+                    with suppress(asyncio.TimeoutError):
+                        await asyncio.wait_for(self._end.wait(), ACCEPT_RETRY_PERIOD)
 
     @web.middleware
     async def _guard(self, request, handler):
@@ -289,7 +303,7 @@ class PageServer:
             period = max(1.0 / hz, self.streams / MAX_FRAMES)
             # A state may come earlier than the last one by a part of the period.
             if (early := due - 0.25 * period - time.monotonic()) > 0.0:
-                await asyncio.sleep(early)
+                await asyncio.wait({end}, timeout=early)
             if end.done() or transport.is_closing():
                 return
             now = time.monotonic()

@@ -11,6 +11,7 @@ import itertools
 import json
 import queue
 import socket
+import threading
 import time
 
 import numpy as np
@@ -322,6 +323,25 @@ def test_streams_end_with_the_server_and_another_one_takes_its_port(arm):
     with Stream(again.address) as stream:
         assert stream.next(FRAME)["K"] >= 0.0
     again.stop()
+
+
+@pytest.mark.full
+def test_readers_leave_while_the_server_stops(arm, caplog):
+    """A request that ended while aiohttp cancelled the waiting for it was an error."""
+    for _ in range(10):
+        page = PageServer(lambda: [arm.stream])
+        page.start()
+        with contextlib.ExitStack() as stack:
+            leaving = []
+            for k in range(6):
+                stream = stack.enter_context(Stream(page.address))
+                leaving.append(threading.Timer(0.096 + 0.0015 * k, stream.socket.close))
+            for timer in leaving:
+                timer.start()
+            page.stop()
+            for timer in leaving:
+                timer.join()
+    assert not caplog.records
 
 
 def test_another_robot_has_a_layout_of_its_own(serve):
