@@ -12,6 +12,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 JOBS ?= 2
 LINT ?= lint
 
+PYTEST = ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile
 FULL := -m '' --robots=all --hypothesis-profile=full
 
 .PHONY: help setup setup-tests demo demo-control demo-identify test test-full test-oldest bench study docs docs-tables page lint format lock clean
@@ -38,13 +39,14 @@ demo-identify: setup  ## identify a wrong model, calibrate thresholds, detect pu
 
 test: $(or $(LINT),setup-tests)  ## lint, JavaScript tests, Python tests; ARGS=<pytest options> JOBS=<workers, 0 for a debugger> LINT=<empty: skip>
 	@node --test web/test/*.test.js
-	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+	@$(in_env) $(PYTEST) $(ARGS)
 
 test-full: lint docs  ## all tests: robots, examples, processes, browser, Jazzy and Kilted; one hour
 	@node --test web/test/*.test.js
-	@$(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS)
-	@ROS_DISTRO=kilted $(MAKE) setup-tests
-	@export ROS_DISTRO=kilted; $(in_env) ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile $(FULL) $(ARGS) test/nodes test/live
+	@trap "exit 130" INT; ($(in_env) $(PYTEST) $(FULL) $(ARGS)) && jazzy=passed || jazzy=failed; \
+	export ROS_DISTRO=kilted; \
+	$(MAKE) setup-tests && $(in_env) $(PYTEST) $(FULL) $(ARGS) test/nodes test/live && kilted=passed || kilted=failed; \
+	echo "Tests on Jazzy $$jazzy, on Kilted $$kilted."; [ $$jazzy$$kilted = passedpassed ]
 
 test-oldest:  ## numerical tests with the oldest supported numba; requires Python 3.11
 	@python3.11 -m venv build/oldest
