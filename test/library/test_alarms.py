@@ -153,42 +153,6 @@ def test_a_push_upon_a_standing_torque_is_an_alarm():
     assert len(detect(THRESHOLDS, stamps, r, torque)[0]) == 4
 
 
-def test_states_one_by_one_have_the_alarms_of_columns():
-    """Bit by bit, in parts of any size: alarms, standing torques, values, restarts."""
-    rng = np.random.default_rng(3)
-    stamps, r, torque = columns(60.0)
-    for k in range(1, len(stamps)):
-        torque[k] = 0.99 * torque[k - 1] + rng.normal(size=3) * [1.5, 0.7, 0.15]
-        r[k] = 0.9 * r[k - 1] + rng.normal(size=3) * 3.0
-    stamps = stamps + rng.integers(0, PERIOD // 2, len(stamps))
-    torque[between(stamps, 20.0, 40.0), 1] += 9.0
-    valid, restarts = rng.random(len(stamps)) >= 0.002, np.arange(len(stamps)) == 4321
-    thresholds = THRESHOLDS
-    columns_of = stamps, r, torque, valid, restarts
-    whole = dd.Detector(NAMES, thresholds).judge(*columns_of)
-    alarms = Alarms(dd.Detector(NAMES, thresholds))
-    alarms.add_states(stamps, np.linalg.norm(r, axis=1), whole)
-    expected = alarms.alarms
-    assert whole.begins.sum() == len(expected) > 5
-    for size in (1, 37, 1000):
-        detector, parts = dd.Detector(NAMES, thresholds), []
-        alarms = Alarms(detector)
-        for first in range(0, len(stamps), size):
-            part = slice(first, first + size)
-            columns_of = [column[part] for column in (stamps, r, torque, valid, restarts)]
-            parts.append(detector.judge(*columns_of))
-            alarms.add_states(stamps[part], np.linalg.norm(r[part], axis=1), parts[-1])
-        for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
-            assert np.array_equal(column, np.concatenate(of_parts))
-        assert alarms.alarms == expected
-    some = np.flatnonzero(valid)[:500]
-    whole = dd.Detector(NAMES, thresholds).judge(stamps[some], r[some], torque[some], valid[some])
-    single = dd.Detector(NAMES, thresholds)
-    assert whole.alarm.tolist() == [
-        single.update(stamps[k] * 1e-9, r[k], torque[k]).alarm[0] for k in some
-    ]
-
-
 def test_a_push_within_an_alarm_is_a_further_event():
     """A rise by a whole threshold is one, also at another joint; a smaller rise, and the first one, is none."""
     pushes = [
@@ -718,37 +682,6 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     (touch,) = (one for one in contacts if one["start"] <= found["start"] <= one["end"])
     assert touch["exceeded"][joint]["threshold"] < found["exceeded"][joint]["threshold"]
     assert touch["end"] >= found["end"] and touch["link"] in ur5.link_names
-
-
-def test_the_library_and_the_command_write_the_same(ur5, tables, tmp_path):
-    """Of a recording whole or in pieces. Friction of a parameter file raises the thresholds, and is in the file."""
-    free, arm, files = (
-        tables / "free.csv",
-        tmp_path / "arm.yaml",
-        [tmp_path / name for name in "abc"],
-    )
-    recording, dyn = dd.read_recording(free, ur5), dd.DiagonalDynamics(ur5)
-    found = dd.calibrate([recording], dyn, gain=25.0, false_alarms=1 / 3)
-    found.save(files[0])
-    calibrated(free, files[1], "--false-alarms", "20/min", "--quiet")
-    by_library, by_command = (path.read_text() for path in files[:2])
-    assert by_library == "".join(
-        line for line in by_command.splitlines(True) if not line.startswith("# From")
-    )
-    for same in (recording, iter([dd.stream_recording(free, ur5)])):
-        assert dd.calibrate(same, dyn, false_alarms=1 / 3) == found
-    arm.write_text(
-        "joints:\n" + "".join(f"  {name}: {{friction: 4.0}}\n" for name in ur5.dof_names)
-    )
-    calibrated(free, files[2], "--false-alarms", "20/min", "--quiet", "--parameters", str(arm))
-    without, known = (parameters_of([path]) for path in files[1:])
-    assert not without["external_torque.friction"] and known["external_torque.friction"]
-    high, low = (
-        dict(entry.split("=") for entry in values["collision.threshold"])
-        for values in (known, without)
-    )
-    assert float(high["total"]) > 4.0 > float(low["total"])
-    assert f"# With '{arm}'" in files[2].read_text()
 
 
 def test_recordings_without_efforts(ur5, tables):

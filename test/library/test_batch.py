@@ -3,7 +3,6 @@
 
 """Many states at once: the numbers of single calls, on any number of threads."""
 
-import os
 import platform
 import re
 import sys
@@ -67,19 +66,22 @@ def states(dyn, count=COUNT, seed=0):
 # --- Numbers of single calls
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5, None])
+@pytest.mark.parametrize(
+    ("threads", "count"), [(2, 0), (1, 1), (1, 9), (2, 64), (5, COUNT), (None, COUNT)]
+)
 @pytest.mark.parametrize("efforts", [False, True], ids=["without efforts", "with efforts"])
-def test_batch_equals_single_evaluations(dyn, threads, efforts):
-    Q, QD, *TAU = states(dyn)[: 2 + efforts]
+def test_batch_equals_single_evaluations(dyn, threads, count, efforts):
+    """Batches may be empty, shorter and longer than WIDTH and the pieces of threads."""
+    Q, QD, *TAU = states(dyn, count)[: 2 + efforts]
     many = dyn.evaluate(Q, QD, *TAU, threads=threads, friction=True)
     singles = [dyn.evaluate(*state, friction=True) for state in zip(Q, QD, *TAU, strict=True)]
-    for name in NAMES:
-        expected = [getattr(one, name) for one in singles]
-        found = getattr(many, name)
+    assert len(many) == count
+    for name in NAMES if count else ():
+        expected = [getattr(single, name) for single in singles]
         if expected[0] is None:
-            assert found is None, name
+            assert getattr(many, name) is None, name
         else:
-            np.testing.assert_array_equal(found, expected, err_msg=name)
+            np.testing.assert_array_equal(getattr(many, name), expected, err_msg=name)
 
 
 def forces(dyn, tau, frame="link"):
@@ -125,20 +127,6 @@ def test_rows_equal_single_calls(dyn, name):
     dicts = [dict(zip(names, q, strict=True)) for q in Q]
     for rows in (Q.tolist(), dicts, dict(zip(names, Q.T, strict=True))):
         np.testing.assert_array_equal(method(dyn, rows, QD, TAU), found)
-
-
-@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 63, 64, 129])
-def test_any_number_of_states(two, count):
-    """Batches shorter and longer than WIDTH and the pieces of threads."""
-    Q, QD, TAU = states(two, count)
-    many = two.evaluate(Q, QD, TAU, threads=2)
-    assert (
-        len(many) == count and many.power.shape == (count,) and many.link_energy.shape == (count, 3)
-    )
-    for t in range(count):
-        np.testing.assert_array_equal(many.coriolis[t], two.evaluate(Q[t], QD[t], TAU[t]).coriolis)
-    assert two.forward_dynamics(Q, QD, TAU).shape == (count, 2)
-    assert two.mass_matrix(Q).shape == (count, 2, 2)
 
 
 def evaluation_step(robot):
@@ -267,33 +255,6 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     with pytest.raises(KeyboardInterrupt):
         two.evaluate(Q, QD, TAU, threads=2)
     assert len(ended) == 1 and len(waits) == interrupts
-
-
-@pytest.mark.full  # forks the process of the test
-@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
-def test_forked_process_has_threads_of_its_own(two):
-    Q, QD, TAU = states(two, 300)
-    expected = two.evaluate(Q, QD, TAU, threads=2).nu
-    child = os.fork()
-    if not child:
-        os._exit(not np.array_equal(two.evaluate(Q, QD, TAU, threads=2).nu, expected))
-    assert os.waitpid(child, 0)[1] == 0
-
-
-def test_threads_have_their_own_workspaces(two):
-    """Two pieces that are evaluated at once do not share memory."""
-    together, robots, workspaces = threading.Barrier(2), [], helpers.Workspaces(two.model)
-
-    def sweep(robot, first, last):
-        robots.append(robot)
-        together.wait(HANG)
-        return last
-
-    assert not helpers.run_chunks(
-        workspaces, 16, lambda robot, first, last: last, threads=1
-    )  # leaves an idle one
-    assert not helpers.run_chunks(workspaces, 32, sweep, threads=2)
-    assert len(set(robots)) == 2
 
 
 @pytest.fixture

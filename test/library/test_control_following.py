@@ -179,8 +179,8 @@ ENDS = {
         "canceled by request",
     ),
     "switch": (lambda c: c.loop.switch("damping"), "mode damping was requested"),
-    "trajectory": (lambda c: follow(c, c.arm.q), "a newer trajectory"),
-    "set-point": (lambda c: c.loop.take_set_point(c.arm.q), "a set-point"),
+    "trajectory": (lambda c: follow(c, c.plant.q), "a newer trajectory"),
+    "set-point": (lambda c: c.loop.take_set_point(c.plant.q), "a set-point"),
     "invalid state": (
         lambda c: c.loop.without_state(c.stamp, "joint 'elbow_joint' is nan"),
         "'elbow_joint' is nan",
@@ -198,10 +198,10 @@ ENDS = {
 @pytest.mark.parametrize(("end", "reason"), ENDS.values(), ids=ENDS)
 def test_ends(closed, end, reason):
     """The robot stays near the place where it was."""
-    first, place = closed.loop.following, closed.arm.q.copy()
+    first, place = closed.loop.following, closed.plant.q.copy()
     end(closed)
     closed.go(0.01)
     assert first.outcome.code == -1 and reason in first.outcome.reason
     assert first.outcome.canceled == (end in (ENDS["cancel"][0], ENDS["trajectory"][0]))
     closed.go(1.0)
-    assert np.abs(closed.arm.q - place).max() < 0.05 and np.abs(closed.arm.qd).max() < 0.02
+    assert np.abs(closed.plant.q - place).max() < 0.05 and np.abs(closed.plant.qd).max() < 0.02

@@ -12,16 +12,24 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
-from arm import Closed, Q, gravity_of, loop_of, pinocchio_command, pose_of, state_at, waypoints
+from arm import (
+    Closed,
+    Q,
+    control_loop,
+    gravity_of,
+    loop_of,
+    pinocchio_command,
+    pose_of,
+    state_at,
+    waypoints,
+)
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
 from diag_dynamics.control.laws import rotation_of
-from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import MODES, POSE, TRACKING
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.parameters.controller import PARAMETERS
 from examples import shortened, some_of
 from limits import HANG
 
@@ -194,10 +202,8 @@ def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
     points = dd.ContactPoints(
         strong, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1.0}})
     )
-    values = {name: spec.default for name, spec in PARAMETERS.items()} | {
-        "contact_limits.scale_timeout": timeout
-    }
-    loop = ControlLoop(strong, values, False, points)
+    values = {"contact_limits.scale_timeout": timeout}
+    loop = control_loop(strong, points=points, **values)
     if scale is not None:
         loop.take_scale(scale, S)
     loop.step(state_at(S + age * MS, Q), S + age * MS)
@@ -462,7 +468,7 @@ def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
     beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
     assert beyond[:, goal != Q].max() < 1e-3 and not closed.lost
     assert (closed.fastest <= 0.26 * arm.velocity_limit + 0.02).all()
-    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-6)
+    np.testing.assert_allclose(closed.plant.q, goal, atol=1e-6)
 
 
 def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
@@ -478,7 +484,7 @@ def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
     closed = Closed(arm, Q)
     closed.loop, closed.stamp = loop, stamp
     closed.go(6.0)
-    np.testing.assert_allclose(closed.arm.q, goal, atol=1e-5)
+    np.testing.assert_allclose(closed.plant.q, goal, atol=1e-5)
     assert closed.most < 2.5
     beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
     assert beyond[:, :3].max() < 0.02
@@ -503,7 +509,7 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     closed.go(shortened(10.0, 8.0))
     error, out_of_reach = closed.sent.command.error, away[0] > 1.0
     assert (closed.fastest <= 0.6 * arm.velocity_limit).all() and closed.most < 2.0
-    assert np.abs(closed.arm.qd).max() < 5e-2
+    assert np.abs(closed.plant.qd).max() < 5e-2
     assert out_of_reach or (
         np.linalg.norm(error.position) < 2e-3 and np.linalg.norm(error.orientation) < 2e-3
     )

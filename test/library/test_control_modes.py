@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from arm import gravity_of, state_at
+from arm import Cycles, control_loop, gravity_of
 from controlled import frictionless
-from described import UR5, S, robot
-from diag_dynamics.control.loop import ControlLoop
+from described import UR5, robot
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.parameters.controller import PARAMETERS
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 GOAL = Q + np.array([0.3, 0.2, -0.3, 0.4, -0.4, 0.5])
@@ -27,27 +25,20 @@ def arm():
     return dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="1e4"', robot(UR5).urdf))
 
 
-class Closed:
+class Closed(Cycles):
     """A loop that holds a simulated arm at Q, with efforts that change at once unless `values` limit them."""
 
-    def __init__(self, arm, rate=500, plant=None, **values):
-        defaults = {name: spec.default for name, spec in PARAMETERS.items()} | {
-            "effort_rate": ["*=1e9"]
-        }
-        self.loop = ControlLoop(arm, defaults | values, False)
-        self.arm = frictionless(plant or arm, Q, step=1.0 / rate)
-        self.stamp, self.period, self.lost, self.shares = S, S // rate, [], np.zeros(6)
+    def __init__(self, arm, rate=500, **values):
+        loop = control_loop(arm, **{"effort_rate": ["*=1e9"]} | values)
+        super().__init__(loop, frictionless(arm, Q, step=1.0 / rate), rate)
+        self.shares = np.zeros(6)
         self.loop.limits.reset(gravity_of(Q))
 
     def go(self, cycles, push=None):
-        """Let it go on; return the last command."""
+        """Let it go on."""
         for _ in range(cycles):
-            self.stamp += self.period
-            sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
-            self.arm.advance(sent.effort, f_ext=push)
-            self.shares = np.maximum(self.shares, 0.5 * self.arm.nu**2)
-            self.lost += [sent.lost] if sent.lost else []
-        return sent
+            self.plant.advance(self.step().effort, f_ext=push)
+            self.shares = np.maximum(self.shares, 0.5 * self.plant.nu**2)
 
 
 def largest(error):

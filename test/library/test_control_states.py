@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from arm import gravity_of, state_at
+from arm import control_loop, gravity_of, state_at
 from described import MS, UR5, S, robot
-from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, TRACKING
 from diag_dynamics.control.supervisor import HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.parameters.controller import PARAMETERS
 
 Q, REST, MOVING = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.zeros(6), np.full(6, 0.9)
 AGE, HOLD, RATE = 20, 300, 400.0
@@ -64,10 +62,9 @@ class Driven:
     """A loop that is driven by events; `sent` is the answer to the last one."""
 
     def __init__(self, arm, compensated=False, mode=DAMPING, hold=HOLD):
-        defaults = {name: spec.default for name, spec in PARAMETERS.items()}
         values = {"hold_time": hold * 1e-3, "initial_mode": mode}
         values |= {"effort_rate": [f"*={RATE}"], "limit_margin": 0.0}
-        self.loop, self.now, self.sent = ControlLoop(arm, defaults | values, compensated), S, None
+        self.loop, self.now, self.sent = control_loop(arm, compensated, **values), S, None
         self.machine, self.hold = 0.0, hold
         self.loop.supervisor._machine_time = lambda: self.machine
 
@@ -288,7 +285,7 @@ def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
 
 
 def test_the_cause_of_the_ramp_is_the_first_one():
-    one = outage((1000, True), (1020, False), (1320, False))
+    one = outage(1000, -1020, -1320)
     one.invalid(2000 * MS, "NaN")
     assert (one.reason, one.cause) == ("NaN", "late")
     one.valid(2001 * MS)
@@ -333,109 +330,51 @@ def test_gravity_compensation_and_damping_after_the_ramp(strong, compensated):
 # --- Clocks and timeouts of an outage
 
 
-def outage(*events, hold=0.3, age=0.02, machine=lambda: 0.0):
-    """Return a supervisor after (time [ms], is valid) events."""
-    one = Supervisor(age, hold, machine_time=machine)
-    for time, is_valid in events:
-        if is_valid:
-            one.valid(time * MS)
+def outage(*times):
+    """Return a supervisor after times [ms]; there is no valid state at negative ones."""
+    supervisor = Supervisor(AGE * 1e-3, HOLD * 1e-3, machine_time=lambda: 0.0)
+    for time in times:
+        if time > 0:
+            supervisor.valid(time * MS)
         else:
-            one.invalid(time * MS, "late")
-    return one
+            supervisor.invalid(-time * MS, "late")
+    return supervisor
 
 
-VALID, NONE = True, False
+HELD = 1000, -1020, -1310, 1311
+"""A hold that a valid state ends, 10 ms before the ramp."""
 
 
 @pytest.mark.parametrize(
-    ("events", "phase"),
+    ("times", "phase"),
     [
-        ([(1000, VALID), (1020, NONE), (1319, NONE)], HOLDING),
-        ([(1000, VALID), (1020, NONE), (1320, NONE)], RAMPING_DOWN),
-        (
-            [(1000, VALID), (1500, NONE)],
-            HOLDING,
-        ),  # the hold begins with the first event without a state
+        ((1000, -1020, -1319), HOLDING),
+        ((1000, -1020, -1320), RAMPING_DOWN),
+        ((1000, -1500), HOLDING),  # the hold begins with the first event without a state
         # A valid state ends the hold, and shortens the outage by no more than its largest age.
-        (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1361, NONE)],
-            RAMPING_DOWN,
-        ),
-        (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1331, NONE), (1360, NONE)],
-            HOLDING,
-        ),
-        (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2028, NONE)],
-            HOLDING,
-        ),
-        (
-            [(1000, VALID), (1020, NONE), (1310, NONE), (1311, VALID), (1999, NONE), (2029, NONE)],
-            RAMPING_DOWN,
-        ),
+        ((*HELD, -1331, -1361), RAMPING_DOWN),
+        ((*HELD, -1331, -1360), HOLDING),
+        ((*HELD, -1999, -2028), HOLDING),
+        ((*HELD, -1999, -2029), RAMPING_DOWN),
         # Valid states in a row shorten it by their time.
-        (
-            [
-                (1000, VALID),
-                (1020, NONE),
-                (1310, NONE),
-                (1311, VALID),
-                (1611, VALID),
-                (1612, NONE),
-                (1911, NONE),
-            ],
-            HOLDING,
-        ),
-        (
-            [
-                (1000, VALID),
-                (1020, NONE),
-                (1310, NONE),
-                (1311, VALID),
-                (1611, VALID),
-                (1612, NONE),
-                (1912, NONE),
-            ],
-            RAMPING_DOWN,
-        ),
-        # A clock that goes back adds nothing and removes nothing, in a hold and between valid states.
-        ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (39, NONE)], HOLDING),
-        ([(1000, VALID), (1020, NONE), (1300, NONE), (20, NONE), (40, NONE)], RAMPING_DOWN),
-        (
-            [
-                (1000, VALID),
-                (1020, NONE),
-                (1310, NONE),
-                (1311, VALID),
-                (11, VALID),
-                (11, NONE),
-                (21, NONE),
-            ],
-            RAMPING_DOWN,
-        ),
-        (
-            [
-                (1000, VALID),
-                (1020, NONE),
-                (1310, NONE),
-                (1311, VALID),
-                (11, VALID),
-                (11, NONE),
-                (20, NONE),
-            ],
-            HOLDING,
-        ),
+        ((*HELD, 1611, -1612, -1911), HOLDING),
+        ((*HELD, 1611, -1612, -1912), RAMPING_DOWN),
+        # A clock that goes back adds nothing and removes nothing, in a hold and between states.
+        ((1000, -1020, -1300, -20, -39), HOLDING),
+        ((1000, -1020, -1300, -20, -40), RAMPING_DOWN),
+        ((*HELD, 11, -11, -21), RAMPING_DOWN),
+        ((*HELD, 11, -11, -20), HOLDING),
         # Nothing ends the ramp, and nothing before the first state begins a hold.
-        ([(1000, VALID), (1020, NONE), (1320, NONE), (1, NONE)], RAMPING_DOWN),
-        ([(0, NONE), (9000, NONE)], INACTIVE),
+        ((1000, -1020, -1320, -1), RAMPING_DOWN),
+        ((0, -9000), INACTIVE),
     ],
 )
-def test_the_time_of_an_outage(events, phase):
-    assert outage(*events).phase == phase
+def test_the_time_of_an_outage(times, phase):
+    assert outage(*times).phase == phase
 
 
 def test_a_whole_hold_after_the_ramp():
-    one = outage((1000, VALID), (1020, NONE), (1320, NONE))
+    one = outage(1000, -1020, -1320)
     one.valid(1400 * MS)
     for time, phase in ((1401, HOLDING), (1700, HOLDING), (1701, RAMPING_DOWN)):
         one.invalid(time * MS, "late")

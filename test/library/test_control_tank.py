@@ -8,12 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import diag_dynamics as dd
-from arm import state_at
+from arm import control_loop, state_at
 from controlled import ARM, READY, TREE, UR5, configuration, frictionless
 from described import MS, S, subject
-from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.parameters.controller import PARAMETERS
 from examples import shortened
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
@@ -212,10 +210,8 @@ def test_errors_name_the_argument(make, key):
 
 def loop_of(compensated=False, points=None, **values):
     """Return a loop of the arm, whose efforts have reached gravity compensation at READY."""
-    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    loop = ControlLoop(
-        subject(ARM).model, defaults | {"following_energy": 0.0} | values, compensated, points
-    )
+    values = {"following_energy": 0.0} | values
+    loop = control_loop(subject(ARM).model, compensated, points, **values)
     loop.limits.reset(np.zeros(N) if compensated else subject(ARM).oracle.gravity_torque(READY))
     return loop
 

@@ -211,16 +211,6 @@ def test_modes_held(arm):
     assert np.abs(one.coriolis - other.coriolis).max() < 1e-12 * np.abs(other.coriolis).max()
 
 
-def test_one_mode_held(arm):
-    """A mode that is held away from zero leaves the others where they would be."""
-    q = arm.random(4)
-    k = arm.dof_names.index("a/y1")
-    part = arm.with_locked_joints({"a/y1": q[k]})
-    one, other = (dd.DiagonalDynamics(model) for model in (part, arm))
-    M = np.delete(np.delete(other.mass_matrix(q), k, 0), k, 1)
-    assert np.abs(one.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
-
-
 def test_nodes():
     """Nodes of finite elements move without foreshortening, by the shapes that are given."""
     rng = np.random.default_rng(5)

@@ -125,31 +125,30 @@ def test_random_positions(one):
         model.random("seed")
 
 
-def test_random_positions_without_limits():
-    """Angles are within a turn, positions within a metre."""
+def test_random_positions_with_few_limits():
+    """Angles are within a turn, or within a turn of their only limit; positions within a metre."""
     body = {"mass": 1.0, "inertia": (1, 0, 0, 1, 0, 1)}
-    joints = joint("wheel", "continuous", "base", "a"), joint("slide", "planar", "a", "b")
-    model = dd.load_urdf(
-        description("free", link("base"), link("a", **body), link("b", **body), *joints)
+    joints = [joint("wheel", "continuous", "base", "a"), joint("slide", "planar", "a", "b")]
+    for side, parent in (("lower", "b"), ("upper", "lower")):
+        element = joint(side, "revolute", parent, side)
+        joints.append(element.replace('lower="-10" upper="10"', f'{side}="2"'))
+    links = [link(name, **body) for name in ("a", "b", "lower", "upper")]
+    model = dd.load_urdf(description("free", link("base"), *links, *joints))
+    q = np.array([model.random(seed) for seed in range(100)])
+    at = dict(
+        zip(model.coordinate_names, zip(q.min(axis=0), q.max(axis=0), strict=True), strict=True)
     )
-    largest = np.abs([model.random(seed) for seed in range(50)]).max(axis=0)
-    at = dict(zip(model.coordinate_names, largest, strict=True))
-    assert all(2.0 < at[name] <= math.pi for name in ("wheel", "slide/theta"))
-    assert all(0.5 < at[name] <= 1.0 for name in ("slide/x", "slide/y"))
-
-
-@pytest.mark.parametrize(
-    ("limit", "other"), [("lower", 2.0 + 2.0 * math.pi), ("upper", 2.0 - 2.0 * math.pi)]
-)
-def test_random_positions_with_one_limit(limit, other):
-    """Angles are within a turn of the limit, and all over it."""
-    body = link("a", mass=1.0, inertia=(1, 0, 0, 1, 0, 1))
-    wheel = joint("wheel", "revolute", "base", "a").replace(
-        'lower="-10" upper="10"', f'{limit}="2"'
-    )
-    model = dd.load_urdf(description("one", link("base"), body, wheel))
-    q = np.sort([*(model.random(seed)[0] for seed in range(50)), 2.0, other])
-    assert {q[0], q[-1]} == {2.0, other} and np.diff(q).max() < 1.0
+    turn = 2.0 * math.pi
+    for name, low, high, gap in (
+        ("wheel", -math.pi, math.pi, 1.0),
+        ("slide/theta", -math.pi, math.pi, 1.0),
+        ("slide/x", -1.0, 1.0, 0.2),
+        ("slide/y", -1.0, 1.0, 0.2),
+        ("lower", 2.0, 2.0 + turn, 1.0),
+        ("upper", 2.0 - turn, 2.0, 1.0),
+    ):
+        least, most = at[name]
+        assert low <= least < low + gap and high - gap < most <= high, name
 
 
 def test_wrong_arguments_are_named():

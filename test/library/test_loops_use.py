@@ -14,8 +14,6 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from arm import state_at
-from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.dynamics.loops import LoopBalance
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.inspection import inspect_robot
@@ -24,7 +22,6 @@ from diag_dynamics.joint_states.joints import Options, joints_of
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import Layout, tree_of
 from diag_dynamics.page.scene import scene_of
-from diag_dynamics.parameters.controller import PARAMETERS as CONTROLLER
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.parameters.robots import model_of, require_as_made
@@ -478,32 +475,6 @@ def test_page(bar):
         )
         point = places["rocker"] @ [ROCKER, 0, 0, 1]
         np.testing.assert_allclose(point[:3], tip_of_rocker(row[0]), atol=1e-6)
-
-
-def test_set_point():
-    """The controller brings a four-bar to a set-point and rejects one beyond the limits of a
-    follower.
-    """
-    strong = '<limit lower="-3" upper="3" effort="200" velocity="9"/>'
-    urdf = four_bar(
-        '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>', strong, "revolute"
-    )
-    urdf = urdf.replace('"arm" type="continuous"', '"arm" type="revolute"')
-    urdf = urdf.replace('<axis xyz="1 0 0"/>', f'<axis xyz="1 0 0"/>{strong}')
-    model = dd.load_urdf(urdf, loops=[FOUR_BAR])
-    values = {name: spec.default for name, spec in CONTROLLER.items()} | {"controlled_link": "arm"}
-    loop, goal = ControlLoop(model, values, False), np.array([0.6, 0.3])
-    simulation, stamp = dd.Simulation(model, q=model.start), 10**9
-    loop.limits.reset(simulation.dynamics.gravity_torque(model.start))
-    for k in range(4000):
-        stamp += 10**6
-        sent = loop.step(state_at(stamp, simulation.q, simulation.qd), stamp)
-        simulation.advance(sent.effort)
-        if k == 10:
-            loop.take_set_point(goal)
-    np.testing.assert_allclose(simulation.q, goal, atol=2e-3)
-    with pytest.raises(dd.InputError, match=r"'crank' is 1\.5"):
-        loop.take_set_point([1.5, 0.0])  # where the rocker is at -2.42
 
 
 def test_files(tmp_path):

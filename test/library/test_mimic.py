@@ -20,20 +20,18 @@ from hypothesis import strategies as st
 import diag_dynamics as dd
 import laws
 import robots
-from accuracy import assert_close
 from coupling import (
     NAMED,
     ROMEO,
     SINGLE,
     UNKNOWN_SOURCES,
-    Coupled,
     Coupling,
     mimic_tags,
     mimicking,
 )
 from diag_dynamics.model.mimic import Followers
 from examples import examples
-from laws import assert_same, everything, load
+from laws import load
 from robots import description, joint, link
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
@@ -135,83 +133,6 @@ def test_random_trees(shape, groups):
     spec = robots.Robot(f"tree {shape.seed}", urdf, mimic="embed", **options)
     if single and any(joint.get("name") not in tree.locked for joint in single):
         check(load(spec, gravity=shape.gravity))
-
-
-def with_dynamics(urdf, seed):
-    """Return a URDF with damping, friction and limits of its own for every joint."""
-    robot, rng = ET.fromstring(urdf), np.random.default_rng(seed)
-    for element in robot.findall("joint"):
-        numbers = {name: repr(float(rng.uniform(0.1, 2))) for name in ("damping", "friction")}
-        for present in element.findall("dynamics"):
-            element.remove(present)
-        ET.SubElement(element, "dynamics", numbers)
-        for name, low, high in (
-            ("lower", -9, -5),
-            ("upper", 5, 9),
-            ("effort", 10, 99),
-            ("velocity", 10, 99),
-        ):
-            if element.find("limit") is not None:
-                element.find("limit").set(name, repr(float(rng.uniform(low, high))))
-    return ET.tostring(robot, encoding="unicode")
-
-
-@pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
-def test_friction_and_limits(spec):
-    """Followers brake their leaders: Σ multiplier² d and Σ |multiplier| f; a leader's limits are
-    its own.
-    """
-    robot = load(spec._replace(source=with_dynamics(spec.urdf, len(spec.id))))
-    model, o = robot.model, robot.oracle
-
-    def of_joint(name, tag, attribute):
-        element = o.coupling.joints.get(name)  # None: the floating base
-        return 0.0 if element is None else float(element.find(tag).get(attribute))
-
-    names = o.full.joint_of_dof
-    damping, friction = (
-        np.array([of_joint(n, "dynamics", a) for n in names]) for a in ("damping", "friction")
-    )
-    assert_close(model.damping, (o.G**2).T @ damping, 1e-14)
-    assert_close(model.friction, np.abs(o.G).T @ friction, 1e-14)
-    for k, name in enumerate(o.joint_of_dof):
-        if (
-            o.coupling.joints.get(name) is not None
-            and o.coupling.joints[name].find("limit") is not None
-        ):
-            assert model.velocity_limit[k] == of_joint(name, "limit", "velocity")
-            assert model.effort_limit[k] == of_joint(name, "limit", "effort")
-            if o.coupling.kind(name) in ("revolute", "prismatic"):
-                i = model.coordinate_names.index(name)
-                assert model.lower[i] == of_joint(name, "limit", "lower")
-                assert model.upper[i] == of_joint(name, "limit", "upper")
-    for case in robot.cases[:2]:
-        laws.friction(case)
-
-
-@pytest.mark.parametrize("spec", FEW, ids=lambda robot: robot.id)
-def test_order_of_the_description_and_copies(spec):
-    """Joints and links may be written down in any order; a pickled model is the same to the bit."""
-    xml = ET.fromstring(spec.urdf)
-    xml[:] = list(xml)[::-1]
-    model, back = (
-        dd.load_urdf(urdf, **spec.options)
-        for urdf in (spec.urdf, ET.tostring(xml, encoding="unicode"))
-    )
-    sample = robots.samples(spec.id, Coupled(spec.urdf, model.dof_names, **spec.options))[1]
-    expected = everything(dd.DiagonalDynamics(model), sample)
-    for other in (back, pickle.loads(pickle.dumps(model))):
-        assert other.dof_names == model.dof_names and other.coupled_groups == model.coupled_groups
-        assert dict(other.mimics) == dict(model.mimics) and dict(other.locked_joints) == dict(
-            model.locked_joints
-        )
-        answers = everything(dd.DiagonalDynamics(other), sample)
-        if other is back:  # the order of links is that of the description
-            assert (answers["nu"] == expected["nu"]).all() and (
-                answers["coriolis"] == expected["coriolis"]
-            ).all()
-        else:
-            assert_same(answers, expected)
 
 
 def chain(mimics, branches=()):
@@ -385,17 +306,6 @@ def test_chain_beyond_all_numbers_is_refused(multiplier, length):
         elements += [link(f"l{k}", **body), mimicking(hinge_, f"j{k - 1}", multiplier)]
     with pytest.raises(dd.MimicJointError, match=r"'j\d+' follows 'j\d+'"):
         dd.load_urdf(description("chain", *elements))
-
-
-def test_offsets_along_a_chain():
-    """The multiplier of a mimic joint scales the offset of the joint that it follows, too."""
-    body = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
-    a, b, c = (joint(name, "revolute", "base", f"of {name}", axis=(0, 0, 1)) for name in "abc")
-    links = [link("base"), *(link(f"of {name}", **body) for name in "abc")]
-    b, c = mimicking(b, "a", 2.0, 0.3), mimicking(c, "b", -0.5, 0.1)
-    mimics = dd.load_urdf(description("chain", *links, c, b, a)).mimics
-    assert mimics["b"] == dd.Mimic("a", 2.0, 0.3)
-    assert mimics["c"] == dd.Mimic("a", -1.0, 0.1 - 0.5 * 0.3)
 
 
 def test_sources_that_the_robot_does_not_have():

@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-import page_fixture
 from diag_dynamics.page import server
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
@@ -248,15 +247,9 @@ def test_the_rate_of_a_stream(serve, arm, hz, served):
 def test_streams_share_the_maximum_of_frames(serve, arm, monkeypatch):
     monkeypatch.setattr("diag_dynamics.page.server.MAX_FRAMES", 60.0)
     address = serve(arm.stream, rate=50.0, max_streams=3)
-    with Stream(address) as one, Stream(address), Stream(address):
-        assert one.next(HEARTBEAT, lambda beat: beat["streams"] == 3)["hz"] == pytest.approx(20.0)
+    with Stream(address) as stream, Stream(address), Stream(address):
+        assert stream.next(HEARTBEAT, lambda beat: beat["streams"] == 3)["hz"] == pytest.approx(20)
         assert rejected(address) == (4503, "All 3 streams are in use. Close a tab.")
-    for _ in range(1000):  # closed tabs make room
-        with contextlib.suppress(EOFError), Stream(address) as one:
-            one.next(HEARTBEAT, lambda beat: beat["streams"] == 1)
-            break
-    else:
-        raise AssertionError("no room after tabs have been closed")
 
 
 def test_a_tab_pushes_the_link_that_it_shows(serve, arm):
@@ -307,24 +300,6 @@ def test_whoever_never_reads_loses_the_stream(serve, arm, monkeypatch):
         reader.next(HEARTBEAT, lambda beat: beat["streams"] == 1)
 
 
-def test_streams_end_with_the_server_and_another_one_takes_its_port(arm):
-    def server(port=0):
-        one = PageServer(lambda: [arm.stream], port=port)
-        one.start()
-        return one
-
-    first = server()
-    with Stream(first.address) as stream:
-        stream.frames(2)
-        first.stop()
-        with pytest.raises((EOFError, ConnectionError)):
-            stream.next(HEARTBEAT, lambda _: False)
-    again = server(int(first.address.split(":")[-1].strip("/")))
-    with Stream(again.address) as stream:
-        assert stream.next(FRAME)["K"] >= 0.0
-    again.stop()
-
-
 @pytest.mark.full
 def test_readers_leave_while_the_server_stops(arm, caplog):
     """A request that ended while aiohttp cancelled the waiting for it was an error."""
@@ -342,15 +317,3 @@ def test_readers_leave_while_the_server_stops(arm, caplog):
             for timer in leaving:
                 timer.join()
     assert not caplog.records
-
-
-def test_another_robot_has_a_layout_of_its_own(serve):
-    """The stream goes on; where the new robot lacks the link, the end effector is chosen."""
-    robot = Robot(PANDA)
-    with Stream(serve(robot.serve()), link="panda_link5") as stream:
-        stream.frames(2)
-        robot.model = dd.load_urdf(page_fixture.ARM)
-        robot.serve()
-        assert stream.next(LAYOUT)["dofs"] == list(robot.model.dof_names)
-        assert stream.next(FRAME)["K"] >= 0.0
-        assert stream.next(HEARTBEAT, lambda beat: beat["robot"] == "arm")["link"] == "lower"

@@ -55,12 +55,9 @@ CHINESE = "机器人的手臂"
 ENCODED = {
     "Latin-1, undeclared": with_comment(" Gehäuse ").encode("latin-1"),
     "Latin-1, declared UTF-8": declaring("utf-8", with_comment(" Gehäuse ")).encode("latin-1"),
-    "Latin-1, declared UTF-16": declaring("utf-16", with_comment(" Gehäuse ")).encode("latin-1"),
-    "cp1252": declaring("windows-1252", with_comment(" „5 €“ ")).encode("cp1252"),
     "GBK, undeclared": with_comment(CHINESE).encode("gbk"),
     "ISO-2022-JP": declaring("iso-2022-jp", with_comment("表")).encode("iso2022_jp"),
     "UTF-8 with a mark": b"\xef\xbb\xbf" + declaring("gb2312", with_comment(CHINESE)).encode(),
-    "UTF-16": declaring("utf-16", with_comment(CHINESE)).encode("utf-16"),
     "UTF-16, big end first": ("\ufeff" + declaring("utf-16", with_comment(CHINESE))).encode(
         "utf-16-be"
     ),
@@ -89,9 +86,7 @@ def test_names_in_other_encodings():
     """They are those of the encoding; UTF-8 is recognized despite another declaration."""
     for name, encoding in (
         ("Schläger", "latin-1"),
-        ("关节", "gb2312"),
         ("関節ソ", "shift_jis"),
-        ("관절", "euc-kr"),
     ):
         text = ARM.replace("shoulder", name)
         assert_same_model(declaring(encoding, text).encode(encoding), (name,))
@@ -104,11 +99,8 @@ def test_names_in_other_encodings():
 COMMENTS = (
     " gripper -- 2023 ",
     "--",
-    "---",
     "-",
     "-- arm --",
-    " arm -",
-    "----- ----- -----",
     " a > b < c & d ",
     "->",
     "\x0b\x1b\x07",
@@ -248,26 +240,17 @@ OTHERS = {
         "Git LFS. Run git lfs pull",
     ),
     "HTML 5": (b"<!DOCTYPE html>\n<html><body>404</body></html>", "HTML, a page of the web"),
-    "HTML in small letters": (
-        b"\n<!doctype html><html lang=en><meta charset=utf-8>",
-        "HTML, a page of the web",
-    ),
     "XHTML": (
         b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>',
         "HTML, a page of the web",
     ),
     "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
     "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
-    "COLLADA": (
-        b'<?xml version="1.0"?><COLLADA xmlns="urn:c"/>',
-        "root element is <COLLADA>, expected <robot>",
-    ),
     "STL": (b"solid part\n facet normal 0 0 1\n", "begins with 'solid part', expected <robot>"),
     "binary STL": (b"\0" * 80 + struct.pack("<I", 2) + b"\1" * 100, "it is binary"),
     "gzip": (gzip.compress(ARM.encode()), "compressed by gzip. Unpack it"),
     "zip": (zipped(ARM), "a zip archive. Unpack it"),
     "empty": (b"", "The URDF is empty"),
-    "binary": (b"\1\2\0\3", "it is binary"),
     "macro of xacro": (
         f'<robot {XACRO}><xacro:macro name="m"/></robot>'.encode(),
         "it defines macros and calls none",

@@ -5,11 +5,10 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from std_msgs.msg import Float64
 
-from controllers import START_AT, begin_at_rest, lockstep_arm, record, trajectory
+from controllers import begin_at_rest, lockstep_arm, record
 from diag_dynamics.nodes.controller.record import Record
 from nodes import UR5, robot
 
@@ -69,24 +68,10 @@ def test_the_worst_contact_is_named():
     assert ["'hand'" in texts[0], "'arm'" in texts[1]] == [True, True]
 
 
-def test_a_scale_stops_the_arm_and_lets_it_go_on(arm):
-    """Zero on contact_scale: the arm stands still; a half: a quarter of the energy. What is no scale is refused by name."""
+def test_a_scale_is_in_force_or_refused(arm):
+    """What is no scale is refused by name; test_control_loop.py has the motion."""
     arm.scale.publish(Float64(data=0.0))
     arm.wait_for_report(
         lambda r: r.values.get("contact limits", "").endswith("scale 0"), "a scale of 0"
     )
-    arm.wait_for(lambda s: s.contact_energy < 1e-4 * BOUND, "rest")
-    record(arm)
-    goal = np.array(START_AT) + 0.5
-    arm.trajectory.publish(trajectory([(1.0, goal, [0] * 6, [0] * 6)], arm.simulator.robot.names))
-    arm.wait_for(
-        lambda s: s.tracking_error_valid and max(s.tracking_error) > 0.45, "a target far ahead"
-    )
-    assert max(s.contact_energy for s in arm.status.messages) < 1e-3 * BOUND
-    arm.scale.publish(Float64(data=0.5))
-    record(arm)
-    arm.wait_for(lambda s: s.contact_energy > 0.8 * 0.25 * BOUND, "motion at half of the speed")
-    assert max(s.contact_energy for s in arm.status.messages) <= 0.25 * BOUND
-    arm.scale.publish(Float64(data=1.0))
-    arm.wait_for(lambda s: max(map(abs, s.tracking_error)) < 1e-3, "the target")
     arm.refuses(lambda: arm.scale.publish(Float64(data=2.0)), "scale is 2.0")

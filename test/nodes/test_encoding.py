@@ -350,26 +350,16 @@ def test_file_that_is_gone(tmp_path):
     assert robot.model is model
 
 
-def test_friction_power(tmp_path):
+def test_friction_power():
     """It is that of the term of the equations of motion."""
-    dd.Parameters(joints={"elbow": dd.JointParameters(effort_offset=0.7)}).save(
-        tmp_path / "arm.yaml"
-    )
-    for parameters in ({}, {"friction_velocity": 0.0}, {"gravity": [1.0, -9.81, 0.0]}):
-        robot = monitored(parameters_file=str(tmp_path / "arm.yaml"), **parameters)
-        q, qd = np.array([0.3, -0.2]), np.array([1.0, -0.5])
-        s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
-        model = robot.model
-        sign = np.tanh(qd / model.friction_velocity) if model.friction_velocity else np.sign(qd)
-        friction = qd @ (0.3 * qd + 0.2 * sign + [0.0, 0.7])
-        assert robot.friction_power(s) == pytest.approx(friction, rel=1e-12)
-    geared = model.with_parameters(
-        {"joints": {"elbow": {"load_friction": 0.1, "root_friction": 0.2}}}
-    )
-    robot.use(geared, robot.settings, 2)
+    robot = monitored()
+    joints = {"elbow": {"effort_offset": 0.7, "load_friction": 0.1, "root_friction": 0.2}}
+    robot.use(robot.model.with_parameters({"joints": joints}), robot.settings, 2)
+    q, qd = np.array([0.3, -0.2]), np.array([1.0, -0.5])
     s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
-    loaded = [0.0, -0.1 * abs(robot.dynamics.gravity_torque(q)[1]) - 0.2 * np.sqrt(0.5)]
-    assert robot.friction_power(s) == pytest.approx(friction + qd @ loaded, rel=1e-12)
+    loaded = 0.7 - 0.1 * abs(robot.dynamics.gravity_torque(q)[1]) - 0.2 * np.sqrt(0.5)
+    friction = 0.3 * qd + 0.2 * np.tanh(qd / robot.model.friction_velocity) + [0.0, loaded]
+    assert robot.friction_power(s) == pytest.approx(qd @ friction, rel=1e-12)
 
 
 def test_flexible_joints(tmp_path):
@@ -378,23 +368,19 @@ def test_flexible_joints(tmp_path):
     flexible = {"shoulder": spring | {"effort": "spring"}, "elbow": spring}
     dd.Parameters.from_dict({"flexible_joints": flexible}).save(tmp_path / "arm.yaml")
     robot = monitored(parameters_file=str(tmp_path / "arm.yaml"))
-    names = robot.model.dof_names
-    assert robot.model.armature[names.index("elbow")] == pytest.approx(0.25)
-    assert robot.model.armature[names.index("shoulder")] == 0.0
     q, qd, tau = np.array([0.3, -0.2]), np.array([1.0, -0.5]), np.array([4.0, 2.0])
-    soft = np.array([name == "shoulder" for name in names])
+    soft = np.array([name == "shoulder" for name in robot.model.dof_names])
     for k, ramp in ((0, 0.0), (1, 500.0)):  # [N m/s]
         effort = tau + 1e-3 * k * ramp * soft
         state = RobotState(q, qd, effort, NOW + k * 1_000_000, NOW, False)
         s, converted = robot.evaluate(state)
         np.testing.assert_allclose(converted.position, q - soft * effort / 200.0, atol=1e-12)
         np.testing.assert_allclose(converted.velocity, qd - soft * ramp / 200.0, atol=1e-9)
-        np.testing.assert_array_equal(converted.effort, effort)
-        wanted = robot.dynamics.evaluate(converted.position, converted.velocity, effort)
-        np.testing.assert_array_equal(s.nu, wanted.nu)
-        np.testing.assert_array_equal(s.epsilon, wanted.epsilon)
+        expected = robot.dynamics.evaluate(converted.position, converted.velocity, effort)
+        np.testing.assert_array_equal(s.epsilon, expected.epsilon)
+        np.testing.assert_array_equal(s.nu, expected.nu)
     robot.forget()
-    s, converted = robot.evaluate(state._replace(effort=None))
+    _, converted = robot.evaluate(state._replace(effort=None))
     np.testing.assert_array_equal(converted.position, q)
     values = model_status(robot, 1, None, None).values
     assert values["flexible joints taken as rigid"] == "1: elbow"

@@ -120,18 +120,6 @@ def test_accept_and_reset(monitor):
     assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
 
 
-def test_reset_returns_to_a_payload_set_after_a_load(monitor):
-    request = SetPayload.Request(link=HAND)
-    feed(monitor, map(LOADED, range(900)))
-    assert call(monitor, "accept_payload").success
-    request.inertia.m, request.inertia.com.z = (
-        payload(monitor).mass,
-        0.3,
-    )  # another payload of the same mass
-    assert monitor.call(SetPayload, "set_payload", request).success
-    assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
-
-
 def test_parameters_name_what_is_missing(peer):
     for changed, text in (
         (
@@ -143,7 +131,10 @@ def test_parameters_name_what_is_missing(peer):
     ):
         with pytest.raises(InputError, match=text):
             peer.start("monitor", **(OBSERVED | {"load.link": HAND} | changed))
-    with Monitor(peer, "/unloaded", outputs=["state"], **OBSERVED) as monitor:
+    limits = {"collision.threshold": ["*=50"]}
+    with Monitor(peer, "/unloaded", outputs=["state"], **OBSERVED | limits) as monitor:
+        text = f"Collision thresholds of {len(NAMES)} joints."
+        assert text in monitor.process.output
         response = call(monitor, "accept_payload")
         assert not response.success and "load.link" in response.message
         assert peer.set_parameter(monitor.name, "load.link", HAND).successful

@@ -15,13 +15,12 @@ import diag_dynamics as dd
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.monitor.watches import numerical_health
-from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
+from diag_dynamics.nodes.support.statuses import OK, WARN
 from diag_dynamics.page.frames import coriolis_work
 from linkages import (
     BASE,
     COUPLER,
     CRANK,
-    FIVE_BAR,
     FOUR_BAR,
     ROCKER,
     five_bar,
@@ -29,7 +28,6 @@ from linkages import (
     four_bar_followers,
 )
 from nodes import Monitor, S, joint_state
-from streams import FRAME, LAYOUT, Stream
 
 
 @pytest.fixture(scope="module")
@@ -80,32 +78,6 @@ def test_monitor_of_a_four_bar(peer, loops_file):
         assert "'rocker'" in monitor.call(Diagonalize, "diagonalize", request).message
 
 
-def test_monitor_of_an_open_loop(peer, loops_file):
-    """A state in which a loop cannot be closed is dropped with an error that names it; the next one is published."""
-    names = ["c", "p1", "r1"]
-    with Monitor(
-        peer,
-        "/five_bar",
-        outputs=("state",),
-        robot_description=five_bar(),
-        loops_file=loops_file(FIVE_BAR),
-    ) as monitor:
-        monitor.wait_for_report(
-            lambda report: report.values.get("robot") == "five_bar", "the robot"
-        )
-        good, apart = [0.1, -0.3, 0.4], [0.1, -1.5, 1.5]
-        monitor.feed(joint_state(names, good, np.zeros(3), [], monitor.tick()), ("state",))
-        before = monitor.next_report()
-        begin = len(monitor.reports)
-        monitor.feeder.publish(joint_state(names, apart, np.zeros(3), [], monitor.tick()))
-        report = monitor.wait_for_report(
-            lambda report: report.since(before).get("rejected: open loop"), "it", begin
-        )
-        assert report.entries["joint states"].level == ERROR
-        assert "loop 'five' (p1, p2, r1, r2) cannot be closed" in report.values["last rejection"]
-        monitor.feed(joint_state(names, good, np.zeros(3), [], monitor.tick()), ("state",))
-
-
 def test_simulator_of_a_four_bar(peer, loops_file):
     """Joint states have the followers' positions and rates, which close the loop."""
     states = peer.topic(JointState, "/bar/joint_states")
@@ -127,28 +99,6 @@ def test_simulator_of_a_four_bar(peer, loops_file):
 
 
 GRIPPER = Path(__file__).parents[2] / "examples/closed_loops/four_bar_gripper"
-
-
-def test_page_of_a_four_bar(peer, loops_file):
-    """Frame and scene have the positions of all joints, by trigonometry."""
-    crank, parameters = 0.9, {"robot_description": four_bar(), "loops_file": loops_file(FOUR_BAR)}
-    with (
-        peer.start("view", port=0, rate=100.0) as view,
-        Monitor(peer, "/shown", outputs=("state",), **parameters) as monitor,
-    ):
-        monitor.wait_for_report(
-            lambda report: report.values.get("robot") == "four_bar", "the robot"
-        )
-        peer.pass_time(3.0)
-        with Stream(view.node.address, robot="/shown", hz=100) as stream:
-            rest = stream.next(LAYOUT)["scene"]["rest"]
-            monitor.feed(
-                joint_state(["arm", "crank"], [0.1, crank], [0.5, 2.0], [], monitor.tick()),
-                ("state",),
-            )
-            frame = stream.next(FRAME, lambda frame: frame.t == monitor.now / S)
-    np.testing.assert_allclose(frame["q"], [crank, 0.1, *four_bar_followers(crank)], atol=1e-6)
-    np.testing.assert_allclose(rest[2:], four_bar_followers(rest[0]), atol=1e-9)
 
 
 def test_health_of_one_degree_of_freedom():

@@ -16,7 +16,6 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-import diag_dynamics as dd
 from bags import Message, serialized, write_mcap
 from diag_dynamics.cli.main import main
 from diag_dynamics.nodes.monitor.outputs import TYPES
@@ -24,7 +23,6 @@ from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs import mcap
 from hostile import MS, START
 from nodes import Reports, nanoseconds
-from recording_cases import CASES, hostile_messages, write_case
 
 OF_THE_MOMENT = {
     "missing joints",
@@ -66,38 +64,6 @@ class Live:
             key: int(value) for key, value in values.items() if value.isdecimal() and "[" not in key
         }  # no unit
         return {key: n for key, n in counts.items() if n and key not in OF_THE_MOMENT}
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_recording_is_what_the_monitor_publishes(peer, tmp_path, name):
-    """Published states equal the recording's bit for bit, in the same order."""
-    case, urdf = CASES[name], tmp_path / "robot.urdf"
-    text = case.urdf if isinstance(case.urdf, str) else case.urdf.read_text(encoding="utf-8")
-    urdf.write_text(text, encoding="utf-8")
-    messages = hostile_messages(case, 3, 500)
-    recording = dd.read_recording(
-        write_case(tmp_path / "x.mcap", messages), case.model, parameters=case.own_parameters
-    )
-    states = recording.states
-    assert len(recording) > 100 and states.stamp_received.any()
-    live = Live(peer, f"/robot{list(CASES).index(name)}", urdf, case.parameters)
-    with live.process:
-        live.feed(messages)
-        published, counts = list(live.states.messages), live.counts()
-    assert counts == {key: count for key, count in recording.counts.items() if count}
-    assert [nanoseconds(one.header.stamp) for one in published] == states.stamp.tolist()
-    assert [nanoseconds(one.oldest_stamp) for one in published] == states.oldest_stamp.tolist()
-    for field in ("position", "velocity"):
-        assert (
-            np.array([getattr(one, field) for one in published]).tobytes()
-            == getattr(states, field).tobytes()
-        )
-    assert [one.effort_valid for one in published] == states.effort_known.tolist()
-    assert [one.stamp_is_receive_time for one in published] == states.stamp_received.tolist()
-    assert [one.velocity_estimated for one in published] == states.velocity_estimated.tolist()
-    for k, one in enumerate(published):
-        effort = states.effort[k] if states.effort_known[k] else np.empty(0)
-        assert np.array(one.effort).tobytes() == effort.tobytes()
 
 
 # --- external torque and collisions, for each parameter

@@ -11,11 +11,11 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 import robots
-from diag_dynamics import DiagonalDynamics, Parameters, load_urdf
+from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.parameters.monitor import PARAMETERS
 from launches import launched
-from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth, nanoseconds
+from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth
 from simulators import Simulator
 
 
@@ -51,15 +51,18 @@ def test_description(wave):
 
 def test_description_of_a_xacro_file(peer, tmp_path):
     """The simulator publishes the URDF that xacro makes of the file and its arguments."""
-    path = tmp_path / "arm.urdf.xacro"
+    path, own = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
+    own.write_text("joints: {left_turn: {damping: 0.5}}")
     path.write_text(
         '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/><link name="tip"><inertial>'
         '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
         '<joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>'
     )
     topic = peer.topic(String, "/expanded/robot_description", LATCHED)
-    with peer.start("simulator", "-r", "__ns:=/expanded", robot_description=f"{path} side:=left"):
+    parameters = {"robot_description": f"{path} side:=left", "parameters_file": str(own)}
+    with peer.start("simulator", "-r", "__ns:=/expanded", **parameters) as simulator:
         peer.wait_until(lambda: topic.messages, "a description")
+        assert f"Parameters of 1 joint from '{own}'." in simulator.output
     assert load_urdf(topic.messages[-1].data).dof_names == ("left_turn",)
     with pytest.raises(DiagDynamicsError, match="Give side:=VALUE"):
         peer.start("simulator", robot_description=str(path))
@@ -168,29 +171,3 @@ def test_gravity_that_is_set_while_it_loads(peer):
         dyn = DiagonalDynamics(simulator.model.with_gravity(moon))
         expected = dyn.evaluate(message.position, message.velocity).gravity
         np.testing.assert_allclose(message.gravity, expected, rtol=1e-9, atol=1e-9)
-
-
-def test_flexible_joints(peer, tmp_path):
-    """Joint states carry motor positions and spring torques, the truth the states and efforts of links."""
-    name, stiffness = "shoulder_lift_joint", 2000.0
-    spring = {"stiffness": stiffness, "rotor_inertia": 1e-4, "gear": 50.0, "effort": "spring"}
-    Parameters.from_dict({"flexible_joints": {name: spring}}).save(tmp_path / "arm.yaml")
-    with Simulator(
-        peer, "/springs", UR5, rate=250.0, parameters_file=str(tmp_path / "arm.yaml")
-    ) as simulator:
-        peer.wait_until(lambda: len(simulator.truth.messages) >= 50, "the truth")
-        truths = {nanoseconds(one.header.stamp): one for one in simulator.truth.messages}
-        states = list(simulator.states.messages)
-        log = simulator.process.output
-    assert f"Parameters of 1 joint from '{tmp_path / 'arm.yaml'}'." in log
-    k, stretches = simulator.robot.names.index(name), []
-    for measured in [one for one in states if nanoseconds(one.header.stamp) in truths]:
-        truth, place = truths[nanoseconds(measured.header.stamp)], measured.name.index(name)
-        torque = measured.effort[place]
-        stretches.append(measured.position[place] - truth.position[k])
-        assert (
-            truth.effort[k]
-            == torque
-            == pytest.approx(stiffness * stretches[-1], rel=1e-9, abs=1e-9)
-        )
-    assert len(stretches) >= 20 and np.abs(stretches).max() > 1e-3

@@ -7,14 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from rclpy.exceptions import ParameterException
 
 import diag_dynamics as dd
-from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import Thresholds
 from diag_dynamics.nodes.monitor.collisions import LiveAlarm
 from diag_dynamics.nodes.support.statuses import ERROR, OK, WARN
-from diag_dynamics.parameters.files import parameters_of
 from nodes import MS, PANDA, Monitor, S, joint_state, nanoseconds, robot
 from pushed import GAIN, STEP, TORQUE, Motion, feed, subscribed
 
@@ -121,21 +118,13 @@ def last_line(monitor):
     return monitor.process.output.split("\n")[-1].partition("]: ")[2]
 
 
-def test_no_thresholds(monitor, free):
-    """Without parameters they are infinite, and nothing is a collision."""
-    message = feed(monitor, [free] * 2)[1]
-    count = len(message.dof_names)
-    for thresholds in (message.collision_threshold, message.contact_threshold):
-        assert list(thresholds) == [math.inf] * (count + 2)
-    assert list(message.joint_collision) == [False] * count
-
-
 def test_alarms(monitor, panda, free):
-    """Log and diagnostics name joint, torque and threshold at once."""
+    """Log and diagnostics name joint, torque and threshold at once; a contact is no warning."""
     limits = dict.fromkeys(panda.names, 40.0) | {"panda_joint2": 20.0}
     pushed = Motion(panda, 30.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
     values = {
         "collision.threshold": ["panda_joint2=20", "*=40", "total=25", "norm=50"],
+        "contact.threshold": ["*=12", "total=15", "norm=40"],
     }
     with monitor.having(**values):
         restart(monitor)
@@ -144,6 +133,10 @@ def test_alarms(monitor, panda, free):
         found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
         assert not found[-1].collision and not any(found[-1].joint_collision)
         assert list(found[0].collision_threshold) == [*limits.values(), 25.0, 50.0]
+        assert list(found[0].contact_threshold) == [12.0] * len(panda.names) + [15.0, 40.0]
+        touched = next(m for m in found if m.contact)
+        assert not touched.collision and not found[-1].contact
+        assert f"Contact: panda_joint2 {touched.external_torque[1]:.3g}" in monitor.process.output
         first = next(m for m in found if m.collision)
         assert list(first.joint_collision) == [name == "panda_joint2" for name in panda.names]
         entries = monitor.reports[count].entries
@@ -152,9 +145,7 @@ def test_alarms(monitor, panda, free):
         assert monitor.reports[count].values["detectors"] == cause
         assert last_line(monitor) == f"Collision: {cause}."
         assert monitor.reports[count].count("collisions") == before + 1
-
-
-LOWER = {"contact.threshold": ["*=12", "total=15", "norm=40"]}
+        monitor.next_report()
 
 
 def covariance(panda, deviation=0.1):
@@ -162,30 +153,6 @@ def covariance(panda, deviation=0.1):
     entries = (deviation**2 * np.eye(len(panda.names))).ravel().tolist()
     joints = list(panda.names)
     return {"external_torque.covariance_joints": joints, "external_torque.covariance": entries}
-
-
-def test_contact_thresholds(monitor, panda, free):
-    """A push between the thresholds of contact and collision is a contact, without a warning."""
-    pushed = Motion(panda, 17.0 * (np.array(panda.names) == "panda_joint2"), size=0.0)(0)
-    values = {"collision.threshold": ["*=20"]}
-    with monitor.having(**values):
-        message = feed(monitor, [free])[0]
-        assert list(message.contact_threshold) == [math.inf] * (len(panda.names) + 2)
-        assert not message.contact and not message.touched_links
-    with monitor.having(**values, **LOWER):
-        feed(monitor, [free] * 3)
-        before = monitor.next_report().count("contacts")
-        found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 150)
-        assert found[254].contact and not found[0].contact and not found[-1].contact
-        assert not any(m.collision for m in found)
-        assert list(found[0].contact_threshold) == [12.0] * len(panda.names) + [15.0, 40.0]
-        report = monitor.next_report()
-        assert report.entries[TORQUE].level == OK and report.count("contacts") == before + 1
-        assert report.entries[TORQUE].message == "contact: panda_joint2"
-        assert report.values["detectors"].startswith("panda_joint2 1")
-        assert "Contact: panda_joint2 1" in monitor.process.output
-        found = feed(monitor, [free] * 5)
-        assert monitor.next_report().entries[TORQUE].message == "no collision"
 
 
 def test_touched_link(monitor, panda, free):
@@ -218,47 +185,6 @@ def test_touched_link(monitor, panda, free):
     values = noise | {"external_torque.covariance_joints": ["*" + name for name in panda.names]}
     result = monitor.set_parameters(values)
     assert not result.successful and "external_torque.covariance_joints lacks" in result.reason
-
-
-def test_the_file_of_a_calibration(peer, panda, free, tmp_path):
-    """A node takes it by --params-file: gain, friction, and every threshold."""
-    joints = {name: 20.0 + k for k, name in enumerate(panda.names)}
-    thresholds = Thresholds({**joints, "total": 31.5, "norm": 4.25}, 0.6, 0.3, 1.5, 0.4)
-    trust = {
-        "requested": 1 / 60,
-        "duration": 300.0,
-        "alarms": 4,
-        "held_out": 5,
-        "method": "tail",
-        "peaks": 50,
-    }
-    contact = Calibration(
-        limits={"norm": 3.5, "*": 9.0, "total": 30.0}, gain=GAIN, friction=True, **trust
-    )
-    covariance = np.diag(np.arange(1.0, 1.0 + len(panda.names)))
-    noise = {
-        "contact": contact,
-        "covariance": covariance,
-        "names": panda.names,
-    }
-    found = Calibration(**vars(thresholds), gain=GAIN, friction=True, **trust, **noise)
-    found.save(tmp_path / "alarms.yaml")
-    arguments = "--params-file", str(tmp_path / "alarms.yaml")
-    with Monitor(peer, "/calibrated", *arguments, robot_description=panda.path) as monitor:
-        message = feed(subscribed(monitor), [free] * 2)[1]
-        assert list(message.collision_threshold) == [*joints.values(), 31.5, 4.25]
-        values = parameters_of([tmp_path / "alarms.yaml"])
-        assert values["external_torque.gain"] == GAIN
-        names = "release", "hold_off", "standing", "stiction"
-        assert [values[f"collision.{name}"] for name in names] == [0.6, 0.3, 1.5, 0.4]
-        assert peer.get_parameters(monitor.name, list(values)) == values
-        joints = len(panda.names)
-        assert f"Collision thresholds of {joints} joints." in monitor.process.output
-    content = (tmp_path / "alarms.yaml").read_text()
-    for size in (content.index("31.5") + 2, content.index("    external_torque:")):
-        (tmp_path / "alarms.yaml").write_text(content[:size])
-        with pytest.raises((dd.InputError, ParameterException), match="gain is 0"):
-            peer.start("monitor", "--ros-args", *arguments)
 
 
 def test_when_it_is_computed(monitor, standing, panda):

@@ -68,12 +68,6 @@ def test_a_topic_reports_motion_and_success(arm):
         np.testing.assert_allclose(desired.velocities, 0.6 * (t - t**2), atol=0.02)
 
 
-def test_rejection_names_the_joint(arm):
-    arm.trajectory.publish(trajectory([(1.0, GOAL)], ["wing", *NAMES[1:]]))
-    status = arm.wait_for(lambda s: "joint_names has 'wing'" in s.trajectory_reason, "the reason")
-    assert status.trajectory_code == -1 and not status.trajectory_active
-
-
 def test_a_pose_in_a_frame_of_tf(arm):
     """Its target is Pinocchio's composition of transform and pose; unknown and old frames are named."""
     arm.switch("pose")

@@ -105,23 +105,6 @@ def test_wrench_on_the_hand(frames):
     )
 
 
-def test_weights_of_the_noise(frames):
-    """With the calibrated covariance Σ that of the wrench is (JΣ⁻¹Jᵀ)⁻¹."""
-    rng, n = np.random.default_rng(1), len(ARM.names)
-    A = 0.1 * rng.normal(size=(n, n))
-    noise = A @ A.T + 0.01 * np.eye(n)
-    values = {
-        "external_torque.covariance": noise.ravel().tolist(),
-        "external_torque.covariance_joints": [*ARM.names],
-    }
-    with frames.monitor.having(**values, **WIDE):
-        frames.feed(*[pushed(FORCE)(0)] * 400)
-    J, estimate = jacobian(HAND), frames.at(HAND)[-1]
-    expected = np.linalg.inv(J @ np.linalg.solve(noise, J.T))
-    np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), expected, atol=1e-9)
-    np.testing.assert_allclose(vector(estimate.wrench), FORCE, rtol=1e-6)
-
-
 def test_no_wrench_without_a_result(frames):
     """A controller receives nothing; the estimates say so, with zeros."""
     state = pushed(FORCE)(0)

@@ -8,7 +8,7 @@ import pinocchio as pin
 import scipy.linalg
 
 import diag_dynamics as dd
-from described import MS, UR5, S, robot
+from described import UR5, S, robot
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import TRACKING
 from diag_dynamics.control.references import Waypoints
@@ -96,34 +96,51 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
     return state.g - state.m @ damping @ (state.m.T @ qd) + force
 
 
-def loop_of(arm, compensated=False, **values):
-    """Return a loop in mode tracking with the default parameters but for `values`."""
+def control_loop(model, compensated=False, points=None, **values):
+    """Return a loop with the default parameters but for `values`."""
     defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-    defaults |= {"controlled_link": "tool0", "initial_mode": TRACKING}
-    return ControlLoop(arm, defaults | values, compensated)
+    return ControlLoop(model, defaults | values, compensated, points)
 
 
-class Closed:
+def loop_of(arm, compensated=False, **values):
+    """Return a loop in mode tracking with the tool as its link, by default."""
+    values = {"controlled_link": "tool0", "initial_mode": TRACKING} | values
+    return control_loop(arm, compensated, **values)
+
+
+class Cycles:
+    """A loop on a plant, cycle by cycle; `lost` has the texts of modes that were left."""
+
+    def __init__(self, loop, plant, rate=1000):
+        self.loop, self.plant, self.rate, self.stamp, self.lost = loop, plant, rate, S, []
+
+    def step(self):
+        """Return the command for the next state of the plant."""
+        self.stamp += S // self.rate
+        sent = self.loop.step(state_at(self.stamp, self.plant.q, self.plant.qd), self.stamp)
+        self.lost += [sent.lost] if sent.lost else []
+        return sent
+
+
+class Closed(Cycles):
     """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1 kHz."""
 
     def __init__(self, arm, q, qd=None, carried=True, **values):
         """Put the arm somewhere; carried, it is at first."""
-        self.loop = loop_of(arm, **values)
         nothing = np.zeros(6)
-        self.arm = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
-        self.stamp, self.sent, self.fastest, self.most = S, None, nothing, 0.0
-        self.way, self.lost = [np.array(q, dtype=float)], []
+        plant = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
+        super().__init__(loop_of(arm, **values), plant)
+        self.sent, self.fastest, self.most = None, nothing, 0.0
+        self.way = [np.array(q, dtype=float)]
         if carried:
             self.loop.limits.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))
 
     def go(self, seconds, push=None):
         """Let it go on; a push is a wrench on the tool."""
         for _ in range(round(1000 * seconds)):
-            self.stamp += MS
-            self.sent = self.loop.step(state_at(self.stamp, self.arm.q, self.arm.qd), self.stamp)
-            self.arm.advance(self.sent.effort, f_ext=push)
-            self.way.append(self.arm.q.copy())
+            self.sent = self.step()
+            self.plant.advance(self.sent.effort, f_ext=push)
+            self.way.append(self.plant.q.copy())
             self.most = max(self.most, self.loop.energy)
-            self.fastest = np.maximum(self.fastest, np.abs(self.arm.qd))
-            self.lost += [self.sent.lost] if self.sent.lost else []
+            self.fastest = np.maximum(self.fastest, np.abs(self.plant.qd))
         return self

@@ -9,11 +9,8 @@ import pinocchio as pin
 
 import diag_dynamics as dd
 import robots
-from arm import state_at
+from arm import Cycles, control_loop
 from controlled import ARM, START, UR5, Z1
-from described import S
-from diag_dynamics.control.loop import ControlLoop
-from diag_dynamics.parameters.controller import PARAMETERS
 
 STEP = 5e-4
 """Step of the plant [s]."""
@@ -104,27 +101,21 @@ class RubbingArm:
             self.q = self.q + STEP * self.qd
 
 
-class Closed:
+class Closed(Cycles):
     """Control loop with default parameters but for `values`, on an arm that it carries at first."""
 
     def __init__(self, robot, q, link, rate, load=0.0, friction=1.0, **values):
         model = dd.load_urdf(robot.source, **robot.options)
-        defaults = {name: spec.default for name, spec in PARAMETERS.items()}
-        self.loop, self.lost = ControlLoop(model, defaults | values, False), []
-        self.plant = RubbingArm(robot, model.dof_names, q, link, load, friction)
-        self.stamp, self._rate = S, rate
+        plant = RubbingArm(robot, model.dof_names, q, link, load, friction)
+        super().__init__(control_loop(model, **values), plant, rate)
         self.loop.limits.reset(self.plant.gravity_torque())
 
     def run(self, seconds):
         """Run for a time [s]; return the efforts of all cycles."""
         efforts = []
-        for _ in range(round(seconds * self._rate)):
-            self.stamp += S // self._rate
-            state = state_at(self.stamp, self.plant.q, self.plant.qd)
-            sent = self.loop.step(state, self.stamp)
-            self.plant.advance(sent.effort, 1.0 / self._rate)
-            efforts.append(sent.effort)
-            self.lost += [sent.lost] if sent.lost else []
+        for _ in range(round(seconds * self.rate)):
+            efforts.append(self.step().effort)
+            self.plant.advance(efforts[-1], 1.0 / self.rate)
         return np.array(efforts)
 
     def go(self, goal, seconds=3.5):
