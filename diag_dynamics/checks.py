@@ -218,7 +218,7 @@ def _numeric(name: str, value: Any, kind: str) -> Any:
 
 def check_finite(name: str, values: Array, names: Sequence[str]) -> None:
     """Reject a vector, or rows, with an entry that is not finite."""
-    if not np.isfinite(values).all():
+    if not math.isfinite(np.vdot(values, values)) and not np.isfinite(values).all():
         *state, k = np.argwhere(~np.isfinite(values))[0]
         entry = f"{name} of joint '{names[k]}'"
         entry = f"state {state[0]}: {entry}" if state else entry

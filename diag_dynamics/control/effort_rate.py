@@ -17,7 +17,7 @@ from diag_dynamics.checks import per_name
 from diag_dynamics.control.laws import Command, Gain
 from diag_dynamics.control.limits import EnergyLimiter, names_where
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps.limits import foresee
+from diag_dynamics.sweeps.limits import ROWS, foresee
 
 SHARE = 0.5
 """Fraction of the effort rate that a law may demand."""
@@ -112,19 +112,19 @@ class EffortRate:
         energy = self._energy
         if energy is None or not period:
             return self.towards(demand, last, period), False
-        nu, g, rows = command.nu, command.gravity_torque, np.empty((4, len(last)))
-        share, back = 0.5 * nu * nu, 1.0 - min(energy.rate * period, 1.0)
+        rows = np.empty((ROWS, len(last)))
         brakes = foresee(
             self._dynamics.factors(q).l,
-            nu,
+            command.nu,
             last,
             demand,
             period * self.rate,
             period,
-            max(energy.limit, float(share.sum()) * back),
-            np.maximum(energy.joint_limit, share * back),
-            -bound - g,
-            bound - g,
+            energy.limit,
+            energy.joint_limit,
+            energy.rate,
+            command.gravity_torque,
+            bound,
             rows,
         )
         return rows[0], bool(brakes)

@@ -203,7 +203,8 @@ class Limits:
         bound, demand, offset = self._saturation.limit, saturated.tau, g
         if self._compensated:  # weight beyond the limit is left to the robot
             bound = np.maximum(bound, np.abs(g))
-            demand = np.clip(g + self.scale * (command.tau - g), -bound, bound) - g
+            demand = g + self.scale * (command.tau - g)
+            demand = np.minimum(np.maximum(demand, -bound), bound) - g
             offset = np.zeros_like(g)
         moving = demand - offset, self.sent - offset
         reached, brakes = self._rate.foreseen(q, command, *moving, bound, period)

@@ -11,6 +11,7 @@ disturbance observer's residual.
 from __future__ import annotations
 
 import math
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps import kinematics
-from diag_dynamics.sweeps.limits import project
+from diag_dynamics.sweeps.limits import project, saturate
 
 HEAVY = 0.9
 """Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
@@ -47,7 +48,7 @@ IMMOBILE = 1e-9
 
 def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
     """Return the names at which a mask of bool is true."""
-    return tuple(name for name, is_true in zip(names, mask.tolist(), strict=True) if is_true)
+    return tuple(compress(names, mask))
 
 
 class EnergyLimiter:
@@ -125,6 +126,7 @@ class EffortSaturation:
         self.limit = per_name(
             "effort limit", limit, self._names, "a number > 0 [N m, N]", lambda x: x > 0.0
         )
+        saturate.compile()
 
     def filter(self, command: Command) -> Command:
         """Return the command within the limits.
@@ -134,16 +136,9 @@ class EffortSaturation:
         limit, g = self.limit, command.gravity_torque
         if (np.abs(command.tau) <= limit).all():
             return command
-        moving = command.tau - g
-        margin = np.where(moving > 0.0, limit - g, limit + g)
-        factor = np.ones_like(moving)
-        beyond = np.abs(moving) > np.maximum(margin, 0.0)  # and so not zero
-        factor[beyond] = margin[beyond] / np.abs(moving[beyond])
-        overload = np.clip((np.abs(g) / limit - HEAVY) / (1.0 - HEAVY), 0.0, 1.0)
-        scale = float(np.where(overload < 1.0, factor + overload * (1.0 - factor), 1.0).min())
-        scaled = g + scale * moving
-        limited = names_where(self._names, np.abs(scaled) >= limit * (1.0 - 1e-12))
-        tau = np.clip(scaled, -limit, limit)
+        tau = np.empty_like(g)
+        scale = saturate(command.tau, g, limit, HEAVY, tau)
+        limited = names_where(self._names, np.abs(tau) >= limit * (1.0 - 1e-12))
         return command._replace(
             tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited
         )
