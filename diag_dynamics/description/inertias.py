@@ -10,27 +10,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import mapping, numbers
-from diag_dynamics.description.records import Description, Payload
+from diag_dynamics.checks import numbers
+from diag_dynamics.description.records import Payload
 from diag_dynamics.exceptions import InputError
 
 LARGEST = 1e9  # largest mass, length, inertia or armature accepted, in SI units
-
-
-def checked_payloads(value: object, description: Description) -> dict[str, Payload]:
-    """Return each :class:`Payload` with mass, of read-only arrays."""
-    checked = {}
-    for name, entry in mapping("payloads", value).items():
-        if name not in description.links:
-            raise InputError(f"payloads: {name!r} is not a link of robot '{description.name}'.")
-        try:
-            payload = Payload(*entry)
-        except TypeError as error:
-            raise InputError(
-                f"payloads: '{name}' has {entry!r}, expected (mass, com, inertia)."
-            ) from error
-        checked[name] = checked_body(payload, "payloads: ", f" on link '{name}'")
-    return {name: payload for name, payload in checked.items() if payload.mass > 0.0}
 
 
 def checked_body(

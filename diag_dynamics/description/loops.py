@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,23 +24,35 @@ COUPLINGS = "loops", "mimics", "flexible_links"
 """Keys of a file."""
 
 
-def with_couplings(description: Description, source: Any) -> Description:
-    """Return a description with loops and non-linear mimic joints of a YAML file or its content.
+class Couplings(NamedTuple):
+    """Content of a file, and its path for errors."""
 
-    A list has loops alone.
+    name: str
+    content: Mapping[str, Any]
 
-    Loops of a source replace those of the robot's own file, and take from one of the same name the
-    fields that they lack.
-    """
-    if source is None:
-        return description
+
+def read_couplings(source: Any) -> Couplings:
+    """Return the couplings of a YAML file or its content. A list has loops alone."""
     name = "loops"
     if isinstance(source, str | os.PathLike):
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
+    if source is None:
+        source = {}
     if not isinstance(source, Mapping):
         source = {"loops": source}
-    mapping(name, source, COUPLINGS)
-    entries = source.get("loops", description.loops) or ()
+    return Couplings(name, mapping(name, source, COUPLINGS))
+
+
+def with_couplings(description: Description, couplings: Couplings) -> Description:
+    """Return a description with loops and non-linear mimic joints.
+
+    They replace loops of the robot's own file, and take from one of the same name the fields that
+    they lack.
+    """
+    name, content = couplings
+    if not content:
+        return description
+    entries = content.get("loops", description.loops) or ()
     if isinstance(entries, str | Mapping) or not isinstance(entries, Sequence):
         raise InputError(f"{name}: loops is {entries!r}, expected a list.")
     in_file = {loop.name: loop._asdict() for loop in description.loops}
@@ -49,7 +61,7 @@ def with_couplings(description: Description, source: Any) -> Description:
         if count > 1:
             raise InputError(f"{name}: two loops have the name '{loop_name}'.")
     curves = dict(description.curves)
-    for joint, entry in mapping(f"{name}: mimics", source.get("mimics") or {}).items():
+    for joint, entry in mapping(f"{name}: mimics", content.get("mimics") or {}).items():
         is_curve = isinstance(entry, Curve)
         curves[joint] = entry if is_curve else _curve(f"{name}: mimics of '{joint}'", entry)
     return description._replace(loops=loops, curves=curves)

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
+from diag_dynamics.checks import vector
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.rotations import from_rpy
 
@@ -223,6 +225,109 @@ class Joint(NamedTuple):
         return self.armature
 
 
+class Station(NamedTuple):
+    """A frame of a flexible link, in the axes of its beam.
+
+    It is at `at` + Φη − ½ e ηᵀHη, turned by R_z R_y R_x of Θη.
+    """
+
+    at: Array  # (3,) [m]
+    shape: Array  # Φ (3, n)
+    slope: Array  # Θ (3, n)
+    shortening: Array  # H (n, n)
+    mass: float = 0.0
+    inertia: tuple[float, float, float] = (0.0, 0.0, 0.0)  # about its axes [kg m²]
+
+
+class FlexibleLink(NamedTuple):
+    """A link with modes η of unit modal mass, the positions [√kg m] of the joints `modes`.
+
+    Attributes
+    ----------
+    modes : tuple of str
+        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it; others
+        are ``<link>/m1`` ….
+    axes : ndarray, shape (3, 3)
+        Axes of the beam in the link: x leads to the tip.
+    frequencies, damping_ratio : ndarray, shape (n,)
+        Of the link clamped at its origin [rad/s], and [1].
+    sections : tuple of Station
+        The mass of the link.
+    tips : mapping
+        :class:`Station` of each joint that the modes move.
+    bends : ndarray, shape (p, 2, n)
+        Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of
+        `bending_energy`.
+    """
+
+    modes: tuple[str, ...]
+    axes: Array
+    frequencies: Array
+    damping_ratio: Array
+    sections: tuple[Station, ...]
+    tips: Mapping[str, Station]
+    bends: Array
+
+    def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
+        """Return −ω²η − 2ζω η̇ − ∂U₄₆/∂η, shape (n,), the efforts of stiffness and damping."""
+        eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
+        linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
+        curvature, slope = (self.bends @ eta).T
+        moment = curvature * (slope**2 + slope**4) @ self.bends[:, 0]
+        return np.asarray(
+            -linear - moment - curvature**2 * (slope + 2.0 * slope**3) @ self.bends[:, 1]
+        )
+
+    def slope(self, eta: Array) -> float:
+        """Return the largest rotation of a tip about an axis of the beam [rad]."""
+        return max(float(np.abs(tip.slope @ eta).max()) for tip in self.tips.values())
+
+
+class Form(NamedTuple):
+    """A joint whose position follows modes η: constant + linearᵀη + ½ηᵀ quadratic η."""
+
+    sources: tuple[str, ...]
+    constant: float
+    linear: Array
+    quadratic: Array
+
+    def without(self, locked: Mapping[str, float]) -> Form:
+        """Return the form with the positions of modes that are held in its constants."""
+        eta = np.array([locked.get(name, 0.0) for name in self.sources])
+        free = [k for k, name in enumerate(self.sources) if name not in locked]
+        bent = self.quadratic @ eta
+        constant = self.constant + self.linear @ eta + 0.5 * bent @ eta
+        sources = tuple(self.sources[k] for k in free)
+        return Form(
+            sources, float(constant), (self.linear + bent)[free], self.quadratic[np.ix_(free, free)]
+        )
+
+
+class Flexible(NamedTuple):
+    """Flexible links of a robot, forms of the joints that follow modes, and joints of each link."""
+
+    links: Mapping[str, FlexibleLink] = {}  # never changed
+    forms: Mapping[str, Form] = {}  # never changed
+    groups: tuple[frozenset[str], ...] = ()
+
+    @property
+    def joints(self) -> frozenset[str]:
+        """All joints that are modes or follow them."""
+        return frozenset().union(*self.groups)
+
+    def without(self, locked: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
+        """Return the links without modes that are held, and all joints that are held then."""
+        if wrong := sorted(self.forms.keys() & locked.keys()):
+            raise InputError(
+                f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these."
+            )
+        forms = {name: form.without(locked) for name, form in self.forms.items()}
+        rigid = {name: form.constant for name, form in forms.items() if not form.sources}
+        forms = {name: form for name, form in forms.items() if form.sources}
+        groups = tuple(group - locked.keys() - rigid.keys() for group in self.groups)
+        return Flexible(self.links, forms, groups), locked | rigid
+
+
 class Description(NamedTuple):
     """A robot: a tree of links and joints by name in the file's order, and loops that close in it.
 
@@ -230,6 +335,8 @@ class Description(NamedTuple):
     positions of `locked` joints [rad, m] too; `omitted` has its forces that no model has, `balls`
     its ball joints, each of three hinges. `estimated_links` have an inertia estimated from
     geometry. `couplings`, `motor_efforts` and `friction_velocity` are those of :class:`Parameters`.
+    Arguments of :func:`load_urdf` are merged, too; `held` are positions of joints that
+    massless="lock" locks.
     """
 
     name: str
@@ -239,8 +346,8 @@ class Description(NamedTuple):
     loops: tuple[Loop, ...] = ()
     curves: Mapping[str, Curve] = {}  # non-linear mimic joints
     driven: tuple[str, ...] = ()
-    floating_base: bool | None = None
-    gravity: Array | None = None
+    floating_base: bool = False
+    gravity: VectorLike = (0.0, 0.0, -9.81)
     locked: Mapping[str, float] = {}
     omitted: tuple[str, ...] = ()
     balls: tuple[str, ...] = ()
@@ -248,6 +355,11 @@ class Description(NamedTuple):
     couplings: Mapping[str, Coupling] = {}
     motor_efforts: bool = False
     friction_velocity: float = FRICTION_VELOCITY
+    mimic: str = "embed"
+    massless: str = "error"
+    payloads: Mapping[str, Payload] = {}
+    held: Mapping[str, float] = {}
+    flexible: Flexible = Flexible()
 
     def with_joints(self, *joints: Joint) -> Description:
         """Return this description with these joints in place of those of the same names."""

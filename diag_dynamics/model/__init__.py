@@ -12,13 +12,13 @@ from diag_dynamics.description.records import (
     Coupling,
     Curve,
     FlexibleJoint,
+    FlexibleLink,
     Loop,
     LoopEnd,
     Mimic,
     Payload,
 )
 from diag_dynamics.description.text import urdf_text
-from diag_dynamics.model.flexible_links import FlexibleLink
 from diag_dynamics.model.links import end_effector_link
 from diag_dynamics.model.loading import load_mjcf, load_robot, load_urdf
 from diag_dynamics.model.robot import RobotModel

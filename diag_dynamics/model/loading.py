@@ -13,29 +13,26 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import choice, not_negative
+from diag_dynamics.description.arguments import (
+    with_armature,
+    with_gravity,
+    with_locked_joints,
+    with_payloads,
+)
 from diag_dynamics.description.catalog import robot_path
 from diag_dynamics.description.checks import warn, warn_of_inertias
+from diag_dynamics.description.flexible_links import with_flexible_links
 from diag_dynamics.description.geometry import estimated
-from diag_dynamics.description.inertias import checked_payloads
-from diag_dynamics.description.loops import with_couplings
+from diag_dynamics.description.loops import read_couplings, with_couplings
 from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.description.urdf import describe_urdf
 from diag_dynamics.exceptions import InertiaWarning, InputError, LoopWarning
-from diag_dynamics.model.flexible_links import read_flexible_links, with_flexible_links
-from diag_dynamics.model.options import (
-    Options,
-    checked_gravity,
-    checked_locked,
-    with_armature,
-)
 from diag_dynamics.model.robot import RobotModel, build
 
 Couplings = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
-
-STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 # Options of load_urdf that an MJCF has itself, or that belong to the text of a URDF
 OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias", "xacro_args")
@@ -124,28 +121,28 @@ def load_urdf(
     description = _described(source, xacro_args, estimate_inertias)
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    if gravity is None:
-        gravity = STANDARD_GRAVITY if description.gravity is None else description.gravity
-    description = with_couplings(description, loops)
+    couplings = read_couplings(loops)
+    description = with_couplings(description, couplings)
     additional = Parameters() if parameters is None else read_parameters(parameters)
     description = with_parameters(description, additional)
     warn_of_inertias(description, additional.lighter_links)
-    description, flexible = with_flexible_links(description, read_flexible_links(loops))
+    description = with_flexible_links(description, couplings)
     description = with_armature(description, armature)
     if friction_velocity is not None:
         velocity = not_negative("friction_velocity", friction_velocity, "[rad/s, m/s]")
         description = description._replace(friction_velocity=velocity)
-    locked = checked_locked({} if locked_joints is None else locked_joints, description)
-    options = Options(
-        floating_base=bool(floating_base or description.floating_base),
-        gravity=checked_gravity(gravity),
-        mimic=mimic,
-        massless=massless,
-        locked={**description.locked, **locked},
-        payloads=checked_payloads({} if payloads is None else payloads, description),
-        flexible_links=flexible,
+    if locked_joints is not None:
+        locked = with_locked_joints(description, locked_joints).locked
+        description = description._replace(locked={**description.locked, **locked})
+    if gravity is not None:
+        description = with_gravity(description, gravity)
+    if payloads is not None:
+        description = with_payloads(description, payloads)
+    floating_base = bool(floating_base or description.floating_base)
+    model = build(
+        description._replace(floating_base=floating_base, mimic=mimic, massless=massless),
+        additional,
     )
-    model = build(description, options, additional)
     _warn_of_balls(model)
     if description.omitted:
         text = f"Forward and inverse dynamics of robot '{model.name}' omit: "

@@ -14,13 +14,24 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import warn
-from diag_dynamics.description.records import SINGLE, Curve, Description, Loop, Mimic
-from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
-from diag_dynamics.model.flexible_links import Flexible, form_tables
+from diag_dynamics.description.records import (
+    SINGLE,
+    Curve,
+    Description,
+    Flexible,
+    Form,
+    Loop,
+    Mimic,
+)
+from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, MimicJointError
+from diag_dynamics.model.mimic import resolve_mimics
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.text import listed
+
+MAX_COUPLED = 1000
+"""Largest number of bodies in a coupled group."""
 
 DEPENDENT = 1e-7
 """Singular value of a loop's equations, by the largest, below which they depend on each other at
@@ -127,6 +138,28 @@ def resolve_curves(
                 result = mimic.multiplier, mimic.offset
                 resolved[name] = resolved[mimic.leader]._replace(result=result)
     return resolved
+
+
+def tree_of(description: Description) -> Tree:
+    """Return the tree of a description, its mimic joints and loops resolved."""
+    curves = {} if description.mimic == "free" else description.curves
+    mimics, locked = resolve_mimics(description)
+    coupled = None
+    flexible, locked = description.flexible.without(locked)
+    if description.loops or curves or flexible.forms:
+        curves = resolve_curves(description, curves, mimics, locked)
+        coupled = close(Tree(description, locked, {}), curves, mimics, flexible)
+        mimics = coupled.mimics
+    tree = Tree(description, locked, mimics, coupled)
+    for group, size in zip(tree.groups, tree.group_sizes, strict=True):
+        if size > MAX_COUPLED:
+            raise MimicJointError(
+                f"robot '{description.name}' has a group of {len(group)} coupled joints, "
+                f"'{group[0]}' to '{group[-1]}', of {size} bodies, and no more than "
+                f"{MAX_COUPLED} are accepted. Take every joint as independent (mimic: free).",
+                group,
+            )
+    return tree
 
 
 def close(
@@ -508,6 +541,17 @@ class _Cut:
 
 
 # --- Tables for the sweeps ------------------------------------------------------------------------
+
+
+def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tuple[Array, Array]:
+    """Return the records of forms for the sweeps, and their coefficients."""
+    records, coefficients = [], np.zeros(0)
+    for name, form in forms.items():
+        is_quadratic = form.quadratic.any()
+        rows = np.column_stack([form.linear, form.quadratic]) if is_quadratic else form.linear
+        records.append((first_body[name], len(coefficients), is_quadratic))
+        coefficients = np.concatenate([coefficients, [form.constant], np.ravel(rows)])
+    return np.array(records, couplings.FORM), coefficients
 
 
 def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTables | None:

@@ -24,17 +24,15 @@ if TYPE_CHECKING:
 _CURE = "The option mimic: free takes every joint as independent."
 
 
-def resolve_mimics(
-    description: Description, mode: str, locked: Mapping[str, float]
-) -> tuple[dict[str, Mimic], dict[str, float]]:
+def resolve_mimics(description: Description) -> tuple[dict[str, Mimic], dict[str, float]]:
     """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
 
-    Locked are `locked` and mimic joints that stand still, all of them if `mode` is "lock". Joints
-    with curves are no mimic joints.
+    Mimic joints that stand still are locked, too. Joints with curves are no mimic joints.
     """
     mimics: dict[str, Mimic] = {}
+    locked = {**description.locked, **description.held}
     positions = dict(locked)
-    if mode == "free":
+    if description.mimic == "free":
         return mimics, positions
     joints = description.joints
     followers = {
@@ -51,7 +49,7 @@ def resolve_mimics(
         if mimic.leader in locked or joints[mimic.leader].type == "fixed":
             leader_position = locked.get(mimic.leader, 0.0)
             positions[name] = mimic.offset + mimic.multiplier * leader_position
-        elif mode == "lock" or mimic.multiplier == 0.0:
+        elif description.mimic == "lock" or mimic.multiplier == 0.0:
             positions[name] = mimic.offset
         else:
             mimics[name] = mimic

@@ -16,7 +16,8 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
-from diag_dynamics.description.inertias import checked_payloads, not_physical
+from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
+from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.description.parameters import (
     Parameters,
     perturbed,
@@ -26,15 +27,15 @@ from diag_dynamics.description.parameters import (
 from diag_dynamics.description.records import (
     Coupling,
     Description,
+    Flexible,
     FlexibleJoint,
 )
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
-from diag_dynamics.model.flexible_links import Flexible, modal_effort
+from diag_dynamics.model.flexible_links import modal_effort
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle
-from diag_dynamics.model.loops import coupling_tables
+from diag_dynamics.model.loops import coupling_tables, tree_of
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
-from diag_dynamics.model.options import Options, checked_gravity, checked_locked, tree_of
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.rigid_body import RigidBody, symmetric
 from diag_dynamics.sweeps import joints, kinematics
@@ -63,6 +64,8 @@ class RobotModel:
 
     Attributes
     ----------
+    description : Description
+        Records of links and joints that the model is made of. Models share it: never change it.
     name, root_link : str
         Name of the robot, and the link that is fixed in the world, or moves freely.
     floating_base : bool
@@ -136,12 +139,12 @@ class RobotModel:
         omit of an MJCF, such as ``spring of joint 'knee'``.
     """
 
-    def __init__(self, tree: Tree, options: Options) -> None:
+    def __init__(self, tree: Tree) -> None:
         description = tree.description
         joints = description.joints
-        curves = {} if options.mimic == "free" else description.curves
+        curves = {} if description.mimic == "free" else description.curves
         springs = flexible_joints(tree)
-        bodies, links = tree.records(options.payloads)
+        bodies, links = tree.records(description.payloads)
         coupled = tree.coupled
         groups = coupled.groups if coupled else []
         self.name = description.name
@@ -159,8 +162,8 @@ class RobotModel:
         )
         self.link_names = tuple(link.name for link, _, _ in tree.links)
         self.root_link = description.root
-        self.floating_base = tree.floating_base
-        self.gravity = options.gravity
+        self.floating_base = description.floating_base
+        self.gravity = np.array(description.gravity, float)
         self.lower = tree.limits("lower")
         self.upper = tree.limits("upper")
         self.velocity_limit = tree.per_dof("velocity")
@@ -193,20 +196,21 @@ class RobotModel:
             tuple(name for name in tree.moving if name in group.joints) for group in groups
         )
         self.coupling_tables = coupling_tables(tree, coupled)
-        self.flexible_links = MappingProxyType(options.flexible_links.links)
+        self.flexible_links = MappingProxyType(dict(description.flexible.links))
         self.follower_damping = tree.of_followers("damping")
         self.follower_friction = tree.of_followers("friction")
         reject_friction(tree, self.followers)
         self.coupled_groups = tuple(tree.groups)
         self.locked_joints = MappingProxyType(dict(tree.locked))
-        self.payloads = MappingProxyType(dict(options.payloads))
+        self.payloads = MappingProxyType(dict(description.payloads))
         self.total_mass = float(links["mass"].sum())
         self.estimated_links = description.estimated_links
         self.omitted = description.omitted
         self.orientations = tree.orientations
         self.bodies = bodies
         self.links = links
-        self._tree, self._options = tree, options
+        self.description = description
+        self._tree = tree
         if self.followers:
             more = limit_by_followers(self, tree.moving, self.lower, self.upper)
             self.omitted = tuple(dict.fromkeys((*self.omitted, *more)))
@@ -230,14 +234,6 @@ class RobotModel:
         vars(model).pop("workspace", None)
         model._freeze()
         return model
-
-    @property
-    def description(self) -> Description:
-        """Records of links and joints that the model is made of.
-
-        Models share it: never change it.
-        """
-        return self._tree.description
 
     @property
     def nv(self) -> int:
@@ -408,8 +404,8 @@ class RobotModel:
 
         Everything else is shared.
         """
-        g = checked_gravity(gravity)
-        return self._with(gravity=g, _options=self._options._replace(gravity=g))
+        description = with_gravity(self.description, gravity)
+        return self._with(gravity=description.gravity, description=description)
 
     def with_payload(
         self,
@@ -424,8 +420,7 @@ class RobotModel:
         Joints that ``massless="lock"`` holds stay held.
         """
         load = (mass, com) if inertia is None else (mass, com, inertia)
-        payloads = checked_payloads({**self.payloads, link: load}, self.description)
-        return build(self.description, self._options._replace(payloads=payloads))
+        return build(with_payloads(self.description, {**self.payloads, link: load}))
 
     def without_payload(self, link: str) -> RobotModel:
         """Return this model without the payload of a link."""
@@ -448,7 +443,7 @@ class RobotModel:
             )
             raise InputError(f"{text} Give the parameters to load_urdf.")
         description = with_parameters(self.description, parameters)
-        return build(description, self._options._replace(held={}), parameters)
+        return build(description._replace(held={}), parameters)
 
     def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
         """Return this model with this effort of flexible joints.
@@ -460,8 +455,7 @@ class RobotModel:
             for joint in self.description.joints.values()
             if joint.spring is not None
         ]
-        options = self._options._replace(massless="error")
-        return build(self.description.with_joints(*joints), options)
+        return build(self.description.with_joints(*joints)._replace(massless="error"))
 
     def perturbed(self, part: float, seed: int = 0) -> RobotModel:
         """Return this model with random errors of its inertias, like those of a URDF.
@@ -473,15 +467,14 @@ class RobotModel:
         number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
         number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
         description = perturbed(self.description, part, np.random.default_rng(int(seed)))
-        return build(description, self._options._replace(held={}))
+        return build(description._replace(held={}))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these positions [rad, m] of locked joints, by name.
 
         An empty mapping releases all. Joints that other options of load_urdf lock are added.
         """
-        locked = checked_locked(locked_joints, self.description)
-        return build(self.description, self._options._replace(locked=locked, held={}))
+        return build(with_locked_joints(self.description, locked_joints))
 
     def placement_in_root(self, link: str) -> Array:
         """Return the placement (4x4) in the root link of a link that is rigidly attached to it."""
@@ -504,11 +497,10 @@ class RobotModel:
 
         Some may move no inertia.
         """
-        options = self._options._replace(
-            mimic="free", flexible_links=Flexible(), locked=self._tree.locked
+        description = self.description._replace(
+            mimic="free", loops=(), flexible=Flexible(), locked=self._tree.locked
         )
-        description = self.description._replace(loops=())
-        return RobotModel(tree_of(description, options), options)
+        return RobotModel(tree_of(description))
 
     def first_body(self, joint: str) -> int:
         """Return the first body of a joint that moves."""
@@ -526,30 +518,27 @@ class RobotModel:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self.description, self._options)
+        return _restored, (self.description,)
 
 
-def build(
-    description: Description, options: Options, applied: Parameters | None = None
-) -> RobotModel:
+def build(description: Description, applied: Parameters | None = None) -> RobotModel:
     """Build the model of a description; the mass that applied parameters take off must be there."""
     while True:
-        tree = tree_of(description, options)
+        tree = tree_of(description)
         if applied is not None:
             reject_too_light(tree, applied)
-        model = RobotModel(tree, options)
+        model = RobotModel(tree)
         massless, smallest = massless_freedoms(model)
-        more = positions_to_hold(model, massless) if options.massless == "lock" else {}
+        more = positions_to_hold(model, massless) if description.massless == "lock" else {}
         if not more:
             reject_massless(model, tree, massless, smallest)
             return model
-        options = options._replace(held={**options.held, **more})
+        description = description._replace(held={**description.held, **more})
 
 
-def _restored(description: Description, options: Options) -> RobotModel:
-    """Build a model from its pickled parts, whose arrays are writeable again."""
-    payloads = checked_payloads(options.payloads, description)
-    return build(description, options._replace(payloads=payloads))
+def _restored(description: Description) -> RobotModel:
+    """Build a model from its pickled description, whose arrays are writeable again."""
+    return build(with_payloads(description, description.payloads))
 
 
 def flexible_joints(tree: Tree) -> dict[str, FlexibleJoint]:

@@ -52,12 +52,11 @@ class Tree:
     def __init__(
         self,
         description: Description,
-        floating_base: bool,
         locked: Mapping[str, float],
         mimics: Mapping[str, Mimic],
         coupled: Coupled | None = None,
     ) -> None:
-        self.description, self.floating_base = description, floating_base
+        self.description = description
         self.locked, self.mimics, self.coupled = locked, mimics, coupled
         self._followers = coupled.followers if coupled else {}
         self.joints: list[MovingJoint] = []
@@ -108,7 +107,7 @@ class Tree:
         for joint in sorted(joints.values(), key=lambda joint: joint.name.encode(), reverse=True):
             outboard.setdefault(joint.parent, []).append(joint)
         base = None
-        if self.floating_base:
+        if self.description.floating_base:
             base = "root_joint"
             while base in joints:
                 base += "_"

@@ -5,10 +5,10 @@
 
 import numpy as np
 
+from diag_dynamics.description.arguments import LARGEST_GRAVITY
 from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
-from diag_dynamics.model.options import LARGEST_GRAVITY
 from diag_dynamics.parameters.spec import Spec, fixed
 
 MIMIC = ("embed", "free", "lock")

@@ -58,7 +58,7 @@ def fields(model) -> dict:
                 link: [np.array(part).tobytes() for part in payload]
                 for link, payload in value.items()
             }
-        elif not name.startswith("_"):
+        elif name != "description" and not name.startswith("_"):
             found[name] = dict(value) if name == "locked_joints" else value
     return found
 
