@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.exceptions import cause_of
+from diag_dynamics.exceptions import InputError, cause_of
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, joints_of
@@ -72,7 +72,7 @@ class Intake:
     def __init__(self, model, settings, names=None):
         values = settings.values
         self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
-        map_name = names.map_name if names else None
+        map_name, self._mapped = self._map_name if names else None, {}
         self._base = None
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
@@ -87,6 +87,14 @@ class Intake:
         """How many messages there were and what became of them, by the monitor's names."""
         jumps = self._base.jumps if self._base else 0
         return self._counts + self.assembler.counts + Counter({"time jumped back": jumps})
+
+    def _map_name(self, name):
+        """Return the robot's name of a joint; reject a second name of the same joint."""
+        joint = self.names.map_name(name)
+        if (other := self._mapped.setdefault(joint, name)) != name:
+            text = f"joint_names maps both '{other}' and '{name}' to joint '{joint}'"
+            raise InputError(f"{text}; expected one name of the recording for each joint.")
+        return joint
 
     def reject(self, now, error):
         """Count a state that was handed out and cannot be evaluated."""

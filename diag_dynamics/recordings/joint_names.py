@@ -10,7 +10,6 @@ from itertools import product
 from os.path import commonprefix
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.text import listed
 
 ANY = "*"  # the same text in a name of the recording and in that of the robot
 MAX_NAMES = 100  # names of each side that a proposal is sought for
@@ -53,36 +52,6 @@ class JointNames:
         """Return the names that a recording may have for a joint of the robot."""
         names = [_replace(target, name, joint) for name, target in self._entries.items()]
         return [name for name in names if name and self.map_name(name) == joint] or [joint]
-
-    def check_recording(self, pieces, model):
-        """Compare the map with the joints of a recording, whose names are in `pieces`."""
-        names = {}
-        unused = set(self._entries)
-        for piece in pieces:
-            names |= dict.fromkeys(piece)
-            fitting = {entry for entry in unused for name in names if _replace(entry, entry, name)}
-            unused -= fitting
-            if not unused:
-                break
-        robot = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}
-        for entry in self._entries if names else ():
-            joints = {name: self.map_name(name) for name in names if self._entry(name) == entry}
-            if entry in unused:
-                text = f"has '{entry}', which is no joint of the recording"
-                joints_text = f"Its joints are {listed(names)}.{suggest(entry, names)}"
-                raise InputError(f"joint_names {text}. {joints_text}")
-            if joints and not robot & set(joints.values()):
-                name, joint = next(iter(joints.items()))
-                text = f"maps '{name}' to '{joint}', which is no joint of robot '{model.name}'"
-                joints_text = f"Its joints are {listed(model.joint_names)}.{suggest(joint, robot)}"
-                raise InputError(f"joint_names {text}. {joints_text}")
-        mapped = {}
-        for name in names:
-            joint = self.map_name(name)
-            if joint in robot and mapped.setdefault(joint, name) != name:
-                text = f"maps both '{mapped[joint]}' and '{name}' to joint '{joint}'"
-                expected = "expected one name of the recording for each joint"
-                raise InputError(f"joint_names {text}; {expected}.")
 
     @property
     def entries(self):

@@ -116,8 +116,8 @@ def read_recording(
         merged in the order of log time, as messages of one topic are.
     joint_names : mapping of str to str, optional
         The robot's name of a joint by that of the recording. ``*`` stands for any text: ``{"fer_*":
-        "panda_*"}``. An entry that names no joint of the recording or of the robot is an error.
-        Without it, the parameter `joint_names` counts.
+        "panda_*"}``. Two names of the recording for one joint are an error. Without it, the
+        parameter `joint_names` counts.
     parameters : mapping, optional
         Values of the monitor's parameters other than the defaults, by name. Those that shape a
         model, such as `armature` and `parameters_file`, need a description: a :class:`RobotModel`

@@ -162,10 +162,6 @@ class BagSource:
         connections = self._connections(JOINT_STATE)
         if not connections and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._content()}.")
-        if self.names and connections:
-            self.names.check_recording(
-                (batch.names() for batch in self._batches(connections)), model
-            )
         connections += self._connections(ODOMETRY) if model.floating_base else []
         yield from self._batches(connections, *self._limits)
 

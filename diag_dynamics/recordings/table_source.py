@@ -86,8 +86,6 @@ class TableSource:
 
     def batches(self, model):
         """Yield batches of messages in the order of the rows."""
-        if self.names:
-            self.names.check_recording(_names(self._open(model)), model)
         if self._is_of_unknown_unit:
             self._reject_other_units(model)
         self._table = self._open(model)
