@@ -10,16 +10,13 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
-from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.model.joint_types import single_joints, sliding_dofs
+from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.intake import Batch
-from diag_dynamics.recordings.tables import is_dataset, open_reader, open_table
+from diag_dynamics.recordings.tables import open_reader, open_table
 from diag_dynamics.recordings.tables.template import write_template
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
-SLACK = 0.2  # distance beyond a limit that casts no doubt on a unit [rad]
-MAX_BEYOND = 0.01  # fraction of rows beyond a limit that casts none
 
 
 class TableSource:
@@ -56,11 +53,7 @@ class TableSource:
             f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} "
             f"in a column map."
         )
-        radians = (
-            "positions are taken for radians, which the dataset does not state. If they are in "
-            "degrees, set scale: {position: deg} in a column map."
-        )
-        notes = [beyond] * (self._beyond > 0) + [radians] * self._is_of_unknown_unit
+        notes = [beyond] * (self._beyond > 0)
         return notes + (self._table.notes if self._table else [])
 
     def description(self):
@@ -86,28 +79,9 @@ class TableSource:
 
     def batches(self, model):
         """Yield batches of messages in the order of the rows."""
-        if self._is_of_unknown_unit:
-            self._reject_other_units(model)
         self._table = self._open(model)
         for columns in self._table.pieces():
             yield self._make_batch(columns)
-
-    @property
-    def _is_of_unknown_unit(self):
-        """Whether neither the dataset nor the map states the unit of positions."""
-        return is_dataset(self._path) and not self._columns.scale.get("position")
-
-    def _reject_other_units(self, model):
-        """Raise an InputError if positions of a dataset exceed limits of the robot as radians."""
-        map_name, table = self.names.map_name if self.names else str, self._open(model)
-        pieces, names = list(table.pieces()), [map_name(name) for name in table.joints]
-        stamps = np.concatenate([np.zeros(0, np.int64), *(piece.stamp for piece in pieces)])
-        position = np.concatenate([np.zeros((0, len(names))), *(x.position for x in pieces)])
-        if excess := _excess_as_radians(model, names, stamps, position):
-            raise InputError(
-                f"'{self._path}': the unit of positions is not stated, and as radians {excess}. "
-                "State it in a column map: `scale: {position: deg}`, or `scale: {position: rad}`."
-            )
 
     def write_column_map(self, path, joints):
         """Write a column map to fill in to a new file; `joints` are the model's, or empty."""
@@ -190,26 +164,3 @@ def _names(table):
         return
     for columns in table.pieces():
         yield filter(None, columns.names.flat)
-
-
-def _excess_as_radians(model, names, stamps, position):
-    """Return how positions (T, n) of joints exceed the robot's limits as radians, or "".
-
-    `stamps` are in ns.
-    """
-    joints, slides = joints_of(model), dict(zip(model.dof_names, sliding_dofs(model), strict=True))
-    steps = np.diff(stamps)
-    is_step = steps > 0
-    for name, q in zip(names, position.T, strict=True):
-        if name not in joints.names or slides[name] or not is_step.any():
-            continue
-        j = joints.names.index(name)
-        lower, upper, fastest = joints.lower[j], joints.upper[j], joints.velocity[j]
-        beyond = (q < lower - SLACK) | (q > upper + SLACK)
-        if name not in joints.continuous and beyond.mean() > MAX_BEYOND:
-            largest = q[np.argmax(beyond * np.abs(q))]
-            return f"'{name}' would be at {largest:.4g} rad, outside of {lower:.4g} … {upper:.4g}"
-        speed = np.abs(np.diff(q))[is_step] * SECOND / steps[is_step]
-        if fastest > 0.0 and np.mean(speed > fastest) > MAX_BEYOND:
-            return f"'{name}' would move at {np.nanmax(speed):.4g} rad/s, beyond {fastest:.4g}"
-    return ""

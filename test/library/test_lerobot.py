@@ -16,6 +16,7 @@ from hostile import MS, START, Driver
 
 FPS, LENGTHS = 50, (40, 25, 31)
 JOINTS = tuple(f"panda_joint{k}" for k in range(1, 8))
+RADIANS = {"scale": {"position": "rad"}}
 OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 
@@ -122,7 +123,7 @@ def dataset(request, tmp_path, motion):
 def test_episodes_are_recordings(dataset, arm, motion):
     """Numbers are those of the files to the last bit, and times are multiples of the period."""
     for k, (q, qd, tau) in enumerate(motion):
-        recording = dd.read_recording(f"{dataset}#{k}", arm)
+        recording = dd.read_recording(f"{dataset}#{k}", arm, RADIANS)
         for found, expected in ((recording.q, q), (recording.qd, qd), (recording.tau, tau)):
             np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(
@@ -134,17 +135,28 @@ def test_episodes_are_recordings(dataset, arm, motion):
         (f"{dataset}#3", "is one of 3 episodes"),
     ):
         with pytest.raises(dd.InputError, match=what):
-            dd.read_recording(path, arm)
+            dd.read_recording(path, arm, RADIANS)
 
 
 def test_the_command_analyses_all_episodes(dataset, tmp_path, capsys):
     """A dataset stands for its episodes, in the order of their numbers."""
-    out = tmp_path / "all.json"
+    out, columns = tmp_path / "all.json", tmp_path / "map.yaml"
+    columns.write_text("scale: {position: rad}")
     arguments = ["analyse", str(dataset), "--urdf", "panda", "--set", "locked_joints=*"]
+    arguments += ["--columns", str(columns)]
     assert main([*arguments, "--json", str(out)]) < 2
     assert f"{dataset}#2" in capsys.readouterr().out
     recordings = json.loads(out.read_text())["recordings"]
     assert [recording["states"] for recording in recordings] == list(LENGTHS)
+
+
+def test_the_unit_of_positions_is_asked_for(dataset, arm):
+    """No dataset states whether positions are radians, degrees or percent."""
+    for columns in (None, {"scale": {"velocity": "rad/s"}}):
+        with pytest.raises(
+            dd.InputError, match=r"unit 'not stated by the .*`scale: \{position: …\}`"
+        ):
+            dd.read_recording(f"{dataset}#0", arm, columns)
 
 
 DESK = ("shoulder_pan", "elbow_flex", "gripper")
@@ -170,7 +182,7 @@ def test_units_and_names_are_never_guessed(tmp_path):
     joints = dict(zip(DESK, ("a1", "a2", "jaw"), strict=True))
     options = {"parameters": {"missing_velocity": "estimate"}}
     with pytest.raises(
-        dd.InputError, match=r"reaches 40.*expected .*rad or m.*`scale: \{position: …\}`"
+        dd.InputError, match=r"not stated.*expected .*rad or m.*`scale: \{position: …\}`"
     ):
         dd.read_recording(root, model, joint_names=joints, **options)
     with pytest.raises(
@@ -187,42 +199,10 @@ def test_units_and_names_are_never_guessed(tmp_path):
         dd.InputError, match=r"no columns are recognized .*columns: .*observation\.state"
     ):
         dd.read_recording(bare, model, **options)
-    by_map = {"position": "observation.state", "joints": ["jaw", "a2", "a1"]}
+    by_map = RADIANS | {"position": "observation.state", "joints": ["jaw", "a2", "a1"]}
     assert dd.read_recording(bare, model, by_map, **options).q[:, 2].tolist() == pytest.approx(
         (q[1:, 0] / 100).tolist()
     )
-
-
-@pytest.mark.parametrize(
-    ("center", "size", "what"),
-    [(0.0, 5.0, "'panda_joint1' would be at"), (1.0, 1.5, "'panda_joint2' would be at")],
-)
-def test_degrees_that_stay_small(tmp_path, arm, center, size, what):
-    """Limits of the robot cast doubt on radians; the error states what is read."""
-    phase = np.arange(200)[:, None] / FPS + np.arange(7)
-    q = (center + size * np.sin(phase)).astype(np.float32)
-    features = {name: FEATURES[name] for name in ("observation.state", "observation.velocity")}
-    root = write_dataset(tmp_path / "small", "v2.1", [[q, size * np.cos(phase)]], features)
-    with pytest.raises(dd.InputError, match=f"{what}.*`scale: {{position: deg}}`"):
-        dd.read_recording(root, arm)
-    scale = {"position": "deg", "velocity": "deg/s"}
-    recording = dd.read_recording(root, arm, {"scale": scale})
-    np.testing.assert_allclose(recording.q, np.deg2rad(q.astype(float)), rtol=1e-12)
-    assert len(dd.read_recording(root, arm, {"scale": {"position": "rad"}})) > 0
-
-
-def test_velocities_of_degrees_that_stay_small(tmp_path, arm, motion):
-    """Positions within limits that move too fast are not taken for radians, others with a note."""
-    middle = 0.5 * (arm.lower + arm.upper)
-    phase = 3.0 * np.arange(200)[:, None] / FPS + np.arange(7)
-    features = {"observation.state": FEATURES["observation.state"]}
-    states = (middle + 1.2 * np.sin(phase)).astype(np.float32)
-    root = write_dataset(tmp_path / "fast", "v2.1", [[states]], features)
-    with pytest.raises(dd.InputError, match=r"'panda_joint1' would move at 3\.\d+ rad/s, beyond 2"):
-        dd.read_recording(root, arm)
-    slow = write_dataset(tmp_path / "slow", "v2.1", [[motion[0][0]]], features)
-    recording = dd.read_recording(slow, arm, parameters={"missing_velocity": "estimate"})
-    assert any("taken for radians" in one.text for one in recording.findings)
 
 
 def test_damaged_datasets_are_named(dataset, arm):

@@ -21,7 +21,7 @@ from diag_dynamics.recordings.tables.cells import SAMPLE, make_column
 from diag_dynamics.recordings.tables.conventions import find_quantity
 from diag_dynamics.recordings.tables.table import ROWS
 
-MAX_ANGLE = 7.0  # positions beyond are in another unit than rad
+_UNSTATED = "not stated by the dataset"  # unit of positions: radians, degrees, or percent
 _NUMERIC = re.compile("float(16|32|64)|u?int(8|16|32|64)")
 _DAMAGED = (OSError, pa.ArrowException)
 _OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
@@ -109,7 +109,10 @@ class LeRobotTable:
         for name, feature in features.items():
             arrays |= _split_feature(name, feature, table[name].combine_chunks(), path)
         self._arrays, self.texts = list(arrays.values()), []
-        self.columns = [_make_column(name, array) for name, array in arrays.items()]
+        self.columns = [
+            make_column(name, array.slice(0, SAMPLE), _UNSTATED if _is_position(name) else None)
+            for name, array in arrays.items()
+        ]
         count = len(dataset.files)
         self.notes = [f"episode {number} of {count} of a LeRobot dataset, {dataset.fps:g} Hz."]
 
@@ -133,7 +136,7 @@ def _split_feature(name, feature, array, path):
         names = [name for group in names.values() for name in np.atleast_1d(group).tolist()]
     if size == 1 or not names or len(set(names)) != size:
         return {name: array}
-    values = _flat(array)
+    values = array.flatten() if hasattr(array.type, "value_type") else array
     if len(values) != size * len(array):
         text = f"rows of '{name}' have not {size} elements each, as meta/info.json says"
         raise InputError(f"'{path}': {text}.")
@@ -148,15 +151,5 @@ def _split_feature(name, feature, array, path):
     return {name: pa.array(column) for name, column in columns.items()}
 
 
-def _flat(array):
-    return array.flatten() if hasattr(array.type, "value_type") else array
-
-
-def _make_column(name, array):
-    """Return the Column of an array; positions beyond any angle have a unit without a factor."""
-    column, numbers = make_column(name, array.slice(0, SAMPLE)), np.asarray(_flat(array), float)
-    largest = np.abs(numbers).max(initial=0.0)
-    is_position = find_quantity(name) == "position" or name.endswith("state")
-    if is_position and largest > MAX_ANGLE:
-        return column._replace(unit=f"unknown, as it reaches {largest:.4g}")
-    return column
+def _is_position(name):
+    return find_quantity(name) == "position" or name.endswith("state")
