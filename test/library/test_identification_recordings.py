@@ -28,7 +28,6 @@ RECORDINGS = Path(
 )
 FULL = pytest.mark.full
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
-COLUMNS = {"time": "t", "position": "q_{joint}", "velocity": "qd_{joint}", "effort": "tau_{joint}"}
 KUKA = {"time": "times", "position": "positions", "velocity": "velocities", "effort": "torques"}
 PATHS = {"kuka": "kuka_lwr4/measurements_1.npz", "panda": "panda/exciting_trajectory.csv.gz"}
 
@@ -62,9 +61,7 @@ def measured(tmp_path_factory):
 def panda(measured):
     text = without_hand(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     model = dd.load_urdf(text, locked_joints=HELD)
-    return model, lambda start, end: dd.read_recording(
-        measured, model, COLUMNS, start=start, end=end
-    )
+    return model, lambda start, end: dd.read_recording(measured, model, start=start, end=end)
 
 
 def torque_error(model, recording):
@@ -142,7 +139,7 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
 def test_the_hand_that_the_panda_lacks(measured):
     """A payload of minus the hand's mass: the efforts then explain the change of energy, and with friction nearly all."""
     model = dd.load_robot("panda", locked_joints=HELD)
-    data = dd.read_recording(measured, model, COLUMNS)
+    data = dd.read_recording(measured, model)
     for what, least in (("payload:panda_hand", 0.94), (("payload:panda_hand", "friction"), 0.97)):
         found = dd.identify(data, model, what)
         assert found.quality["payload"]["mass"] == pytest.approx(-0.7, abs=0.07)

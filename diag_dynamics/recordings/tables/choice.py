@@ -3,7 +3,6 @@
 
 """Choice of the columns that are read: by a column map, or by a convention."""
 
-import re
 from dataclasses import replace
 from shlex import quote
 from typing import NamedTuple
@@ -13,8 +12,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.joint_names import suggest
 from diag_dynamics.recordings.tables import conventions
-from diag_dynamics.recordings.tables.column_map import JOINT
-from diag_dynamics.recordings.tables.headers import QUANTITIES, factor_of, split_unit, unit_of
+from diag_dynamics.recordings.tables.headers import QUANTITIES, factor_of, unit_of
 from diag_dynamics.text import listed
 
 _SI = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N", "time": "s"}
@@ -78,7 +76,6 @@ class _Chooser:
     def __init__(self, columns, column_map, model_joints):
         self._columns, self._map, self._notes = columns, column_map, []
         self._headers = [column.name for column in columns]
-        self._stems = [split_unit(name)[0] for name in self._headers]
         self._names = self._find("names", column_map.names or ())
         places = tuple(map(str, range(len(self._names))))
         self._joints = places or column_map.joints or tuple(model_joints)
@@ -122,11 +119,10 @@ class _Chooser:
     # --- Columns ---
 
     def _find(self, key, entries):
-        """Return numbers of columns by names, with or without units, or by numbers."""
+        """Return numbers of columns by names or numbers."""
         places = []
         for entry in entries:
             fitting = [k for k, name in enumerate(self._headers) if entry in (k, name)]
-            fitting = fitting or [k for k, stem in enumerate(self._stems) if entry == stem]
             if entry is not None and len(fitting) != 1:
                 expected = f"expected the name or number of one of {listed(self._headers)}"
                 meant = "" if fitting else suggest(str(entry), self._headers)
@@ -139,8 +135,6 @@ class _Chooser:
 
     def _place(self, key, value):
         """Return the column of each joint, None where it has none; or that of one array."""
-        if isinstance(value, str):
-            return self._match(key, value)
         places = self._find(key, value)
         widths = [self._columns[k].width for k in places if k is not None]
         is_list = len(places) > 1 or not any(widths)
@@ -150,24 +144,6 @@ class _Chooser:
             expected = f"expected one for each of {len(joints)} joints: {listed(joints)}"
             raise InputError(f"{key} has {kind}; {expected}.")
         return places
-
-    def _match(self, key, pattern):
-        """Return the columns of joints by a pattern; that of positions decides on the joints."""
-        matcher, members = "(.+)".join(map(re.escape, pattern.split(JOINT))), {}
-        for k, name in enumerate(self._headers):
-            match = re.fullmatch(matcher, self._stems[k]) or re.fullmatch(matcher, name)
-            if match and members.setdefault(match[1], k) != k:
-                raise InputError(f"{key}: '{pattern}' fits two columns of '{match[1]}'.")
-        joints, named = self._joints, [joint for joint in self._joints if joint in members]
-        numbers = sorted((label for label in members if label.isdecimal()), key=int)
-        if not named and len(numbers) == len(joints):
-            return self._find(key, [members[label] for label in numbers])
-        if not named or (key == "position" and self._map.joints and named != list(joints)):
-            lack = listed(joint for joint in joints if joint not in members)
-            available = f"columns: {listed(self._headers)}"
-            raise InputError(f"{key}: '{pattern}' fits no column of {lack}; {available}.")
-        self._joints = tuple(named) if key == "position" else joints
-        return self._find(key, map(members.get, self._joints))
 
     # --- Numbers ---
 

@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables.headers import QUANTITIES, UNITS, factor_of
 from diag_dynamics.yaml_files import read_yaml
 
-JOINT = "{joint}"  # stands for the joints in a pattern
 Entries = tuple[str | int | None, ...]
 """Names or numbers of columns, from 0; None is no column."""
 Numbers = tuple[float, ...]
@@ -32,9 +30,9 @@ class ColumnMap:
 
     time: Entries | None = None  # one column, or two: seconds and nanoseconds
     rate: float | None = None  # rows per second [Hz], in place of a time
-    position: Entries | str | None = None  # of each joint, a pattern, or one array
-    velocity: Entries | str | None = None
-    effort: Entries | str | None = None
+    position: Entries | None = None  # of each joint, or one array
+    velocity: Entries | None = None
+    effort: Entries | None = None
     joints: tuple[str, ...] | None = None  # in the order of the columns
     names: Entries | None = None  # columns that name the joint of each value in each row
     scale: Mapping[str, Numbers] = field(default_factory=dict)  # by quantity: factors to SI
@@ -59,33 +57,25 @@ def read_column_map(columns):
         keys = ", ".join(_PARSERS)
         expected = f"expected the path of a YAML file or a dict with {keys}"
         raise InputError(f"{source} is {columns!r:.80}; {expected}.")
-    fields = {}
-    for key, value in columns.items():
-        fields[key] = _parse(key, value, _PARSERS, source)
-    for key in ("scale", "offset"):
-        where, numbers = f"{source}: {key}", fields.get(key) or {}
-        parsers = dict.fromkeys(QUANTITIES if key == "offset" else UNITS, _NUMBERS[key])
-        fields[key] = {
-            name: _parse(name, value, parsers, where, name) for name, value in numbers.items()
-        }
-    if fields.get("rate") and (fields.get("time") or "time" in fields["scale"]):
+    stated = {key: _parse(key, value, source) for key, value in columns.items()}
+    stated = {key: value for key, value in stated.items() if value is not None}
+    if "rate" in stated and ("time" in stated or "time" in stated.get("scale", ())):
         raise InputError(f"{source} has both rate and time; expected one of them.")
-    stated = {key: value for key, value in fields.items() if value is not None}
     return ColumnMap(**stated, source=source)
 
 
-def _parse(key, value, parsers, where, *quantity):
-    """Return a value checked by the parser of its key; null of a quantity is no column."""
-    if key not in parsers:
-        near = get_close_matches(str(key), parsers, n=1) or parsers
-        raise InputError(f"{where} has '{key}'; expected {', '.join(map(repr, near))}.")
-    parser, expected = parsers[key]
+def _parse(key, value, source):
+    """Return the checked value of a key; null of velocities or efforts is no column."""
+    if key not in _PARSERS:
+        near = get_close_matches(str(key), _PARSERS, n=1) or _PARSERS
+        raise InputError(f"{source} has '{key}'; expected {', '.join(map(repr, near))}.")
+    parser, expected = _PARSERS[key]
     if value is None:
-        return () if key in QUANTITIES[1:] and not quantity else None
+        return () if key in QUANTITIES[1:] else None
     try:
-        return parser(*quantity, value)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: {key} is {value!r:.80}; expected {expected}.") from None
+        return parser(value)
+    except (TypeError, ValueError, LookupError, AttributeError):
+        raise InputError(f"{source}: {key} is {value!r:.80}; expected {expected}.") from None
 
 
 def _require(valid, value):
@@ -105,12 +95,6 @@ def _parse_entries(value, kinds=(str, int), count=1 << 20):
     return _require(valid and 0 < len(values) == len(set(values)) <= count, values)
 
 
-def _parse_quantity(value):
-    if isinstance(value, str) and JOINT in value:
-        return _require(value.count(JOINT) == 1, value)
-    return _parse_entries(value)
-
-
 def _parse_rate(value):
     return _require(not isinstance(value, bool) and 0.0 < float(value) < math.inf, float(value))
 
@@ -121,16 +105,20 @@ def _parse_delimiter(value):
     return _require(valid, text)
 
 
-def _parse_numbers(quantity, value, is_factor):
-    """Return one number, or one for each joint; YAML 1.1 reads 1e-9 as text."""
-    numbers = []
-    for number in value if isinstance(value, list | tuple) and quantity != "time" else [value]:
-        is_unit = is_factor and isinstance(number, str)
-        factor = factor_of(quantity, number) if is_unit else None
-        factor = _require(not isinstance(number, bool), number) if factor is None else factor
-        numbers.append(float(factor))
-    is_valid = np.isfinite(numbers).all() and (np.all(numbers) or not is_factor)
-    return _require(is_valid, tuple(numbers))
+def _parse_scale(value):
+    """Return factors to SI by quantity, of numbers or units."""
+    factors = {}
+    for quantity, entry in value.items():
+        units = entry if isinstance(entry, list | tuple) and quantity != "time" else [entry]
+        numbers = [factor_of(quantity, str(unit)) or float(unit) for unit in units]
+        factors[quantity] = _require(np.isfinite(numbers).all() and all(numbers), tuple(numbers))
+    return factors
+
+
+def _parse_offset(value):
+    offsets = {key: tuple(np.array(entry, float).ravel().tolist()) for key, entry in value.items()}
+    valid = offsets.keys() <= {*QUANTITIES} and all(map(np.all, map(np.isfinite, offsets.values())))
+    return _require(valid, offsets)
 
 
 def _parse_mixing(value):
@@ -143,21 +131,25 @@ def _checked(valid, expected):
     return lambda value: _require(valid(value), value), expected
 
 
-_COLUMNS = (
-    _parse_quantity,
-    f"a column, a pattern with {JOINT} once, or a list of names or numbers from 0, each once",
-)
 _PARSERS = {
     "time": (
         lambda value: _parse_entries(value, count=2),
         "one column, or two: seconds and nanoseconds",
     ),
     "rate": (_parse_rate, "a finite number > 0 [Hz]"),
-    **dict.fromkeys(QUANTITIES, _COLUMNS),
+    **dict.fromkeys(
+        QUANTITIES, (_parse_entries, "a column, or a list of names or numbers from 0, each once")
+    ),
     "joints": (lambda value: _parse_entries(value, (str,)), "a list of names, each once"),
     "names": (_parse_entries, "a list of columns, each once"),
-    "scale": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(UNITS)}"),
-    "offset": _checked(lambda value: isinstance(value, Mapping), f"one of {', '.join(QUANTITIES)}"),
+    "scale": (
+        _parse_scale,
+        f"by {', '.join(UNITS)} finite numbers other than 0, or units, one or one for each joint",
+    ),
+    "offset": (
+        _parse_offset,
+        f"by {', '.join(QUANTITIES)} finite numbers, one or one for each joint",
+    ),
     "mixing": (_parse_mixing, "rows of an invertible matrix"),
     "header": _checked(lambda value: value in (True, False), "true or false"),
     "delimiter": (_parse_delimiter, "one character, such as ',', or tab or space"),
@@ -165,13 +157,3 @@ _PARSERS = {
     "skip": _checked(lambda value: type(value) is int and value >= 0, "a whole number from 0"),
 }
 """Parser of each key, which raises ValueError, and the text on its expected values."""
-_NUMBERS = {
-    "scale": (
-        partial(_parse_numbers, is_factor=True),
-        "finite numbers other than 0, or units, one or one for each joint",
-    ),
-    "offset": (
-        partial(_parse_numbers, is_factor=False),
-        "finite numbers, one or one for each joint",
-    ),
-}
