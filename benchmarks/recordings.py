@@ -39,7 +39,7 @@ path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.
 def run(kind):
     reading = Reading(path, model)
     analysis = Analysis(reading, threads=1)
-    output = kind(reading, analysis.friction) if kind else None
+    output = kind(reading) if kind else None
     spent = dict.fromkeys(("read", "compute", "observe", "write"), 0.0)
     pieces = reading.pieces(SIZE)
     observe = analysis._observer.observe_batch
@@ -70,8 +70,8 @@ def run(kind):
         output.close()
         spent["write"] += time.process_time() - begun
     return [spent[stage] / analysis.states * 1e6 for stage in spent]
-parquet = lambda reading, friction: TableOutput(folder + "/out.parquet", reading, friction)
-mcap = lambda reading, _: McapOutput(folder + "/out.mcap", reading, ("state",))
+parquet = lambda reading: TableOutput(folder + "/out.parquet", reading)
+mcap = lambda reading: McapOutput(folder + "/out.mcap", reading, ("state",))
 run(parquet)  # compiles, and has everything in the cache
 os.remove(folder + "/out.parquet")  # to take away what a file replaces is not the analysis' work
 print(*run(parquet), *run(mcap))"""
@@ -86,9 +86,7 @@ path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.
 def run():
     reading = Reading(path, model)
     analysis = Analysis(reading)
-    output = TableOutput(folder + "/out.parquet", reading, analysis.friction)
-    analysis.run([output])
-    output.close()
+    analysis.run([TableOutput(folder + "/out.parquet", reading)])
 run()
 os.remove(folder + "/out.parquet")
 begun = time.perf_counter()

@@ -4,7 +4,6 @@
 """`diag-dynamics analyse`: summary, tables, messages and report of recordings."""
 
 import sys
-from functools import partial
 from pathlib import Path
 
 from diag_dynamics.cli import common, fleet
@@ -13,7 +12,6 @@ from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
@@ -23,7 +21,6 @@ from diag_dynamics.recordings.summary import (
     count_collisions,
     describe_faults,
     format_summary,
-    summarize,
 )
 from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.text import Progress, aligned, plain
@@ -169,33 +166,23 @@ def _summary(chosen, recording, parameters, robot):
     """Analyse one recording, write its outputs, and return the summary."""
     reading = Reading(recording, robot, parameters=parameters, **common.reading_options(chosen))
     gain = common.GAIN if chosen.gain is None else chosen.gain
-    analysis, outputs = Analysis(reading, gain=gain, threads=chosen.threads), []
-    topics = WRITTEN if chosen.topics is None else chosen.topics.split(",")
-    kinds = (chosen.parquet, TableOutput), (chosen.csv, partial(TableOutput, kind="csv"))
-    try:
-        if chosen.mcap:
-            outputs.append(McapOutput(chosen.mcap, reading, topics))
-        outputs += [kind(path, reading, analysis.friction) for path, kind in kinds if path]
-        if chosen.report:
-            outputs.append(ReportOutput(chosen.report, reading))
-        with Progress(chosen.quiet) as progress:
-            analysis.run(outputs, lambda states, _: progress.show(f"{states} states"))
-        if not analysis.states:
-            raise _no_states(chosen, recording, analysis)
-        summary = summarize(analysis) | {"recording": str(recording)}
-        for output in outputs:
-            output.close(summary)
-    except BaseException:
-        for output in outputs:
-            output.drop()
-        raise
-    return summary
+    analysis = Analysis(reading, gain=gain, threads=chosen.threads)
+    with Progress(chosen.quiet) as progress:
+        return analysis.run(
+            _open_outputs(chosen, reading), lambda states: progress.show(f"{states} states")
+        )
 
 
-def _no_states(chosen, recording, analysis):
-    if (chosen.start, chosen.end) != (None, None) and not analysis.reading.counts["received"]:
-        return InputError(f"'{plain(recording)}' contains no message between --start and --end.")
-    return no_states_error(plain(recording), analysis.findings)
+def _open_outputs(chosen, reading):
+    """Yield the outputs of one recording."""
+    if chosen.mcap:
+        topics = WRITTEN if chosen.topics is None else chosen.topics.split(",")
+        yield McapOutput(chosen.mcap, reading, topics)
+    for kind in ("parquet", "csv"):
+        if path := getattr(chosen, kind):
+            yield TableOutput(path, reading, kind)
+    if chosen.report:
+        yield ReportOutput(chosen.report, reading)
 
 
 def _parameters(chosen):

@@ -241,15 +241,13 @@ class StreamedRecording:
 
     def pieces(self):
         """Yield Recordings; raise InputError without any state."""
-        from diag_dynamics.recordings.findings import no_states_error
-
-        states = 0
-        for piece in self._read(self.path, self.model).pieces():
+        reading, states = self._read(self.path, self.model), 0
+        for piece in reading.pieces():
             self.findings, states = piece.findings, states + len(piece)
             self._progress.show(f"{self.path}: {states} states")
             yield piece
         if not states:
-            raise no_states_error(self.path, self.findings)
+            raise reading.no_states_error()
 
 
 def stream_recordings(chosen, paths, parameters, robot, progress):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of a recording: evaluate, observe and judge states in batches, and write them."""
+"""Analysis of a recording: evaluate, observe and judge states in batches, and sum them up."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,8 +14,13 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.recordings.balance import Balance, WindowSums
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.findings import (
+    REJECTED,
+    explain_missing_efforts,
+    word_for_missing,
+)
 from diag_dynamics.recordings.observer import ObservedStates, Observer
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
@@ -123,7 +128,7 @@ def _moment(stamp, t, contact, usage):
 
 
 class Analysis:
-    """Analyse a Reading; attributes are results.
+    """Analyse a Reading: :meth:`run` returns the summary.
 
     The observer has this gain [1/s] if the settings of the Reading have none.
     """
@@ -137,35 +142,53 @@ class Analysis:
             gain, collision, contact = observation.gain, observation.collision, observation.contact
             self._covariance = observation.covariance_of(names)
         self.reading, self.model, self.gain = reading, model, gain
-        self.friction, self._threads = model.has_friction, threads
+        self._threads = threads
         # parameters without which no collision is reported
-        self.missing = tuple(settings.unjudged_without)
-        self._dynamics, self._windows = DiagonalDynamics(model), WindowSums(model.nv, self.friction)
+        self._missing = tuple(settings.unjudged_without)
+        self._dynamics = DiagonalDynamics(model)
+        self._windows = WindowSums(model.nv, model.has_friction)
         self._observer = Observer(
             self._dynamics,
             gain,
-            friction=self.friction and values["external_torque.friction"],
+            friction=model.has_friction and values["external_torque.friction"],
             threads=threads,
         )
         self._zone = DeadZone(self._dynamics, collision.stiction)
         self._detectors = Detector(names, collision), Detector(names, contact)
-        self.collisions, self.contacts = (Alarms(detector) for detector in self._detectors)
+        self._collisions, self._contacts = (Alarms(detector) for detector in self._detectors)
         points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
-        self.exposure = ContactExposure(self._points) if self._points else None
-        self.balance, self.quality, self.peaks = Balance(names), Quality(model), Peaks()
-        self.efforts, self.motion = EffortRange(model), MotionSample(model)
+        self._exposure = ContactExposure(self._points) if self._points else None
+        self._balance, self._quality, self._peaks = Balance(names), Quality(model), Peaks()
+        self._efforts, self._motion = EffortRange(model), MotionSample(model)
         # Joints without an external torque at some observed state
-        self.unobserved = np.zeros(model.nv, dtype=bool)
+        self._unobserved = np.zeros(model.nv, dtype=bool)
         # Number of states, number with a residual, and sum of K [J]
-        self.states, self.observed, self.kinetic = 0, 0, 0.0
-        self.findings = None  # after run()
+        self.states, self._observed, self._kinetic = 0, 0, 0.0
 
     def run(self, outputs=(), progress=None):
-        """Analyse all states, and write them to outputs by `write(piece)`.
+        """Analyse all states, write them to outputs, and return the summary.
 
-        `progress` is called with the number of states and the log time [ns].
+        The keys of the summary are listed in docs/recordings.md. An output has `write(piece)`,
+        `close(summary)`, and `drop()` for a file that is not complete. `progress` is called with
+        the number of states. Raise InputError without any state.
         """
+        opened = []
+        try:
+            opened.extend(outputs)  # some may have been opened when another one fails
+            self._analyse_batches(opened, progress)
+            if not self.states:
+                raise self.reading.no_states_error()
+            summary = self._summarize()
+            for output in opened:
+                output.close(summary)
+        except BaseException:
+            for output in opened:
+                output.drop()
+            raise
+        return summary
+
+    def _analyse_batches(self, outputs, progress):
         batches = self.reading.pieces(SIZE)
         with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
             pending = pool.submit(self._next_piece, batches)
@@ -175,8 +198,7 @@ class Analysis:
                 for output in outputs:
                     output.write(piece)
                 if progress:
-                    progress(states, int(piece.states.log_time[-1]))
-        self.findings = self.reading.findings()
+                    progress(states)
 
     def _next_piece(self, batches):
         pieces = (self.analyse_batch(batch.states) for batch in batches if len(batch.states))
@@ -187,44 +209,46 @@ class Analysis:
 
         Return None if no state can be evaluated.
         """
-        states, s = self._evaluate(self.efforts.hide_constant(states))
+        states, s = self._evaluate(self._efforts.hide_constant(states))
         if not len(states):
             return None
         observed = self._observer.observe_batch(states)
         valid, torque = observed.valid, observed.external_torque
-        self.unobserved |= np.isnan(torque[valid]).any(axis=0)
+        self._unobserved |= np.isnan(torque[valid]).any(axis=0)
         # components that an unknown effort changes have no alarm
         r, torque = np.nan_to_num(observed.residual), np.nan_to_num(torque)
         motion = states.stamp, states.position, states.velocity
         lowered = self._zone.lower(*motion, r, torque, states.jumped)
         columns = states.stamp, *lowered, valid, states.jumped
         strength, judged = np.linalg.norm(r, axis=1), []
-        for detector, alarms in zip(self._detectors, (self.collisions, self.contacts), strict=True):
+        for detector, alarms in zip(
+            self._detectors, (self._collisions, self._contacts), strict=True
+        ):
             judged.append(detector.judge(*columns))
             touched = self._touched_links(states, observed, judged[-1].alarm)
             alarms.add_states(states.stamp, strength, judged[-1], touched)
-        self.balance.add_windows(
+        self._balance.add_windows(
             self._windows.integrate_states(*self._with_model_efforts(states, s))
         )
-        self.balance.moved = self.efforts.moved
-        self.quality.add_states(states)
-        self.motion.add_states(states)
-        if self.exposure:
+        self._balance.moved = self._efforts.moved
+        self._quality.add_states(states)
+        self._motion.add_states(states)
+        if self._exposure:
             options = {"threads": self._threads}
             contact = self._dynamics.contact_limits(
                 states.position, states.velocity, self._points, **options
             )
-            self.exposure.add_states(states.stamp, contact)
+            self._exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, *judged)
 
     def _with_model_efforts(self, states, s):
         """Return states and their evaluation with the model's efforts where the unit is unknown."""
-        unscaled = self.efforts.unscaled
+        unscaled = self._efforts.unscaled
         if not unscaled.any() or unscaled.all() or len(states) < 2:
             return states, s
         q, rates, steps = states.position, states.velocity, np.gradient(states.stamp / SECOND)
-        options = {"threads": self._threads, "friction": self.friction}
+        options = {"threads": self._threads, "friction": self.model.has_friction}
         with np.errstate(all="ignore"):
             changes = np.gradient(rates, axis=0) / steps[:, None]
         changes = np.where(np.isfinite(changes), changes, 0.0)
@@ -248,8 +272,8 @@ class Analysis:
     def _add_figures(self, states, s, observed):
         names, energy = self.model.dof_names, s.kinetic_energy
         self.states += len(states)
-        self.observed += int(observed.valid.sum())
-        self.kinetic += float(energy.sum())
+        self._observed += int(observed.valid.sum())
+        self._kinetic += float(energy.sum())
         for quantity, values, entries in (
             ("kinetic_energy", energy, ("",)),
             ("energy_share", s.energy_share, names),
@@ -258,7 +282,7 @@ class Analysis:
             ("external_torque", np.abs(observed.external_torque), names),
             ("residual_norm", observed.norm, ("",)),
         ):
-            self.peaks.add_values(quantity, values, states.stamp, entries)
+            self._peaks.add_values(quantity, values, states.stamp, entries)
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation.
@@ -272,7 +296,7 @@ class Analysis:
         )
         try:
             return states, self._dynamics.evaluate(
-                *columns, threads=self._threads, friction=self.friction
+                *columns, threads=self._threads, friction=self.model.has_friction
             )
         except DiagDynamicsError:
             good = np.ones(len(states), dtype=bool)
@@ -285,3 +309,138 @@ class Analysis:
             if good.all():
                 raise  # of something else
             return self._evaluate(states[good])
+
+    # --- Summary ---
+
+    def _summarize(self):
+        time, names = self.reading.time, np.array(self.model.dof_names)
+        counts, alarms = dict(sorted(self.reading.counts.items())), self._collisions.alarms
+        quality, warnings = self._quality.report()
+        quality["longest_gap_at"] = time(quality["longest_gap_at"])
+        largest, balance = self._peaks.largest(), self._balance
+        shares, _, _ = self._peaks.entries["energy_share"]
+        energy, at, _ = largest["kinetic_energy"]
+        unmeasured = self._describe_unmeasured(quality["without_effort"])
+        is_beside = balance.is_explained_beside(alarms)
+        is_good = is_beside or (balance.explained or 0.0) >= MIN_EXPLAINED
+        is_judged = self._efforts.moved and not (is_good or unmeasured)
+        fault = self._motion.fault() if is_judged else None
+        text = fault.text if fault else ""
+        unscaled = self._efforts.unscaled
+        partial = names[~unscaled].tolist() if unscaled.any() else []
+        contacts = (
+            self._describe_unobserved(),
+            self._describe_unknown_contacts(quality["without_effort"]),
+        )
+        return {
+            "robot": self.model.name,
+            "degrees_of_freedom": names.tolist(),
+            "states": self.states,
+            "duration": self._quality.duration,
+            "begin": time(self._quality.begin),
+            "end": time(self._quality.end),
+            "counts": counts,
+            "rejected": {
+                key.removeprefix(REJECTED): n
+                for key, n in counts.items()
+                if key.startswith(REJECTED) and n
+            },
+            "kinetic_energy": {
+                "mean": self._kinetic / self.states,
+                "max": energy,
+                "at": time(at),
+                "share": dict(zip(names.tolist(), shares.tolist(), strict=True)),
+            },
+            "peaks": {
+                name: {"value": value, "at": time(at), "of": of}
+                for name, (value, at, of) in largest.items()
+            },
+            "explained": balance.explained,
+            "explained_with_potential": balance.explained_total,
+            "residual_power": balance.residual_power,
+            "balance": balance.summary(unmeasured or text, is_beside, partial),
+            "efforts": {"unmeasured": unmeasured, "text": text},
+            "observer": {
+                "gain": self.gain,
+                "judged": list(self._collisions.judged),
+                "missing": list(self._missing),
+                "observed": self._observed,
+                "unobserved": names[self._unobserved].tolist(),
+                "text": " ".join(filter(None, contacts)),
+            },
+            "collisions": _list_alarms(alarms, time),
+            "contacts": (
+                _list_alarms(self._contacts.alarms, time) if self._contacts.judged else None
+            ),
+            "contact_limits": self._exposure.summary(time) if self._exposure else None,
+            "quality": quality,
+            "warnings": [unmeasured, *warnings] if unmeasured else warnings,
+            "findings": [finding._asdict() for finding in self.reading.findings()],
+            "recording": self.reading.path,
+        }
+
+    def _describe_unmeasured(self, without_effort):
+        """Return which efforts cannot have been measured, in words; or an empty text."""
+        names, counts = self.reading.intake.assembler.lacking_effort, self.reading.counts
+        if not names or counts["implausible effort"] or without_effort < self.states:
+            return self._efforts.unmeasured(word_for_missing(counts))
+        return (
+            f"efforts of {', '.join(names)} are missing throughout, "
+            "so no state has all efforts (locked_joints)"
+        )
+
+    def _describe_unobserved(self):
+        """Return a text on joints without external torque, because their efforts are unknown.
+
+        The text is empty if there are none.
+        """
+        names = ", ".join(np.array(self.model.dof_names)[self._unobserved])
+        if not names:
+            return ""
+        are_some = not self._unobserved.all()
+        text = (
+            f"External torque of {names if are_some else 'all joints'}, and with it |r|, is "
+            "unknown, because efforts are."
+        )
+        return text + " Other joints are judged." * are_some
+
+    def _describe_unknown_contacts(self, without_effort):
+        """Return why collisions are unknown; or an empty text."""
+        states, unknown, missing = self.states, self.states - self._observed, self._missing
+        if not self._observed:
+            why = "the observer has no result at any state"
+            if without_effort == states:
+                why = explain_missing_efforts(self.reading.counts)
+        elif missing:
+            why = (
+                f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} not set. "
+                "diag-dynamics calibrate computes thresholds for --alarms"
+            )
+        elif unknown > 1:  # the first one never has a result
+            return (
+                f"Collisions are unknown at {unknown} of {states} states: "
+                "the observer has no result there."
+            )
+        else:
+            return ""
+        return f"Collisions are unknown: {why}."
+
+
+def _list_alarms(alarms, time):
+    """Return the entries of collisions or contacts."""
+    return [
+        {
+            "start": time(alarm.start),
+            "end": time(alarm.end),
+            "joints": list(alarm.joints),
+            "norm": alarm.norm,
+            "first": alarm.first,
+            "exceeded": {
+                event.detector: {"value": event.value, "threshold": event.threshold}
+                for event in alarm.exceeded
+            },
+            "told": alarm.describe(),
+        }
+        | ({"link": alarm.link, "confidence": alarm.confidence} if alarm.chi_square else {})
+        for alarm in alarms
+    ]

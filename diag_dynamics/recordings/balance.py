@@ -137,36 +137,31 @@ class Balance:
             return None
         return float(np.sqrt(np.square(self.windows.residual).mean()))
 
-    @property
-    def joints(self):
-        """Root mean square residual `residual_power` [W] by joint, and `share` of all squares."""
+    def _summarize_joints(self):
+        """Return root mean square residual `residual_power` [W] and `share` of all squares."""
         squares = np.square(self.windows.joints).sum(axis=0) / max(self.count, 1)
-        rows = zip(
-            self._names,
-            np.sqrt(squares).tolist(),
-            (squares / (squares.sum() or 1.0)).tolist(),
-            strict=True,
-        )
+        columns = np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist()
+        rows = zip(self._names, *columns, strict=True)
         return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
 
-    def summary(self, fault, collisions, partial):
+    def summary(self, fault, is_beside, partial):
         """Return numbers of windows and joints, and the judgement with the likely fault of efforts.
 
-        `partial` are the only joints that are judged; the efforts of others are the model's.
+        `is_beside` tells whether efforts explain enough outside of collisions. `partial` are the
+        only joints that are judged; the efforts of others are the model's.
         """
-        is_explained = self.is_explained_beside(collisions)
         text = "collisions explain the rest: no effort contains their power"
         return {
             "windows": self.count,
             "length": WINDOW,
-            "text": text if is_explained else self.judgement(fault),
-            "explained_beside_collisions": is_explained,
+            "text": text if is_beside else self._judgement(fault),
+            "explained_beside_collisions": is_beside,
             "moved": self.moved,
-            "partial": list(partial),
-            "joints": self.joints,
+            "partial": partial,
+            "joints": self._summarize_joints(),
         }
 
-    def judgement(self, fault=""):
+    def _judgement(self, fault):
         """Return the judgement in words, with the likely fault of the efforts."""
         explained, total = self.explained, self.explained_total
         if self.count < MIN_WINDOWS:

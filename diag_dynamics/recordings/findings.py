@@ -18,6 +18,7 @@ SCALES = {"beyond_limits": "position: deg", "beyond_velocity": "velocity: deg/s"
 """Scales of degrees by the parameters that reject these."""
 
 REMEDY = " in a column map (docs/recordings.md); messages must have radians (REP 103)"
+REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
 OTHER_TOPICS = (
     "(--topic reads several)"  # in the note about topics of joint states that are not read

@@ -24,10 +24,9 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.optional import require
 from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.findings import no_states_error
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
-from diag_dynamics.recordings.summary import count_collisions, describe_faults, summarize
+from diag_dynamics.recordings.summary import count_collisions, describe_faults
 from diag_dynamics.threads import cores
 
 
@@ -131,12 +130,8 @@ def _analyse(job, options, gain):
         _remove_outputs(job)
         reading = Reading(job.path, **options)
         analysis = Analysis(reading, gain=gain, threads=1)
-        columns = TableOutput(f"{job.stem}.parquet", reading, analysis.friction)
-        analysis.run([columns])
-        if not analysis.states:
-            raise no_states_error(job.path, analysis.findings)
-        columns.close()
-        summary = summarize(analysis) | {"recording": job.path, "fingerprint": job.fingerprint}
+        summary = analysis.run([TableOutput(f"{job.stem}.parquet", reading)])
+        summary |= {"fingerprint": job.fingerprint}
         write_text(summary_path, json.dumps(summary, indent=1, allow_nan=False))
         return _make_row(summary)
     except (DiagDynamicsError, OSError) as error:

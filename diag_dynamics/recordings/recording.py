@@ -21,7 +21,13 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
-from diag_dynamics.recordings.findings import NOTE, WITHOUT_VALUES, Finding, collect_findings
+from diag_dynamics.recordings.findings import (
+    NOTE,
+    WITHOUT_VALUES,
+    Finding,
+    collect_findings,
+    no_states_error,
+)
 from diag_dynamics.recordings.intake import Intake
 from diag_dynamics.recordings.sources import open_source, path_text
 from diag_dynamics.recordings.states import States
@@ -224,7 +230,7 @@ class Reading:
         locked = self.settings.values["locked_joints"]
         self._locks_rest = any(entry.startswith(ALL) for entry in locked)
         self._source = open_source(path, columns, topic, joint_names or names or None)
-        self._path = path_text(path)
+        self.path = path_text(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
             self.model, self.described = model, None
@@ -255,6 +261,16 @@ class Reading:
     def counts(self):
         """Number of messages, and of what became of them, by the monitor's names."""
         return self.intake.counts + Counter({WITHOUT_VALUES: self._source.without_values})
+
+    def time(self, stamp):
+        """Return the time of a stamp [ns] in the recording [s], None for None."""
+        return None if stamp is None else float((stamp - self.offset) * 1e-9)
+
+    def no_states_error(self):
+        """Return the InputError about a recording without a valid state."""
+        if self._span != (None, None) and not self.counts["received"]:
+            return InputError(f"'{self.path}' contains no message between start and end.")
+        return no_states_error(self.path, self.findings())
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
@@ -294,7 +310,7 @@ class Reading:
 
     def _recording(self, parts):
         states, offset = States.concatenate(parts), self._source.offset
-        return Recording(self.model, states, offset, self.counts, self.findings(), self._path)
+        return Recording(self.model, states, offset, self.counts, self.findings(), self.path)
 
 
 def make_settings(parameters):

@@ -148,7 +148,7 @@ def test_a_fleet_is_its_recordings(analysed, archive, expected):
 
 
 def test_an_unexpected_error_is_a_row(archive, scheduler, tmp_path, monkeypatch):
-    monkeypatch.setattr(fleet, "summarize", lambda analysis: analysis.no_such_name)
+    monkeypatch.setattr(fleet.Analysis, "run", lambda analysis, _: analysis.no_such_name)
     (row,) = dd.analyse_fleet(archive / GOOD[0], tmp_path, scheduler=scheduler)
     assert row["error"].startswith("AttributeError: ")
 

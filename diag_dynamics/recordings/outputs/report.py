@@ -63,7 +63,7 @@ class ReportOutput:
             "layout": self._maker.layout.to_json(scene, self._thresholds(), self._left_out),
             "summary": summary,
             "parameters": self._parameters(),
-            "begin": (self._first - self._reading.offset) * 1e-9,
+            "begin": self._reading.time(self._first),
             "without_full_rate": self._dropped,
             "version": diag_dynamics.__version__,
         }

@@ -40,15 +40,15 @@ class TableOutput:
     Parquet has units in metadata and NaN, CSV units in the header and empty cells.
     """
 
-    def __init__(self, path, reading, friction, kind="parquet"):
+    def __init__(self, path, reading, kind="parquet"):
         self._arrow = require("pyarrow", f"'{path}'")
         self._library = require(f"pyarrow.{kind}", f"'{path}'")
-        self._reading, self._friction, self._csv = reading, friction, kind == "csv"
+        self._reading, self._csv = reading, kind == "csv"
         self._target, self._writer, self._file = AtomicFile(path), None, None
 
     def write(self, piece):
         """Write a :class:`~diag_dynamics.recordings.analysis.Piece`."""
-        columns = make_columns(self._reading.model, piece, self._reading.offset, self._friction)
+        columns = make_columns(self._reading.model, piece, self._reading.offset)
         table = self._csv_table(columns) if self._csv else self._parquet_table(columns)
         with self._target.errors():  # pyarrow does not name the file
             if self._writer is None:  # bytes, because a name may not be UTF-8
@@ -101,7 +101,7 @@ class TableOutput:
         return self._arrow.Table.from_arrays(arrays, names=names)
 
 
-def make_columns(model, piece, offset, friction):
+def make_columns(model, piece, offset):
     """Return name, unit and values, shape (T,), of each column of a piece."""
     states, s, (residual, torque, norm, _) = piece[:3]
     slides = dict(zip(model.dof_names, sliding_dofs(model), strict=True))
@@ -127,7 +127,7 @@ def make_columns(model, piece, offset, friction):
         units[name] = "m" if is_length else "rad" if name in slides else ""
     add_block("position", states.position, units)
     for quantity in UNITS:
-        if quantity not in OBSERVED and (friction or quantity != "friction"):
+        if quantity not in OBSERVED and (model.has_friction or quantity != "friction"):
             add_quantity(quantity, getattr(states if quantity in OF_STATES else s, quantity))
     columns += [("kinetic_energy", "J", s.kinetic_energy), ("base_energy", "J", s.base_energy)]
     add_block("link_energy", s.link_energy, dict.fromkeys(model.link_names, "J"))
