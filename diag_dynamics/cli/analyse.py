@@ -16,13 +16,12 @@ from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
-from diag_dynamics.recordings.sources import open_source
+from diag_dynamics.recordings.sources import BagSource, open_source
 from diag_dynamics.recordings.summary import (
     count_collisions,
     describe_faults,
     format_summary,
 )
-from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.text import Progress, aligned, plain
 
 EPILOG = (
@@ -109,7 +108,7 @@ def _write_column_map(chosen):
     """Write a column map of the first recording to fill in."""
     path, recording = Path(chosen.columns).expanduser(), chosen.recording[0]
     source = open_source(recording)
-    if not isinstance(source, TableSource):
+    if isinstance(source, BagSource):
         raise InputError(f"'{plain(recording)}' is no table; expected --columns with a file.")
     joints = single_joints(common.chosen_model(chosen)) if chosen.urdf else ()
     source.write_column_map(path, joints)

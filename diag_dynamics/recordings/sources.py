@@ -5,6 +5,7 @@
 
 import os
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -15,12 +16,12 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import JointNames, suggest
 from diag_dynamics.recordings.messages import Unread
-from diag_dynamics.recordings.table_source import TableSource
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message
@@ -90,17 +91,22 @@ def open_source(path, columns=None, topic=None, joint_names=None) -> Source:
     names = None if joint_names is None else JointNames(joint_names)
     paths = list(map(Path, split_paths(path)))
     if is_dataset(path):
-        return TableSource(path, columns, names)
+        return _open_table(path, columns, names)
     for file in paths:
         if not file.exists():
             near = suggest(file.name, os.listdir(file.parent) if file.parent.is_dir() else [])
             raise InputError(f"there is no file or folder '{file}'.{near}")
     path = paths[0].parent if paths[0].name == METADATA else paths[0]
     if len(paths) > 1 or not _is_bag(path):
-        return TableSource("+".join(map(str, paths)), columns, names)
+        return _open_table("+".join(map(str, paths)), columns, names)
     if columns != ColumnMap():
         raise InputError(f"'{path}' is a bag; expected no column map, which is for tables.")
     return BagSource(path, topic, names)
+
+
+def _open_table(path, columns, names):
+    require("pyarrow", f"'{path}'")
+    return import_module("diag_dynamics.recordings.table_source").TableSource(path, columns, names)
 
 
 def _is_bag(path):

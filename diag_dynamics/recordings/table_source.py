@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables as batches of joint states, as a driver would have sent them."""
+"""Tables as batches of joint states in SI units, as a driver would have sent them."""
 
 import re
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -13,20 +14,33 @@ from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.intake import Batch
-from diag_dynamics.recordings.tables import open_reader, open_table
+from diag_dynamics.recordings.messages import Unread
+from diag_dynamics.recordings.tables.cells import (
+    read_lists,
+    read_numbers,
+    read_texts,
+    read_times,
+    unify,
+)
+from diag_dynamics.recordings.tables.choice import choose
+from diag_dynamics.recordings.tables.readers import open_reader
+from diag_dynamics.recordings.tables.table import LEFT_OUT
 from diag_dynamics.recordings.tables.template import write_template
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
+_DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
 
 
 class TableSource:
-    """Rows of a table as joint states, a Source; stamps and log times begin after zero."""
+    """Rows of a Table by a Choice, a Source; stamps and log times begin after zero."""
 
     start = None
 
     def __init__(self, path, columns, names):
         self._path, self._columns, self.names = path, columns, names
-        self._table, self._delay = None, None
+        self._table, self._choice = None, None  # of the rows that are read
+        self._losses, self.without_values = {}, 0
+        self._first, self._delay = None, None  # first row of those at a rate, delay of stamps [ns]
         self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
 
     @property
@@ -36,13 +50,11 @@ class TableSource:
 
     @property
     def unread(self):
-        """Unreadable data: a list of Unread."""
-        return self._table.unread if self._table else []
-
-    @property
-    def without_values(self):
-        """Number of rows without a value of any joint."""
-        return self._table.without_values if self._table else 0
+        """Unreadable data, a list of Unread."""
+        return [
+            Unread(self._table.path, where, cause + example + (f": {count} {unit}" if unit else ""))
+            for (cause, unit), (where, example, count) in self._losses.items()
+        ]
 
     @property
     def notes(self):
@@ -54,7 +66,7 @@ class TableSource:
             f"in a column map."
         )
         notes = [beyond] * (self._beyond > 0)
-        return notes + (self._table.notes if self._table else [])
+        return [*notes, *self._choice.notes, *self._table.notes] if self._table else notes
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
@@ -66,67 +78,194 @@ class TableSource:
 
         Fewer numbered columns than joints are of the first joints, if these carry all others.
         """
-        map_name, table = self.names.map_name if self.names else str, None
+        map_name, opened = self.names.map_name if self.names else str, None
         for count in (None, *_leading_counts(model)):
-            if table is None:
+            if opened is None:
                 with suppress(InputError):
-                    table = self._open(model, count)
-        table = table or self._open(model)  # raises the error of all joints
-        return {map_name(name) for names in _names(table) for name in names}
+                    opened = self._open(model, count)
+        table, choice = opened or self._open(model)  # raises the error of all joints
+        names = {*choice.joints}
+        for arrays, _ in table.blocks([], choice.names, _ignore) if choice.names else ():
+            for array in arrays.values():
+                names.update(_read_names(unify(array)).tolist())
+        return {map_name(name) for name in names - {""}}
 
     def limit(self, begin, end):
         """Omit nothing: a table has no index."""
 
     def batches(self, model):
         """Yield batches of messages in the order of the rows."""
-        self._table = self._open(model)
-        for columns in self._table.pieces():
-            yield self._make_batch(columns)
+        self._table, self._choice = self._open(model)
+        is_checked, count = self._choice.time_scale is not None, 0
+        texts = [*self._choice.time, *self._choice.names]
+        for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
+            count += len(rows)
+            arrays = {k: unify(array) for k, array in arrays.items()}
+            time, stamp = self._read_times(arrays, rows)
+            values = {
+                key: self._read_values(quantity, arrays, rows)
+                for key, quantity in self._choice.quantities.items()
+            }
+            names = self._read_joints(arrays, values, rows)
+            is_read = self._find_rows(time, values, names, arrays, rows)
+            if not is_read.any():
+                continue
+            if not is_checked:
+                _require_seconds(time[is_read], self._table.path)
+                is_checked = True
+            stamp, sec, nanosec = self._shift_stamps(time[is_read], stamp[is_read], rows[is_read])
+            parts = self._make_parts(np.flatnonzero(is_read), sec, nanosec, values, names)
+            yield Batch(stamp, parts, {}, {})
+        if not count:
+            self._lose("there are no rows", "end")
 
     def write_column_map(self, path, joints):
         """Write a column map to fill in to a new file; `joints` are the model's, or empty."""
         write_template(path, open_reader(self._path, self._columns), joints)
 
     def _open(self, model, count=None):
-        """Return the table with any names of the joints, or of the first `count`, by the map."""
+        """Return the Table and its Choice by the map, with any names of the first joints."""
         joints = single_joints(model)[:count]
         if self.names:
             joints = [name for joint in joints for name in self.names.unmap_joint(joint)]
-        return open_table(self._path, self._columns, tuple(joints))
+        table = open_reader(self._path, self._columns)
+        return table, choose(table, self._columns, tuple(joints))
 
-    def _make_batch(self, columns):
-        """Return the Batch of a piece of the table."""
-        stamp, sec, nanosec = self._find_stamps(columns)
-        groups = {tuple(self._table.joints): range(len(stamp))}
-        if columns.names is not None:
+    # --- Cells ---
+
+    def _read_times(self, arrays, rows):
+        """Return times [s], NaN if missing, and stamps [ns]; lost rows at a rate have theirs."""
+        cells, scale = [arrays[k] for k in self._choice.time], self._choice.time_scale
+        if not cells:
+            self._first = int(rows[0]) if self._first is None and len(rows) else self._first
+            time = (rows - (self._first or 0)) * scale
+            return time, np.rint(time * SECOND).astype(np.int64)
+        time, stamp = read_times(cells[0], scale or 1.0)
+        for nanoseconds in cells[1:]:
+            more = read_times(nanoseconds, 1e-9)
+            time, stamp = time + more[0], stamp + more[1]
+        return time, stamp
+
+    def _read_values(self, quantity, arrays, rows):
+        """Return values of a quantity as the file has them, (n, k)."""
+        if quantity.whole:
+            (k,) = quantity.columns
+            count = len(self._choice.joints)
+            return read_lists(arrays[k], count, self._lose_in_column(k, rows))
+        values = np.full((len(rows), len(quantity.columns)), np.nan)
+        for joint, k in enumerate(quantity.columns):
+            if k is not None:
+                values[:, joint] = read_numbers(arrays[k], self._lose_in_column(k, rows))
+        return values
+
+    def _read_joints(self, arrays, values, rows):
+        """Return the joint of each value, "" for none; None if all rows have the same joints."""
+        if not self._choice.names:
+            return None
+        names = np.column_stack([_read_names(arrays[k]) for k in self._choice.names])
+        for key, numbers in values.items():
+            odd = (names == "") & ~np.isnan(numbers)
+            if odd.any():
+                cause, example = "values without the name of a joint", f"{key} {numbers[odd][0]:g}"
+                self._lose_rows(rows, "", cause, "values omitted", np.nonzero(odd)[0], example)
+        return names
+
+    def _find_rows(self, time, values, names, arrays, rows):
+        """Return which rows have a time and a value; count the others."""
+        empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
+        for numbers in values.values():
+            empty &= np.isnan(numbers).all(axis=1)
+        self.without_values += int(empty.sum())
+        untimed = np.isnan(time)
+        if (lost := np.flatnonzero(untimed & ~empty)).size:
+            texts = [read_texts(arrays[k]) for k in self._choice.time]
+            cells = [cells[lost[0]][:40] for cells in texts if cells is not None]
+            cause, example = "no time, or a time that is no number", " and ".join(map(repr, cells))
+            self._lose_rows(rows, "", cause, LEFT_OUT, lost, example)
+        return ~(untimed | empty)
+
+    # --- Messages ---
+
+    def _make_parts(self, places, sec, nanosec, values, names):
+        """Return JointStates of rows in some places, those of the same joints together."""
+        groups = {self._choice.joints: range(len(places))}
+        if names is not None:
             groups = {}
-            for k, names in enumerate(map(tuple, columns.names.tolist())):
-                groups.setdefault(names, []).append(k)
-        parts, fields = [], [getattr(columns, field) for field in FIELDS]
-        for names, places in groups.items():
-            rows = np.array(places, np.int64)
-            named, nothing = np.flatnonzero(names), np.zeros((len(rows), 0))
-            values = (nothing if x is None else x[np.ix_(rows, named)] for x in fields)
-            joints = tuple(filter(None, names))
-            parts.append(JointStates(rows, joints, sec[rows], nanosec[rows], *values))
-        return Batch(stamp, parts, {}, {})
+            for k, joints in enumerate(map(tuple, names[places].tolist())):
+                groups.setdefault(joints, []).append(k)
+        parts, values = [], {key: self._convert(key, x) for key, x in values.items()}
+        for joints, members in groups.items():
+            rows = np.array(members, np.int64)
+            cells, nothing = np.ix_(places[rows], np.flatnonzero(joints)), np.zeros((len(rows), 0))
+            fields = [values[key][cells] if key in values else nothing for key in FIELDS]
+            named = tuple(filter(None, joints))
+            parts.append(JointStates(rows, named, sec[rows], nanosec[rows], *fields))
+        return parts
 
-    def _find_stamps(self, columns):
-        """Return stamps [ns], their seconds and nanoseconds.
+    def _convert(self, key, values):
+        """Return values of joints in SI units; power is the same at motors and joints."""
+        quantity, mixing = self._choice.quantities[key], self._choice.mixing
+        if (quantity.scale != 1.0).any():
+            values = values * quantity.scale
+        if mixing is not None:
+            matrix = np.linalg.inv(mixing) if key == "effort" else mixing.T
+            unknown = np.isnan(values).astype(float) @ (matrix != 0.0) > 0.0
+            mixed = np.where(np.isnan(values), 0.0, values) @ matrix
+            values = np.where(unknown, np.nan, mixed)
+        return values + quantity.offset if quantity.offset.any() else values
+
+    def _shift_stamps(self, time, stamp, rows):
+        """Return stamps after zero [ns], their seconds and nanoseconds.
 
         Stamps that no message can have are −1 s, which is rejected.
         """
         if self._delay is None:  # the first stamp is of a second or more
-            first = int(columns.stamp[0]) // SECOND
+            first = int(stamp[0]) // SECOND
             self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
-        stamp = columns.stamp + self._delay
+        stamp = stamp + self._delay
         sec, nanosec = stamp // SECOND, stamp % SECOND
         beyond = (sec < 0) | (sec > LATEST)
         if beyond.any() and not self._beyond:
             k = int(np.argmax(beyond))
-            self._first_beyond = f"{self._table.unit} {columns.rows[k]}, of {columns.time[k]:g} s"
+            self._first_beyond = f"{self._table.unit} {rows[k]}, of {time[k]:g} s"
         self._beyond += int(beyond.sum())
         return stamp, np.where(beyond, -1, sec), nanosec
+
+    # --- Losses ---
+
+    def _lose(self, cause, where, unit="", count=1, example=""):
+        """Count a loss of so many units, such as ``rows omitted``; the first is the example."""
+        if self._table.unit == "line" and _DECIMAL_COMMA.search(example):
+            example += "; decimal commas need decimal: ',' in a column map"
+        example = f" ({example})" if example else ""
+        self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
+
+    def _lose_rows(self, rows, before, cause, unit, lost, example):
+        where = f"{self._table.unit} {rows[lost[0]]}"
+        self._lose(cause, where, unit, len(lost), before + example)
+
+    def _lose_in_column(self, k, rows):
+        return partial(self._lose_rows, rows, f"column '{self._table.columns[k].name}': ")
+
+
+def _ignore(*_args, **_options):
+    """Count no loss."""
+
+
+def _read_names(array):
+    """Return the texts of a column, (n,) of str; empty for null."""
+    encoded = array.dictionary_encode()
+    texts = np.array([*encoded.dictionary.to_pylist(), ""], object)
+    return texts[encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)]
+
+
+def _require_seconds(time, path):
+    """Reject times that in seconds would be beyond the year 5138."""
+    middle = float(np.nanmedian(np.abs(time)))
+    if 1e11 <= middle < np.inf:
+        unit = "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
+        advice = f"Set `scale: {{time: {unit}}}` in a column map"
+        raise InputError(f"'{path}': times are about {middle:.6g}; expected seconds. {advice}.")
 
 
 def _leading_counts(model):
@@ -155,12 +294,3 @@ def _carriers(model, body):
         carriers.add(body)
         body = int(model.bodies["parent"][body])
     return carriers
-
-
-def _names(table):
-    """Yield the names of joints of a table, or of each of its pieces."""
-    if table.joints:
-        yield table.joints
-        return
-    for columns in table.pieces():
-        yield filter(None, columns.names.flat)
