@@ -273,6 +273,11 @@ def test_estimates_stay_physical_in_any_step():
         law.command(configuration(dyn.model, rng), rng.normal(size=7), READY, rng.normal(size=7))
         law.adapt(10.0)
         assert np.linalg.eigvalsh(law.pseudo_inertia)[0] > 0.0 and law.payload[0] < 5.0
+    heavy = dd.AdaptiveTracking(dyn, "panda_hand", 20.0, 10.0, rate=100.0, max_mass=1e9)
+    heavy.command(READY, np.zeros(7), READY + 0.1)
+    for _ in range(200):
+        heavy.adapt(10.0)
+    assert np.linalg.cond(heavy.pseudo_inertia) < 1e12
     for make, key in (
         (
             lambda: dd.AdaptiveTracking(dyn, "panda_link0", 1, 1, rate=1),
