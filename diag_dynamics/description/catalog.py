@@ -126,7 +126,7 @@ def describe(source: Any) -> Description:
         return source
     if is_mjcf(source):
         return read_mjcf(source)
-    return describe_urdf(read_text(source))
+    return describe_urdf(parse_urdf(read_text(source)))
 
 
 def link_elements(source: Any) -> dict[str, Any]:

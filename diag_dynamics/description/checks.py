@@ -3,27 +3,31 @@
 
 """All checks of robots: severity, unit, text and remedy of each; and warnings.
 
-`load_urdf` warns of those that say so, and of inertias of no rigid body; `inspect` shows all. Their
-conditions are in `remarks.py` for elements of a URDF, and in the package `inspection` for the rest.
+`load_urdf` warns of those that have a category of warnings; `inspect` shows all. Their conditions
+are in `remarks.py` for elements of a URDF, in `inertias.py`, and in the package `inspection` for
+the rest.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from inspect import currentframe
 from typing import NamedTuple
 
-from diag_dynamics.description.inertias import not_physical
-from diag_dynamics.description.records import Description
+from diag_dynamics.description.elements import short
 from diag_dynamics.exceptions import InertiaWarning, ModelWarning
+
+MAX_MISTAKES = 10  # mistakes that a warning lists
 
 ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
 SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
 UNITS = "Is it in kg m², about the centre of mass, and of this link?"
 RATIO = "radius of gyration over the distance of the farthest point"
-EXCESS = "the largest principal moment exceeds the sum of the others by"
+EXCESS = "excess of the largest principal moment over the sum of the others"
+NEGATIVE = "the smallest principal moment of inertia is negative"
 GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
 CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
 LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
@@ -37,15 +41,47 @@ class Check(NamedTuple):
     text: str
     remedy: str
     ascending: bool = False  # the smallest number is the worst
-    warns: bool = False  # load_urdf warns of it, too
-    kind: str = "links"
+    warning: type[ModelWarning] | None = None  # load_urdf warns of it, too
+    kind: str = "link"
+
+
+class Remark(NamedTuple):
+    """A check that fails: its row in CHECKS, a name, a number, and words of the text.
+
+    The name is that of a link or joint, as `kind` or the row says, or None for the robot.
+    """
+
+    row: str
+    name: str | None = None
+    number: float = 0.0
+    words: tuple[object, ...] = ()
+    kind: str = ""
+
+    @property
+    def check(self) -> Check:
+        """The row, for links or joints."""
+        check = CHECKS[self.row]
+        return check._replace(kind=self.kind or check.kind)
+
+    @property
+    def text(self) -> str:
+        """Mistake and remedy."""
+        return f"{self.check.text.format(*self.words)}. {self.check.remedy}"
+
+    def subject(self, more: int) -> str:
+        """Return the link or joint, the number of more with the same text, and its number."""
+        if self.name is None:
+            return ""
+        unit, others = self.check.unit, f" and {more} more" if more else ""
+        number = f" ({self.number:.3g} {unit})" if unit else ""
+        return f"{self.check.kind} {short(self.name)}{others}{number}: "
 
 
 LINKS = {
     "negative D": Check(
         "error",
         "kg m²",
-        "negative principal moments of inertia; the smallest",
+        NEGATIVE,
         "Correct the inertia in the URDF.",
     ),
     "rejected": Check("error", "", "{}", ""),
@@ -55,18 +91,21 @@ LINKS = {
         "",
         "forward and inverse dynamics omit: {}",
         "M, C, ν and K do not depend on it.",
+        warning=ModelWarning,
     ),
     "negative": Check(
         "warning",
         "kg m²",
-        "negative principal moments of inertia; the smallest",
+        NEGATIVE,
         "Correct the inertia in the URDF.",
+        warning=InertiaWarning,
     ),
     "triangle": Check(
         "warning",
         "%",
         f"inertias of no rigid body: {EXCESS}",
         "Give it about the centre of mass, in kg m², in the inertial's axes.",
+        warning=InertiaWarning,
     ),
     "rounded": Check(
         "note",
@@ -289,6 +328,7 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
         "",
         "<joint> of <gazebo> is ignored: the model is the open tree without it",
         "Forward dynamics lacks its forces.",
+        kind="joint",
     ),
     "plugin": Check(
         "warning",
@@ -301,6 +341,7 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
         "",
         "parameter 'mimic' of <ros2_control> is not modelled",
         "Give the joint a <mimic>.",
+        kind="joint",
     ),
     "ignored rotor": Check(
         "warning",
@@ -312,22 +353,23 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
 }
 
 CHECKS = dict(LINKS)
-CHECKS |= {name: check._replace(warns=True) for name, check in WARNED.items()}
-CHECKS |= {name: check._replace(kind="joints") for name, check in JOINTS.items()}
+CHECKS |= {name: check._replace(warning=ModelWarning) for name, check in WARNED.items()}
+CHECKS |= {name: check._replace(kind="joint") for name, check in JOINTS.items()}
 
 
-def warn_of_inertias(description: Description, ignored: Sequence[str]) -> None:
-    """Warn of inertias of no rigid body, but for those of ignored links."""
-    for link in description.links.values():
-        if link.inertial is None or link.name in ignored:
-            continue
-        if reason := not_physical(link.inertial.inertia, link.inertial.mass):
-            warn(
-                f"link '{link.name}' of robot '{description.name}' has an inertia {reason}: "
-                "no rigid body is like that.",
-                InertiaWarning,
-                stacklevel=4,
-            )
+def warn_of(robot: str, remarks: Iterable[Remark]) -> None:
+    """Warn of checks that fail, those of one category at once."""
+    groups: dict[type[ModelWarning], dict[str, list[Remark]]] = {}
+    for remark in remarks:
+        category, text = remark.check.warning, remark.text
+        if category is not None:
+            groups.setdefault(category, {}).setdefault(text, []).append(remark)
+    for category, group in groups.items():
+        texts = [alike[0].subject(len(alike) - 1) + text for text, alike in group.items()]
+        if more := texts[MAX_MISTAKES:]:
+            text = f"And {len(more)} more mistakes: diag-dynamics inspect lists them."
+            texts[MAX_MISTAKES:] = [text]
+        warn(f"robot {short(robot)}: {' '.join(texts)}", category)
 
 
 _handler: ContextVar[Callable[[ModelWarning], object] | None] = ContextVar("handler", default=None)
@@ -346,9 +388,15 @@ def handle_warnings(handler: Callable[[ModelWarning], object]) -> Iterator[None]
         _handler.reset(token)
 
 
-def warn(text: str, category: type[ModelWarning] = ModelWarning, stacklevel: int = 3) -> None:
-    """Warn of a robot's file by the function of :func:`handle_warnings`, or by a Python warning."""
+def warn(text: str, category: type[ModelWarning] = ModelWarning) -> None:
+    """Warn of a robot's file by the function of :func:`handle_warnings`, or by a Python warning.
+
+    The warning names the line that called this package.
+    """
     if handler := _handler.get():
         handler(category(text))
-    else:
-        warnings.warn(text, category, stacklevel=stacklevel)
+        return
+    frame, level = currentframe(), 1
+    while frame and frame.f_globals["__name__"].startswith("diag_dynamics."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, category, stacklevel=level)

@@ -5,15 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import numbers
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.records import Payload
 from diag_dynamics.exceptions import InputError
 
+NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 LARGEST = 1e9  # largest mass, length, inertia or armature accepted, in SI units
 
 
@@ -56,6 +58,26 @@ def not_physical(inertia: Array, mass: float) -> str | None:
     if moments[2] > moments[0] + moments[1] + rounding:
         return f"whose principal moments {_short(moments)} break the triangle inequality"
     return None
+
+
+def unphysical(inertias: Iterable[tuple[str, float, Array, float]]) -> Iterator[Remark]:
+    """Find moments of inertia below zero or above the sum of the others, beyond rounding.
+
+    `inertias` has link, mass, inertia, and half a unit of the inertia's last digit.
+    """
+    rows = list(inertias)
+    negligible = NEGLIGIBLE * sum(mass for _, mass, _, _ in rows)
+    for name, mass, inertia, half_digit in rows:
+        if not_physical(inertia, mass) is None:
+            continue
+        first, second, third = np.linalg.eigvalsh(inertia)
+        rounding = 3.0 * half_digit  # norm of the matrix of errors bounds that of eigenvalues
+        excess, is_light = third - first - second, not mass or mass < negligible
+        if first < -rounding and not is_light:
+            yield Remark("negative", name, first)
+        else:
+            row = "rounded" if is_light or excess <= 3.0 * rounding else "triangle"
+            yield Remark(row, name, 100.0 * excess / max(abs(first), third))
 
 
 def _moments(inertia: Array, mass: float) -> tuple[Array, float]:

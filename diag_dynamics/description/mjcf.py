@@ -15,6 +15,7 @@ from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.records import (
     Curve,
     Description,
@@ -60,7 +61,7 @@ def read_mjcf(source: str | os.PathLike[str]) -> Description:
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1
     reader = _Reader(c, floating)
-    root = reader.root
+    root, omitted = reader.root, tuple(_omitted(c))
     return Description(
         name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf",
         root=root,
@@ -72,8 +73,9 @@ def read_mjcf(source: str | os.PathLike[str]) -> Description:
         floating_base=floating,
         gravity=np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy(),
         locked=c.locked_joints(),
-        omitted=tuple(_omitted(c)),
+        omitted=omitted,
         balls=tuple(c.name("joint", j) for j in c.balls),
+        remarks=(Remark("omitted", words=("; ".join(omitted),)),) if omitted else (),
     )
 
 

@@ -28,7 +28,7 @@ from diag_dynamics.description.records import (
     Link,
     Payload,
 )
-from diag_dynamics.description.urdf import parse_urdf, read_urdf
+from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.text import listed
@@ -428,8 +428,7 @@ def urdf_with(text: str, parameters: Parameters) -> str:
     It has no place for armature and offsets.
     """
     element = parse_urdf(text, comments=True)
-    description, _ = read_urdf(element)
-    links = with_parameters(description, parameters).links
+    links = with_parameters(describe_urdf(element), parameters).links
     origin = [
         str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)
     ]

@@ -12,6 +12,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import vector
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.rotations import from_rpy
@@ -331,12 +332,12 @@ class Flexible(NamedTuple):
 class Description(NamedTuple):
     """A robot: a tree of links and joints by name in the file's order, and loops that close in it.
 
-    `driven` are joints with an actuator. An MJCF states `floating_base`, `gravity` [m/s²] and
-    positions of `locked` joints [rad, m] too; `omitted` has its forces that no model has, `balls`
-    its ball joints, each of three hinges. `estimated_links` have an inertia estimated from
-    geometry. `couplings`, `motor_efforts` and `friction_velocity` are those of :class:`Parameters`.
-    Arguments of :func:`load_urdf` are merged, too; `held` are positions of joints that
-    massless="lock" locks.
+    `driven` are joints with an actuator, `remarks` probable mistakes of the file. An MJCF states
+    `floating_base`, `gravity` [m/s²] and positions of `locked` joints [rad, m] too; `omitted` has
+    its forces that no model has, `balls` its ball joints, each of three hinges. `estimated_links`
+    have an inertia estimated from geometry. `couplings`, `motor_efforts` and `friction_velocity`
+    are those of :class:`Parameters`. Arguments of :func:`load_urdf` are merged, too; `held` are
+    positions of joints that massless="lock" locks.
     """
 
     name: str
@@ -360,6 +361,7 @@ class Description(NamedTuple):
     payloads: Mapping[str, Payload] = {}
     held: Mapping[str, float] = {}
     flexible: Flexible = Flexible()
+    remarks: tuple[Remark, ...] = ()
 
     def with_joints(self, *joints: Joint) -> Description:
         """Return this description with these joints in place of those of the same names."""

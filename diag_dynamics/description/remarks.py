@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from difflib import get_close_matches
-from typing import Any, NamedTuple
+from typing import Any
 
 from lxml import etree
 
-from diag_dynamics.description.checks import CHECKS, warn
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.elements import floats, short
 
 # Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
@@ -51,36 +51,16 @@ MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
 COUPLING_PLUGINS = ("attach", "coupl", "detach", "gearbox", "loop_joint", "closed_loop", "mimic")
 MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a joint with a source
 MAX_ANGLE = 2.0 * math.pi + 1e-3  # of an origin or a mimic offset [rad]: a full turn, rounded
-MAX_MISTAKES = 10  # mistakes that a warning lists
-
-
-class Remark(NamedTuple):
-    """A check of an element that fails: its row in CHECKS, its words, the object, and an angle.
-
-    The object is "robot", "link" or "joint".
-    """
-
-    row: str
-    kind: str
-    name: str
-    words: tuple[str, ...] = ()
-    angle: float | None = None  # [rad]
-
-    @property
-    def text(self) -> str:
-        """Mistake and remedy."""
-        check = CHECKS[self.row]
-        return f"{check.text.format(*self.words)}. {check.remedy}"
 
 
 def remarks_of(robot: Any) -> list[Remark]:
     """Return the probable mistakes of a parsed `<robot>` element, in the file's order."""
-    remarks = list(_unknown_attributes(robot, "robot", robot.get("name") or "robot"))
+    remarks = list(_unknown_attributes(robot))
     for element in robot.iterchildren("link", "joint"):
         remarks += _of_element(element, element.tag, element.get("name") or "")
     for joint in robot.iterfind("gazebo/joint"):
         if joint.find("child") is not None:
-            remarks.append(Remark("simulated", "joint", joint.get("name") or ""))
+            remarks.append(Remark("simulated", joint.get("name") or ""))
     return remarks + list(_couplings_of_plugins(robot))
 
 
@@ -92,12 +72,11 @@ def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
         joints = {(element.text or "").strip() for tag in MIMIC for element in plugin.iterfind(tag)}
         is_coupling = any(part in "\n".join(names).lower() for part in COUPLING_PLUGINS)
         if is_coupling and not (joints and joints <= mimics):
-            words = (short(next(filter(None, names))),)
-            yield Remark("plugin", "robot", robot.get("name") or "robot", words)
+            yield Remark("plugin", words=(short(next(filter(None, names))),))
     for parameter in robot.iterfind("ros2_control/joint/param[@name='mimic']"):
         joint = parameter.getparent().get("name") or ""
         if joint not in mimics:
-            yield Remark("mimic parameter", "joint", joint)
+            yield Remark("mimic parameter", joint)
 
 
 def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
@@ -105,10 +84,10 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
     yield from _unknown_attributes(element, kind, name)
     is_axis = element.tag == "axis" and element.getparent().get("type") != "fixed"
     if is_axis and element.get("xyz") is None:
-        yield Remark("no axis", kind, name)
+        yield Remark("no axis", name, kind=kind)
     attribute, angle = _angle(element)
     if abs(angle) > MAX_ANGLE:
-        yield Remark("angle", kind, name, (element.tag, attribute), angle)
+        yield Remark("angle", name, angle, (element.tag, attribute), kind)
     if element.tag not in CHILDREN:
         return
     children = CHILDREN[element.tag]
@@ -116,14 +95,14 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
         if part.tag in children:
             yield from _of_element(part, kind, name)
         elif part.tag in MISPLACED or get_close_matches(part.tag.lower(), children, 1, 0.8):
-            yield Remark("element", kind, name, (short(part.tag)[1:-1], element.tag))
+            yield Remark("element", name, 0.0, (short(part.tag)[1:-1], element.tag), kind)
 
 
-def _unknown_attributes(element: Any, kind: str, name: str) -> Iterator[Remark]:
+def _unknown_attributes(element: Any, kind: str = "", name: str | None = None) -> Iterator[Remark]:
     for attribute in element.keys() if element.tag in ATTRIBUTES else ():
         is_free = ":" in attribute or "}" in attribute
         if attribute not in ATTRIBUTES[element.tag] and not is_free:
-            yield Remark("attribute", kind, name, (element.tag, short(attribute)))
+            yield Remark("attribute", name, 0.0, (element.tag, short(attribute)), kind)
 
 
 def _angle(element: Any) -> tuple[str, float]:
@@ -136,22 +115,3 @@ def _angle(element: Any) -> tuple[str, float]:
         return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)
     offset = floats(element.get("offset"), 1) if element.tag == "mimic" and turns else None
     return "offset", (offset or [0.0])[0]
-
-
-def warn_of_remarks(robot: str, remarks: Iterable[Remark]) -> None:
-    """Warn of all mistakes at once."""
-    groups: dict[str, list[Remark]] = {}
-    for remark in remarks:
-        groups.setdefault(remark.text, []).append(remark)
-    texts = []
-    for text, (first, *more) in groups.items():
-        named = f"{first.kind} {short(first.name)}" + (f" and {len(more)} more" if more else "")
-        angle = "" if first.angle is None else f" ({first.angle:g} rad)"
-        texts.append(f"{named}{angle}: {text}")
-    if len(texts) > MAX_MISTAKES:
-        count = len(texts) - MAX_MISTAKES
-        more_text = f"And {count} more mistakes: diag-dynamics inspect lists them."
-        texts[MAX_MISTAKES:] = [more_text]
-    if texts:
-        text = f"robot {short(robot)}: the URDF has probable mistakes. {' '.join(texts)}"
-        warn(text, stacklevel=6)

@@ -244,9 +244,7 @@ def expanded(source: Any, arguments: Any) -> Any:
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
         listed = ", ".join(map(repr, unused))
-        warn(
-            f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.", stacklevel=6
-        )
+        warn(f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.")
     return document.toxml()
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from lxml import etree
 
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.elements import floats, local_name, short
 from diag_dynamics.description.inertias import LARGEST
 from diag_dynamics.description.records import SINGLE
-from diag_dynamics.description.remarks import Remark
 from diag_dynamics.exceptions import UrdfError
 
 # Tags without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>
@@ -55,8 +55,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         joint = min(names, default="")
         is_single = len(names) == len(rotors) == 1 and types[joint] in SINGLE
         if not is_single or len(ratios) > 1 or joint in armature:
-            name = robot.get("name") or "robot"
-            remarks.append(Remark("ignored rotor", "robot", name, (where,)))
+            remarks.append(Remark("ignored rotor", words=(where,)))
             continue
         N = min(ratios, default=1.0)
         armature[joint] = N * N * rotors[0]

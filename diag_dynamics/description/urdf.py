@@ -35,7 +35,7 @@ from diag_dynamics.description.records import (
     Link,
     Mimic,
 )
-from diag_dynamics.description.remarks import Remark, remarks_of, warn_of_remarks
+from diag_dynamics.description.remarks import remarks_of
 from diag_dynamics.description.text import DEFINITIONS, NO_CALL
 from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
@@ -75,16 +75,8 @@ JOINT = {
 READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
-def describe_urdf(text: str) -> Description:
-    """Return the description of the text of a URDF, and warn of its probable mistakes."""
-    element = parse_urdf(text)
-    description, remarks = read_urdf(element)
-    warn_of_remarks(description.name, [*remarks_of(element), *remarks])
-    return description
-
-
-def read_urdf(element: Any) -> tuple[Description, list[Remark]]:
-    """Return the description of a parsed <robot> element, and remarks on ignored transmissions."""
+def describe_urdf(element: Any) -> Description:
+    """Return the description of a parsed <robot> element."""
     loops, curves = loops_of(element), curves_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
     reject_large("URDF", joint_count, link_count)
@@ -97,13 +89,14 @@ def read_urdf(element: Any) -> tuple[Description, list[Remark]]:
         _reject_no_links(element)
     for joint in element.findall("joint"):
         reduced.add_joint(joint)
-    armature, remarks = reflected_inertias(element)
+    armature, ignored = reflected_inertias(element)
     links, joints = reduced.read(armature)
     root = _root_link(links, {record.child: record.parent for record in joints.values()})
     joints = {record.name: checked_joint(record) for record in joints.values()}
-    driven = driven_joints(element)
-    description = Description(name, root, links, joints, loops, curves, driven)
-    return description, remarks
+    remarks = (*remarks_of(element), *ignored)
+    return Description(
+        name, root, links, joints, loops, curves, driven_joints(element), remarks=remarks
+    )
 
 
 def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:

@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of joints, elements and attributes. Each yields names of rows in CHECKS."""
+"""Checks of joints, elements and attributes. Each yields fields of remarks."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from diag_dynamics.description.checks import CHECKS
 from diag_dynamics.inspection.urdf import Found, Urdf
 
 TURNS = (
@@ -32,21 +31,16 @@ def elements(urdf: Urdf) -> Found:
     """Find repeated elements; readers differ in which one they read."""
     for element in urdf.elements:
         name = element.get("name", "")
-        row = CHECKS["repeated"]._replace(kind=f"{element.tag}s")
         for part in element.iter(*ONCE):
             for tag in ONCE[part.tag]:
                 if len(part.findall(tag)) > 1:
-                    yield row, name, 0.0, tag.replace("*", "shape"), name  # a finding each
+                    words = tag.replace("*", "shape"), name  # a finding each
+                    yield "repeated", name, 0.0, words, element.tag
 
 
 def attributes(urdf: Urdf) -> Found:
-    """Find unknown attributes and versions, axes without xyz and angles in degrees."""
-    for remark in urdf.remarks:
-        row, name = CHECKS[remark.row], remark.name
-        if remark.kind == "robot":
-            yield row, None, 0.0, *remark.words
-        else:
-            yield row._replace(kind=f"{remark.kind}s"), name, remark.angle or 0.0, *remark.words
+    """Find unknown attributes, axes without xyz, angles in degrees, and forces that are omitted."""
+    return iter(urdf.remarks)
 
 
 def transmissions(urdf: Urdf) -> Found:
@@ -94,9 +88,9 @@ def _find_limits(urdf: Urdf, name: str, row: str, maximum: float) -> Found:
         if joint.type in ("fixed", "floating", "planar") or joint.mimic is not None:
             continue
         if limit <= 0.0:
-            yield "zero", joint.name, 0.0, name
+            yield "zero", joint.name, 0.0, (name,)
         elif limit == np.inf and not urdf.is_mjcf:  # which has none that could be missing
-            yield "no limit", joint.name, 0.0, name
+            yield "no limit", joint.name, 0.0, (name,)
         elif maximum < limit < np.inf:
             yield row, joint.name, limit
 

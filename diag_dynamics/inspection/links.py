@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of masses, inertias and geometry of links. Each yields names of rows in CHECKS."""
+"""Checks of masses, inertias and geometry of links. Each yields fields of remarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.geometry import Solid
-from diag_dynamics.description.inertias import negative_moments, not_physical
+from diag_dynamics.description.inertias import negative_moments, unphysical
 from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
 
 DENSEST = 20000.0  # density that no link has [kg/m³]: tungsten has 19 300
@@ -28,17 +28,8 @@ SLENDER = 4.0  # ratio of moments from which a shape is a bar
 
 def possible_inertias(urdf: Urdf) -> Found:
     """Find moments of inertia below zero or above the sum of the others, beyond rounding."""
-    for link in urdf.links.values():
-        if link.inertia is None or not_physical(link.inertia, link.mass or 0.0) is None:
-            continue
-        first, second, third = np.linalg.eigvalsh(link.inertia)
-        rounding = 3.0 * link.half_digit  # norm of the matrix of errors bounds that of eigenvalues
-        excess, negligible = third - first - second, urdf.is_negligible(link.mass)
-        if first < -rounding and not negligible:
-            yield "negative", link.name, first
-        else:
-            row = "rounded" if negligible or excess <= 3.0 * rounding else "triangle"
-            yield row, link.name, 100.0 * excess / max(abs(first), third)
+    links = [link for link in urdf.links.values() if link.inertia is not None]
+    return unphysical((x.name, x.mass or 0.0, x.inertia, x.half_digit) for x in links)
 
 
 def negative_inertias(urdf: Urdf) -> Found:
@@ -169,11 +160,11 @@ def placeholders(urdf: Urdf) -> Found:
         volumes = np.sort([solid.volume for solid in solids if solid])
         sizes = 1 + np.count_nonzero(volumes[1:] > 1.05 * volumes[:-1]) if len(volumes) else 0
         for link in links if sizes >= SAME else ():
-            yield "copied", link.name, 0.0, mass, moments[-1], sizes
+            yield "copied", link.name, 0.0, (mass, moments[-1], sizes)
 
 
 def meshes(urdf: Urdf) -> Found:
     """Find meshes that are missing or cannot be measured; viewers need them, dynamics do not."""
     errors = [(link.name, *error) for link in urdf.links.values() for error in link.errors]
     reasons = {row: reason for _, row, reason in reversed(errors)}
-    yield from ((row, name, 0.0, reasons[row]) for name, row, _ in errors)
+    yield from ((row, name, 0.0, (reasons[row],)) for name, row, _ in errors)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a model in random poses. Each yields names of rows in CHECKS."""
+"""Checks of a model in random poses. Each yields fields of remarks."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def conditioning(motion: Motion) -> Found:
     digits = max(16.0 - np.log10(worst), 0.0)
     for k in np.argsort(smallest)[:3] if worst > LOST_DIGITS else ():
         row = "few digits" if digits > 4.0 else "no digits"
-        yield row, motion.model.dof_names[k], smallest[k], worst, digits
+        yield row, motion.model.dof_names[k], smallest[k], (worst, digits)
 
 
 def kinetic_energy(motion: Motion) -> Found:
@@ -89,4 +89,4 @@ def kinetic_energy(motion: Motion) -> Found:
     speed = np.sqrt(2.0 * motion.energy_at_limits.max() / mass) if mass > 0.0 else 0.0
     alone = 0.5 * np.einsum("tkk->tk", motion.M).max(axis=0) * limit**2
     for k in np.argsort(-alone)[:3] if speed > SPEED else ():
-        yield "rapid", motion.model.dof_names[k], limit[k], speed
+        yield "rapid", motion.model.dof_names[k], limit[k], (speed,)

@@ -16,8 +16,7 @@ import numpy as np
 
 from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import CHECKS as TABLE
-from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.checks import Remark, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -134,7 +133,6 @@ def inspect_robot(
         model, poses, rows = _load(load, options)
         urdf.stands = model is not None and not model.floating_base
         rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
-        rows += [("omitted", None, 0.0, text) for text in urdf.omitted]
         rows_of = {"loading": iter(rows)}
         for check in OF_XML:
             if not urdf.is_mjcf or check not in OF_GEOMETRY:
@@ -152,16 +150,17 @@ def inspect_robot(
 def _findings(check: str, found: Found) -> list[Finding]:
     """Return a finding for each row, with each choice of words, that a check yields."""
     groups: dict[tuple[Any, ...], dict[str, float]] = {}
-    for row, name, number, *words in found:
-        group = groups.setdefault((TABLE.get(row, row), *words), {})
-        group |= {} if name is None else {name: float(number)}
+    for fields in found:
+        remark = Remark(*fields)
+        group = groups.setdefault((remark.check, *remark.words), {})
+        group |= {} if remark.name is None else {remark.name: float(remark.number)}
     findings = []
     for (row, *words), group in groups.items():
         pairs = sorted(group.items(), key=lambda pair: pair[1] if row.ascending else -abs(pair[1]))
-        fields: dict[str, Any] = {row.kind: tuple(dict(pairs))}
-        fields |= {"values": dict(pairs) if row.unit else {}, "unit": row.unit}
+        named: dict[str, Any] = {f"{row.kind}s": tuple(dict(pairs))}
+        named |= {"values": dict(pairs) if row.unit else {}, "unit": row.unit}
         text = row.text.format(*words)
-        findings.append(Finding(row.severity, check, text, remedy=row.remedy, **fields))
+        findings.append(Finding(row.severity, check, text, remedy=row.remedy, **named))
     return findings
 
 
@@ -176,17 +175,17 @@ def _load(
             with handle_warnings(warnings.append):
                 model = load(**options)
             of_start = [x for x in warnings if isinstance(x, exceptions.LoopWarning)]
-            rows += [("start", None, 0.0, str(warning)) for warning in of_start]
+            rows += [("start", None, 0.0, (str(warning),)) for warning in of_start]
             return model, Motion(model) if model.nv else None, rows
         except exceptions.MasslessLinkError as error:
             D = zip(error.joints, error.articulated_inertia, strict=True)
             rows += [("singular", *pair) for pair in D]
             options["massless"] = "lock"
         except exceptions.MimicJointError as error:
-            rows += [("mimic", name, 0.0, str(error)) for name in error.joints]
+            rows += [("mimic", name, 0.0, (str(error),)) for name in error.joints]
             options["mimic"] = "free"
         except DiagDynamicsError as error:
-            rows.append(("rejected", None, 0.0, str(error)))
+            rows.append(("rejected", None, 0.0, (str(error),)))
             break
     return model, None, rows
 

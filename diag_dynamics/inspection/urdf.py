@@ -16,21 +16,21 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description import records
+from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of, united
+from diag_dynamics.description.inertias import NEGLIGIBLE
 from diag_dynamics.description.meshes import Meshes, find_mesh
 from diag_dynamics.description.records import Description, Joint
-from diag_dynamics.description.remarks import Remark, remarks_of
+from diag_dynamics.description.remarks import remarks_of
 from diag_dynamics.description.transmissions import reflected_inertias
 from diag_dynamics.description.urdf import parse_urdf, readable_parts
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
-
-NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 
 ROLES = ("visual", "collision")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 Found = Iterator[tuple[Any, ...]]
-"""Results of a check: key of a row, name or None, number, words of the text."""
+"""Results of a check: fields of a Remark."""
 
 
 @dataclass
@@ -114,10 +114,9 @@ class Urdf:
         self.rotors: dict[str, float] = {}
         self.elements: list[Any] = []
         self.links: dict[str, Link] = {}
-        self.omitted: tuple[str, ...] = ()
         self.is_mjcf = isinstance(source, Description)
         if isinstance(source, Description):
-            self.name, self.omitted = source.name, source.omitted
+            self.name, self.remarks = source.name, [*source.remarks]
             self.joints = list(source.joints.values())
             self.links |= {name: _described_link(link) for name, link in source.links.items()}
         else:

@@ -20,15 +20,16 @@ from diag_dynamics.description.arguments import (
     with_payloads,
 )
 from diag_dynamics.description.catalog import robot_path
-from diag_dynamics.description.checks import warn, warn_of_inertias
+from diag_dynamics.description.checks import warn, warn_of
 from diag_dynamics.description.flexible_links import with_flexible_links
 from diag_dynamics.description.geometry import estimated
+from diag_dynamics.description.inertias import unphysical
 from diag_dynamics.description.loops import read_couplings, with_couplings
 from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.text import folder_of, read_text
-from diag_dynamics.description.urdf import describe_urdf
+from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InertiaWarning, InputError, LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
 
@@ -125,7 +126,12 @@ def load_urdf(
     description = with_couplings(description, couplings)
     additional = Parameters() if parameters is None else read_parameters(parameters)
     description = with_parameters(description, additional)
-    warn_of_inertias(description, additional.lighter_links)
+    inertias = (
+        (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
+        for link in description.links.values()
+        if link.inertial is not None and link.name not in additional.lighter_links
+    )
+    warn_of(description.name, [*description.remarks, *unphysical(inertias)])
     description = with_flexible_links(description, couplings)
     description = with_armature(description, armature)
     if friction_velocity is not None:
@@ -144,10 +150,6 @@ def load_urdf(
         additional,
     )
     _warn_of_balls(model)
-    if description.omitted:
-        text = f"Forward and inverse dynamics of robot '{model.name}' omit: "
-        text += f"{'; '.join(description.omitted)}. M, C, ν and K do not depend on these."
-        warn(text, stacklevel=4)
     return model
 
 
@@ -161,11 +163,11 @@ def _described(
         return source
     folder, text = folder_of(source), read_text(source, xacro_args)
     if density is None:
-        return describe_urdf(text)
+        return describe_urdf(parse_urdf(text))
     estimates = estimated(text, density, folder)
-    description = describe_urdf(estimates.text)
+    description = describe_urdf(parse_urdf(estimates.text))
     if estimates.warning:
-        warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning, stacklevel=4)
+        warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning)
     links = tuple(estimate.link for estimate in estimates.estimates)
     return description._replace(estimated_links=links)
 
@@ -178,7 +180,6 @@ def _warn_of_balls(model: RobotModel) -> None:
             "its y axis at the start; its three hinges are singular at ±90°. Turn the axes of "
             "its body in the file.",
             LoopWarning,
-            stacklevel=5,
         )
 
 

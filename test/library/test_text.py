@@ -114,7 +114,7 @@ def test_names_of_a_model():
     shown = warnings.formatwarning(
         warned[0].message, warned[0].category, warned[0].filename, warned[0].lineno
     )
-    assert r"robot 'arm\x0a\x9b31m'" in shown and r"'\u202etip'" in shown
+    assert r"robot 'arm\n\x9b31m'" in shown and r"'\u202etip'" in shown
     assert shown.splitlines()[0].isprintable()
 
 

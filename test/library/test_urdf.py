@@ -166,16 +166,16 @@ def test_tolerated(case):
 @pytest.mark.parametrize(
     ("inertia", "key"),
     [
-        ((-0.1, 0, 0, 0.2, 0, 0.3), "positive"),
-        ((0.1, 0, 0, 0.1, 0, 0.3), "triangle inequality"),
-        ((0.1, 0.3, 0, 0.1, 0, 0.1), "positive"),
-        ((0.1, 0, 0, 0.1, 0, 0.2005), "triangle inequality"),
-        ((-2e-4, 0, 0, 0.1, 0, 0.1), "positive"),
+        ((-0.1, 0, 0, 0.2, 0, 0.3), "negative"),
+        ((0.1, 0, 0, 0.1, 0, 0.3), "over the sum of the others"),
+        ((0.1, 0.3, 0, 0.1, 0, 0.1), "negative"),
+        ((0.1, 0, 0, 0.1, 0, 0.2005), "over the sum of the others"),
+        ((-2e-4, 0, 0, 0.1, 0, 0.1), "negative"),
     ],
 )
 def test_inertia_of_no_rigid_body_warns(inertia, key):
     odd = link("odd", mass=2.0, com=(0.5, 0, 0), inertia=inertia)
-    with pytest.warns(dd.InertiaWarning, match="link 'odd' of robot 'r'") as caught:
+    with pytest.warns(dd.InertiaWarning, match="robot 'r': link 'odd'") as caught:
         assert (
             dd.load_urdf(description("r", link("a"), odd, joint("j", "revolute", "a", "odd"))).nv
             == 1

@@ -26,9 +26,6 @@ from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.text import shortened
 
-MAX_WARNINGS = 20
-"""Warnings of a robot that are logged one by one."""
-
 COMPILED = (
     *(
         "evaluate",
@@ -94,10 +91,8 @@ def load_robot(node, description, values):
         node.get_logger().info(shortened(text))
     with handle_warnings(warnings.append):
         model = model_of(described(description), values)
-    for warning in warnings[:MAX_WARNINGS]:
+    for warning in warnings:
         node.get_logger().warning(str(warning))
-    if len(warnings) > MAX_WARNINGS:
-        node.get_logger().warning(f"{len(warnings) - MAX_WARNINGS} more warnings about this robot.")
     return model
 
 
