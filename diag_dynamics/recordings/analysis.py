@@ -21,12 +21,12 @@ from diag_dynamics.recordings.findings import (
     explain_missing_efforts,
     word_for_missing,
 )
-from diag_dynamics.recordings.observer import ObservedStates, Observer
+from diag_dynamics.recordings.observer import ObservedStates, Observer, find_touched_links
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
-from diag_dynamics.results import BatchEvaluation, expand
+from diag_dynamics.results import BatchEvaluation
 
 MAX_INTERVAL = 0.5  # longest interval between states that is counted [s]
 MOMENTS, SEPARATION = 5, SECOND  # number of the worst moments, and time between them [ns]
@@ -225,7 +225,14 @@ class Analysis:
             self._detectors, (self._collisions, self._contacts), strict=True
         ):
             judged.append(detector.judge(*columns))
-            touched = self._touched_links(states, observed, judged[-1].alarm)
+            touched = find_touched_links(
+                self._dynamics,
+                states.position,
+                observed,
+                self._covariance,
+                judged[-1].alarm,
+                threads=self._threads,
+            )
             alarms.add_states(states.stamp, strength, judged[-1], touched)
         self._balance.add_windows(
             self._windows.integrate_states(*self._with_model_efforts(states, s))
@@ -257,17 +264,6 @@ class Analysis:
         is_known = np.isfinite(effort).all(axis=1)
         s = self._dynamics.evaluate(q, rates, np.nan_to_num(effort), **options)
         return replace(states, effort=effort, effort_known=is_known), s
-
-    def _touched_links(self, states, observed, collision):
-        """Return the TouchedLink of states during a collision, empty in other states.
-
-        Return None without a covariance.
-        """
-        rows = collision & observed.valid & np.isfinite(observed.norm)
-        if self._covariance is None or not rows.any():
-            return None
-        columns = states.position[rows], observed.external_torque[rows], self._covariance
-        return expand(self._dynamics.touched_link(*columns, threads=self._threads), rows)
 
     def _add_figures(self, states, s, observed):
         names, energy = self.model.dof_names, s.kinetic_energy

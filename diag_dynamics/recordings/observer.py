@@ -139,6 +139,25 @@ def observe(
     return Observed(recording.t, *columns, recording.q, dynamics)
 
 
+def find_touched_links(
+    dynamics: DiagonalDynamics,
+    q: Array,
+    observed: Observed | ObservedStates,
+    covariance: RowsLike | None,
+    rows: BoolArray | bool = True,
+    **options: Any,
+) -> TouchedLink | None:
+    """Return the TouchedLink of observed states, "" and NaN in others; None without any.
+
+    `rows` selects some of the states.
+    """
+    whole = observed.valid & np.isfinite(observed.norm) & rows
+    if covariance is None or not whole.any():
+        return None
+    columns = q[whole], observed.external_torque[whole], covariance
+    return expand(dynamics.touched_link(*columns, **options), whole)
+
+
 def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None:
     """Reject a recording of another robot."""
     instance("recording", recording, Recording)

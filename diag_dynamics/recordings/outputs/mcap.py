@@ -16,7 +16,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
-from diag_dynamics.results import expand
+from diag_dynamics.recordings.observer import find_touched_links
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from diag_dynamics.wire.fields import (
@@ -119,7 +119,10 @@ class TopicRows:
         """Yield indices of states, and their messages as uint8, (number of states, bytes)."""
         is_torque = self._topic == "external_torque"
         has_values = piece.observed.valid if is_torque else piece.states.effort_known
-        touched = self._touched_links(piece)
+        touched = None
+        if is_torque:
+            columns = piece.states.position, piece.observed, self._covariance
+            touched = find_touched_links(self._dynamics, *columns)
         is_touched = touched.link != "" if touched else np.zeros(len(piece.states), dtype=bool)
         for is_known, has_links in ((True, True), (True, False), (False, False)):
             places = np.flatnonzero((has_values == is_known) & (is_touched == has_links))
@@ -140,14 +143,6 @@ class TopicRows:
                 s = _Rows(piece.s, places)
                 values = evaluated_fields(names, s, state, is_known, friction=friction)
             yield places, self._encode(values, state, (is_known, has_links))
-
-    def _touched_links(self, piece):
-        """Return the TouchedLink of each state; None without a covariance or results."""
-        rows = piece.observed.valid & np.isfinite(piece.observed.norm)
-        if self._topic != "external_torque" or self._covariance is None or not rows.any():
-            return None
-        results = piece.states.position[rows], piece.observed.external_torque[rows]
-        return expand(self._dynamics.touched_link(*results, self._covariance), rows)
 
     def _alarming(self, piece, places):
         """Return the Alarming of some states."""
