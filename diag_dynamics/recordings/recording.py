@@ -29,6 +29,7 @@ from diag_dynamics.recordings.findings import (
     no_states_error,
 )
 from diag_dynamics.recordings.intake import Intake
+from diag_dynamics.recordings.joint_names import JointNames
 from diag_dynamics.recordings.sources import open_source, path_text
 from diag_dynamics.recordings.states import States
 
@@ -225,11 +226,14 @@ class Reading:
         end=None,
     ):
         self.settings = make_settings(parameters)
-        self._span, self._limits = _check_span(start, end), None
-        names = assignments("joint_names", self.settings.values["joint_names"], str)
+        self._span = _check_span(start, end)
+        joint_names = joint_names or assignments(
+            "joint_names", self.settings.values["joint_names"], str
+        )
+        names = JointNames(joint_names) if joint_names else None
         locked = self.settings.values["locked_joints"]
         self._locks_rest = any(entry.startswith(ALL) for entry in locked)
-        self._source = open_source(path, columns, topic, joint_names or names or None)
+        self._source = open_source(path, columns, topic, names)
         self.path = path_text(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
@@ -237,9 +241,7 @@ class Reading:
         else:
             self.described = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(self.described, self.settings.values, self._source.joints)
-        self.intake = Intake(self.model, self.settings, self._source.names)
-        if self._source.start is not None:
-            self._set_limits(self._source.start)
+        self.intake = Intake(self.model, self.settings, names)
 
     @cached_property
     def contact_points(self):
@@ -283,34 +285,34 @@ class Reading:
 
     def pieces(self, size=SIZE):
         """Yield pieces, see :func:`stream_recording`."""
-        parts, count = [], 0
-        for batch in self._source.batches(self.model):
-            parts.append(self.intake.read(self._within(batch)))
+        parts, count, limits = [], 0, self._limits_after(self._source.start)
+        for batch in self._source.batches(self.model, *limits):
+            if self._source.start is None and limits == (None, None) and len(batch.log_time):
+                limits = self._limits_after(int(batch.log_time[0]))  # of a table
+            parts.append(self.intake.read(_select_between(batch, *limits)))
             count += len(parts[-1])
             if count >= size:
                 yield self._recording(parts)
                 parts, count = [], 0
         yield self._recording(parts or [States.empty(self.model.nq, self.model.nv)])
 
-    def _within(self, batch):
-        """Return the messages between start and end."""
-        times = batch.log_time
-        if self._span == (None, None) or not len(times):
-            return batch
-        if self._limits is None:  # of a table
-            self._set_limits(int(times[0]))
-        begin, end = self._limits
-        is_within = np.ones(len(times), bool) if begin is None else times >= begin
-        return batch.select(is_within if end is None else is_within & (times < end))
-
-    def _set_limits(self, first):
-        """Compute the log times between which messages are read, from the first one [ns]."""
-        self._limits = tuple(None if after is None else first + after for after in self._span)
-        self._source.limit(*self._limits)
+    def _limits_after(self, first):
+        """Return the log times between which messages are read, from the first one [ns]."""
+        return tuple(None if None in (first, after) else first + after for after in self._span)
 
     def _recording(self, parts):
         states, offset = States.concatenate(parts), self._source.offset
         return Recording(self.model, states, offset, self.counts, self.findings(), self.path)
+
+
+def _select_between(batch, begin, end):
+    """Return the messages between two log times [ns]; None is no limit."""
+    is_within = np.ones(len(batch.log_time), bool)
+    if begin is not None:
+        is_within &= batch.log_time >= begin
+    if end is not None:
+        is_within &= batch.log_time < end
+    return batch.select(is_within)
 
 
 def make_settings(parameters):

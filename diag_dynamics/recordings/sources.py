@@ -20,7 +20,7 @@ from diag_dynamics.optional import require
 from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
-from diag_dynamics.recordings.joint_names import JointNames, suggest
+from diag_dynamics.recordings.joint_names import suggest
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
@@ -44,7 +44,6 @@ SEVERAL = {
 class Source(Protocol):
     """Messages of a recording about one robot; notes are complete after the last batch."""
 
-    names: JointNames | None  # the robot's names of joints in messages
     start: int | None  # first log time [ns]; None if it is unknown before reading
     offset: int  # delay of stamps from times in the file [ns]
     without_values: int  # rows without a value of any joint
@@ -57,11 +56,8 @@ class Source(Protocol):
     def joints(self, model: RobotModel) -> set[str]:
         """Return the robot's names of joints in messages."""
 
-    def limit(self, begin: int | None, end: int | None) -> None:
-        """Allow to omit messages outside of log times [ns]."""
-
-    def batches(self, model: RobotModel) -> Iterator[Batch]:
-        """Yield batches of messages in the order of log time."""
+    def batches(self, model: RobotModel, begin: int | None, end: int | None) -> Iterator[Batch]:
+        """Yield batches in the order of log time, some without messages outside of limits [ns]."""
 
 
 def check_topics(topic):
@@ -85,10 +81,9 @@ def path_text(path):
     return os.fspath(path)
 
 
-def open_source(path, columns=None, topic=None, joint_names=None) -> Source:
-    """Return the Source of a path; for its arguments see :func:`read_recording`."""
+def open_source(path, columns=None, topic=None, names=None) -> Source:
+    """Return the Source of a path; see :func:`read_recording`. `names` are JointNames or None."""
     columns, path = read_column_map(columns), os.path.expanduser(path_text(path))
-    names = None if joint_names is None else JointNames(joint_names)
     paths = list(map(Path, split_paths(path)))
     if is_dataset(path):
         return _open_table(path, columns, names)
@@ -132,14 +127,10 @@ class BagSource:
     offset, without_values = 0, 0
 
     def __init__(self, path, topic, names):
-        self.names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self.notes, self._limits = check_topics(topic), [], (None, None)
+        self._names, self._path, self._bag = names, path, Bag(path)
+        self._topics, self.notes = check_topics(topic), []
         self.start, self.unread = self._bag.start, self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
-
-    def limit(self, begin, end):
-        """Allow to omit messages before one log time, and from another one on [ns]."""
-        self._limits = begin, end
 
     def description(self):
         """Return the robot_description in the bag; raise InputError if there is none."""
@@ -156,20 +147,20 @@ class BagSource:
 
     def joints(self, model):
         """Return the robot's names of joints in messages, until all of the model are there."""
-        names, map_name = set(), self.names.map_name if self.names else str
+        names, map_name = set(), self._names.map_name if self._names else str
         for batch in self._batches(self._connections(JOINT_STATE)):
             names.update(map(map_name, set(batch.names())))
             if names.issuperset(single_joints(model)):
                 break
         return names
 
-    def batches(self, model):
-        """Yield batches of messages in the order of log time."""
+    def batches(self, model, begin=None, end=None):
+        """Yield batches of messages in the order of log time, at least those between two [ns]."""
         connections = self._connections(JOINT_STATE)
         if not connections and not model.floating_base:
             raise InputError(f"'{self._path}' has no joint states: {self._content()}.")
         connections += self._connections(ODOMETRY) if model.floating_base else []
-        yield from self._batches(connections, *self._limits)
+        yield from self._batches(connections, begin, end)
 
     def _batches(self, connections, begin=None, end=None):
         decoder = Decoder()

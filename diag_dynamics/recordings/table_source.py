@@ -37,7 +37,7 @@ class TableSource:
     start = None
 
     def __init__(self, path, columns, names):
-        self._path, self._columns, self.names = path, columns, names
+        self._path, self._columns, self._names = path, columns, names
         self._table, self._choice = None, None  # of the rows that are read
         self._losses, self.without_values = {}, 0
         self._first, self._delay = None, None  # first row of those at a rate, delay of stamps [ns]
@@ -78,7 +78,7 @@ class TableSource:
 
         Fewer numbered columns than joints are of the first joints, if these carry all others.
         """
-        map_name, opened = self.names.map_name if self.names else str, None
+        map_name, opened = self._names.map_name if self._names else str, None
         for count in (None, *_leading_counts(model)):
             if opened is None:
                 with suppress(InputError):
@@ -90,11 +90,8 @@ class TableSource:
                 names.update(_read_names(unify(array)).tolist())
         return {map_name(name) for name in names - {""}}
 
-    def limit(self, begin, end):
-        """Omit nothing: a table has no index."""
-
-    def batches(self, model):
-        """Yield batches of messages in the order of the rows."""
+    def batches(self, model, _begin=None, _end=None):
+        """Yield batches of messages in the order of the rows; a table has no index."""
         self._table, self._choice = self._open(model)
         is_checked, count = self._choice.time_scale is not None, 0
         texts = [*self._choice.time, *self._choice.names]
@@ -126,8 +123,8 @@ class TableSource:
     def _open(self, model, count=None):
         """Return the Table and its Choice by the map, with any names of the first joints."""
         joints = single_joints(model)[:count]
-        if self.names:
-            joints = [name for joint in joints for name in self.names.unmap_joint(joint)]
+        if self._names:
+            joints = [name for joint in joints for name in self._names.unmap_joint(joint)]
         table = open_reader(self._path, self._columns)
         return table, choose(table, self._columns, tuple(joints))
 
