@@ -11,6 +11,7 @@ import random
 import re
 import sys
 import zipfile
+import zlib
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
@@ -152,6 +153,8 @@ PACKED = {
     "zst": lambda data: pa.compress(data, "zstd", asbytes=True),
     "lz4": lambda data: pa.compress(data, "lz4", asbytes=True),
 }
+UNPACKERS = {"gz": lambda: zlib.decompressobj(31), "bz2": bz2.BZ2Decompressor}
+"""Decompressors that return all bytes before a cut."""
 
 
 @pytest.fixture(scope="module")
@@ -173,10 +176,13 @@ def test_packed(written, long_text, ending):
         recording = read(written(content, f"table.csv.{ending}"), parameters=LOOSE)
         assert lost(recording) == ["line 25002: " + WIDTH.format(1, 4, 1)]
         assert recording.q[:, 0].tolist() == positions
-    recording = read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
+    cut = whole[: len(whole) * 2 // 3]
+    recording = read(written(cut, f"table.csv.{ending}"), parameters=LOOSE)
     assert (
         5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
     )
+    if ending in UNPACKERS:
+        assert len(recording) == UNPACKERS[ending]().decompress(cut).count(b"\n") - 1
     (said,) = lost(recording)
     assert said.startswith(
         f"line {len(recording) + 1}: the compressed data are damaged or end early: "
@@ -323,6 +329,8 @@ def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
 
 
 def test_files_that_are_cut_or_none(written, monkeypatch):
+    with pytest.raises(dd.InputError, match="is compressed by xz; expected gzip"):
+        read(written(b"\xfd7zXZ\0\0\4", "table.csv.xz"))
     for content in (pa.table({"t": [0.0]}), {"t": np.arange(100.0)}):
         path = written(content)
         path.write_bytes(path.read_bytes()[:-30])

@@ -3,8 +3,12 @@
 
 """Text with a row on each line: CSV, TSV and the like, packed or not, by pyarrow."""
 
+import bz2
 import csv
+import gzip
 import re
+import zlib
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -30,12 +34,13 @@ _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
 _POINT = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE)
 _COMMA = re.compile(rb",(?=\d)")
 _PACKINGS = {
-    b"\x1f\x8b": "gzip",
-    b"BZh": "bz2",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"\x04\x22\x4d\x18": "lz4",
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\x28\xb5\x2f\xfd": partial(pa.CompressedInputStream, compression="zstd"),
+    b"\x04\x22\x4d\x18": partial(pa.CompressedInputStream, compression="lz4"),
 }
-"""Compressions by the first bytes."""
+"""Readers of compressed files by the first bytes. Those of pyarrow lose rows before a cut."""
+_XZ = b"\xfd7zXZ"
 
 
 class CsvTable:
@@ -97,13 +102,15 @@ class CsvTable:
         with open(self.path, "rb") as file:
             begin = file.read(8)
             file.seek(0)
-            packings = (name for magic, name in _PACKINGS.items() if begin.startswith(magic))
-            packing = next(packings, None)
-            stream = pa.CompressedInputStream(pa.PythonFile(file), packing) if packing else file
+            if begin.startswith(_XZ):
+                expected = "expected gzip, bzip2, zstd, lz4 or none. Unpack it by unxz"
+                raise InputError(f"'{self.path}' is compressed by xz; {expected}.")
+            readers = (reader for magic, reader in _PACKINGS.items() if begin.startswith(magic))
+            stream = next(readers, lambda unpacked: unpacked)(file)
             try:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
-            except (OSError, pa.ArrowException) as error:
+            except (OSError, EOFError, zlib.error, pa.ArrowException) as error:
                 text = f"the compressed data are damaged or end early: {describe_error(error)}"
                 self._broken = f"{text}; rows shortly before may be wrong"
         yield b""
