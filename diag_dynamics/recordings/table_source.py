@@ -98,6 +98,7 @@ class TableSource:
         for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
             arrays = {k: unify(array) for k, array in arrays.items()}
+            self._has_lost = np.zeros(len(rows), bool)  # rows with a value that is no number
             time, stamp = self._read_times(arrays, rows)
             values = {
                 key: self._read_values(quantity, arrays, rows)
@@ -172,7 +173,9 @@ class TableSource:
         empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
         for numbers in values.values():
             empty &= np.isnan(numbers).all(axis=1)
-        self.without_values += int(empty.sum())
+        self.without_values += int((empty & ~self._has_lost).sum())
+        if (lost := np.flatnonzero(empty & self._has_lost)).size:
+            self._lose_rows(rows, "", "no value is a number", LEFT_OUT, lost, "")
         untimed = np.isnan(time)
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [read_texts(arrays[k]) for k in self._choice.time]
@@ -238,6 +241,7 @@ class TableSource:
         self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
 
     def _lose_rows(self, rows, before, cause, unit, lost, example):
+        self._has_lost[lost] = True
         where = f"{self._table.unit} {rows[lost[0]]}"
         self._lose(cause, where, unit, len(lost), before + example)
 
