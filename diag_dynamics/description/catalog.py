@@ -90,9 +90,11 @@ def find_urdf(robot: str) -> Path:
     if not keys:
         near = get_close_matches(name.lower(), map(str, urdfs), 1)
         advice = f"Is '{near[0]}' meant? " if near else ""
+        is_installed = any(_FOLDER in path.as_posix() for path in urdfs.values())
+        more = "" if is_installed else " More: pip install example-robot-data."
         raise InputError(
             f"robot '{robot}' is neither a file nor an example robot. {advice}All of these: "
-            "diag-dynamics robots. More: pip install example-robot-data."
+            f"diag-dynamics robots.{more}"
         )
     return urdfs[keys[0]]
 
