@@ -196,3 +196,33 @@ def test_a_second_in_lockstep(peer):
 def test_signals_end_monitors(monitors, namespace, number):
     """The last tests of the file: either signal ends a monitor with status 0."""
     monitors[namespace].process.stop(number)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["echo.py"], "arguments are required: topic"),
+        (["call.py"], "arguments are required: service, type"),
+        (["call.py", "/a", "os/path"], "TYPE is 'os/path'; expected the type of a service"),
+        (["{wrong: 1}"], "REQUEST has 'wrong'; expected fields of state, base_pose, base_twist."),
+        (["{state: {wrong: 1}}"], "REQUEST has 'wrong'; expected fields of header, name, position"),
+        (["{state: {position: [a]}}"], "expected fields of the type. could not convert"),
+        (["[1"], "expected fields of the type. while parsing"),
+        (["5"], "REQUEST is '5'; expected fields of the type."),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_wrong_arguments_are_named(arguments, error):
+    """Usage and one cause, not a traceback."""
+    if not arguments[0].endswith(".py"):
+        arguments = ["call.py", "/a", "diag_dynamics/srv/SetState", *arguments]
+    with Process([sys.executable, EXAMPLES / arguments[0], *arguments[1:]]) as process:
+        assert process.wait(HANG) == 2
+    assert process.output.startswith("usage: ") and error in process.output
+
+
+def test_echo_names_the_fields(left):
+    command = [sys.executable, EXAMPLES / "echo.py", f"{left.name}/kinetic_energy"]
+    with Process([*command, "--field", "wrong"]) as echo:
+        assert echo.wait(HANG) == 2, echo.tail()
+    assert "--field is 'wrong'; expected one of header, dof_names" in echo.output
