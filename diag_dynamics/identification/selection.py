@@ -41,6 +41,7 @@ MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyw
 MIN_LOAD = 0.1
 # Reductions of the residual to take a step, and to leave out the model's rotors
 GAIN, ROTOR_GAIN = 0.03, 0.01
+ERRORS = 3.0  # standard deviations of noise that reduce the residual less
 
 
 def read_what(what, model):
@@ -87,11 +88,11 @@ class Selection:
     """Choose steps, and the joints of a step, by cross-validation over blocks of all recordings.
 
     Each block is left out of the fit in turn. A step has to reduce the residual of some joint over
-    all blocks by GAIN, and the geometric mean over joints; friction and rotors are taken at such
-    joints only. `fits` without each block, (blocks, size), and the `squares` of that block's
-    residuals, (blocks, nv), are those of the steps `taken`. `ladder` has the steps that were tried
-    with their scores, `kept` by step and joint that keeps the model's values the residuals with
-    these and with its own.
+    all blocks by more than chance, and the geometric mean over joints. Friction, rotors and gears
+    are taken at joints whose residual they reduce by GAIN. `fits` without each block, (blocks,
+    size), and the `squares` of that block's residuals, (blocks, nv), are those of the steps
+    `taken`. `ladder` has the steps that were tried with their scores, `kept` by step and joint that
+    keeps the model's values the residuals with these and with its own.
     """
 
     def __init__(self, model, steps, payload, data):
@@ -109,6 +110,11 @@ class Selection:
         efforts = self.layout.squares([(data.fitted, True)], np.zeros(self.layout.size))
         self._negligible = max(MIN_VARIANCE * efforts.mean(), 1e-300)
         self._floor = MIN_RESIDUAL * self.residuals(efforts[None])
+        # Fits to other blocks change residuals e by d. Noise alone reduces e² by 2ed − d², at most
+        # by the square of its standard normal component along d. Weights count independent rows.
+        chance = -np.expm1(-0.5 * ERRORS**2 / data.fitted[-1])
+        self._gain = max(GAIN, chance)
+        self._rotor_gain = max(ROTOR_GAIN, chance / data.measured.sum())
         at = LOAD - len(OWN) - 1
         self._loaded = np.array(
             [products[at, at] > MIN_LOAD**2 * products[-1, -1] for products in data.fitted[:-1]]
@@ -227,7 +233,7 @@ class Selection:
             unknowns[columns] = armature
             scores.append(self._score_of(self.cross_validate(free)[1]))
         gain = 1.0 - scores[0] / scores[1]
-        self.layout.without_rotors = gain > ROTOR_GAIN
+        self.layout.without_rotors = gain > self._rotor_gain
         if self.layout.without_rotors:
             unknowns[columns] = 0.0
             self.warnings.append(
@@ -318,7 +324,8 @@ class Selection:
                 else result
             )
         score = self._score_of(result[1])
-        better = bool(gains.max() >= GAIN and score < self.score)
+        least = GAIN if again else self._gain
+        better = bool(gains.max() >= least and score < self.score)
         if better or not again:
             self.ladder.append(self._rung(steps, result[1], better))
         if better:
@@ -326,7 +333,7 @@ class Selection:
             return ""
         change = (
             f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint (expected "
-            f"{GAIN:.0%}), and {score / self.score - 1.0:+.1%} over all"
+            f"{self._gain:.0%}), and {score / self.score - 1.0:+.1%} over all"
         )
         return (
             ""

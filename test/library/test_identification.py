@@ -154,7 +154,8 @@ def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
         (["rotors"], True),
         (["friction", "rotors"], True),
     ]
-    np.testing.assert_allclose(found.model.armature, 3.0, atol=0.02)
+    deviations = np.array([joint["armature"] for joint in found.quality["deviations"].values()])
+    assert (np.abs(found.model.armature - 3.0) < 2.0 * deviations).all() and deviations.max() < 0.06
     np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.05)
     assert not any("the model's values are kept" in text for text in found.quality["warnings"])
 

@@ -46,7 +46,7 @@ def friction(qd, g):
     return DAMPING * qd + FRICTION * np.tanh(qd / 5e-3)
 
 
-@pytest.mark.parametrize("seed", some_of(range(5), 4))
+@pytest.mark.parametrize("seed", some_of((1, 7, 11, 18, 0), 4))
 @pytest.mark.parametrize(
     "resist", [lambda qd, g: 0.0 * qd, friction], ids=["a perfect model", "friction alone"]
 )
