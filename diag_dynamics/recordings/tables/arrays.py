@@ -122,36 +122,46 @@ def _flatten(table):
     return table
 
 
-class NpzTable:
-    """Rows of the arrays of an npz, (n,) or (n, k)."""
+class MemoryTable:
+    """Rows of arrays in memory, a Table; their numbers are `rows`, or begin at 0."""
 
     unit = "row"
 
-    def __init__(self, path):
-        self.path, self.notes, self.texts = path, [], []
-        arrays = _read_arrays(path)
-        if not arrays:
-            raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
-        lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
-        for name, array in list(arrays.items()):
-            if array.dtype.kind in "UO" and not (array.ndim == 1 and len(array) in lengths):
-                self.texts.append(f"array '{name}': {array.ravel()[:20].tolist()}")
-                del arrays[name]
-        self.columns = [_make_array_column(name, array) for name, array in arrays.items()]
-        self._arrays = list(arrays.values())
+    def __init__(self, path, columns, arrays, texts=(), notes=(), rows=None):
+        self.path, self.columns, self.texts, self.notes = path, columns, texts, notes
+        self._arrays, self._rows = arrays, rows
 
-    def blocks(self, numbers, texts, lose):
-        """Yield arrays by column, and the number of each row; the file is in memory."""
+    def blocks(self, numbers, texts, _lose):
+        """Yield arrays by column, and the number of each row."""
         used = [*texts[:1], *numbers, *texts[1:]]
-        first, count = self.columns[used[0]].name, len(self._arrays[used[0]])
+        count, first = len(self._arrays[used[0]]), self.columns[used[0]].name
         for k in used:
-            name, array = self.columns[k].name, self._arrays[k]
-            if len(array) != count:
-                expected = f"expected the {count} rows of '{first}'"
-                raise InputError(f"'{self.path}': '{name}' has shape {array.shape}; {expected}.")
+            if (length := len(self._arrays[k])) != count:
+                text = f"'{self.columns[k].name}' has {length} rows; expected {count}, as '{first}'"
+                raise InputError(f"'{self.path}': {text} has.")
+        rows = np.arange(count) if self._rows is None else self._rows
         for begin in range(0, count, ROWS):
-            arrays = {k: _convert(self._arrays[k][begin : begin + ROWS]) for k in used}
-            yield arrays, np.arange(begin, min(begin + ROWS, count))
+            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in used}
+            yield arrays, rows[begin : begin + ROWS]
+
+
+def read_npz(path):
+    """Return the Table of the arrays (n,) or (n, k) of an npz; None stands for others."""
+    arrays, texts, columns, converted = _read_arrays(path), [], [], []
+    if not arrays:
+        raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
+    lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
+    for name, array in arrays.items():
+        kind = array.dtype.kind
+        if kind in "UO" and not (array.ndim == 1 and len(array) in lengths):
+            texts.append(f"array '{name}': {array.ravel()[:20].tolist()}")
+        elif _is_numeric(array) or (kind == "U" and array.ndim == 1):
+            converted.append(_convert(array))
+            columns.append(make_column(name, unify(converted[-1].slice(0, SAMPLE))))
+        else:
+            converted.append(None)
+            columns.append(Column(name, numeric=False, type=array.dtype.name))
+    return MemoryTable(path, columns, converted, texts)
 
 
 def _read_arrays(path):
@@ -177,13 +187,6 @@ def _read_arrays(path):
 
 def _is_numeric(array):
     return array.dtype.kind in "iufMm" and array.ndim in (1, 2)
-
-
-def _make_array_column(name, array):
-    """Return the Column of an array."""
-    if _is_numeric(array) or (array.dtype.kind == "U" and array.ndim == 1):
-        return make_column(name, unify(_convert(array[:SAMPLE])))
-    return Column(name, numeric=False, type=array.dtype.name)
 
 
 def _convert(array):

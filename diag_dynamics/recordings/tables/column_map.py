@@ -39,7 +39,6 @@ class ColumnMap:
     offset: Mapping[str, Numbers] = field(default_factory=dict)  # by quantity: summands in SI
     mixing: tuple[Numbers, ...] | None = None  # rows of B in q = B θ, of columns of motors θ
     header: bool | None = None
-    delimiter: str | None = None
     decimal: str = "."
     skip: int = 0  # lines before the header
     source: str = "columns"  # for messages
@@ -99,12 +98,6 @@ def _parse_rate(value):
     return _require(not isinstance(value, bool) and 0.0 < float(value) < math.inf, float(value))
 
 
-def _parse_delimiter(value):
-    text = {"tab": "\t", "space": " "}.get(value, value)
-    valid = len(text) == 1 and text.isascii() and not text.isalnum() and text not in "\"\n\r.+-_#'"
-    return _require(valid, text)
-
-
 def _parse_scale(value):
     """Return factors to SI by quantity, of numbers or units."""
     factors = {}
@@ -152,7 +145,6 @@ _PARSERS = {
     ),
     "mixing": (_parse_mixing, "rows of an invertible matrix"),
     "header": _checked(lambda value: value in (True, False), "true or false"),
-    "delimiter": (_parse_delimiter, "one character, such as ',', or tab or space"),
     "decimal": _checked(lambda value: value in (".", ","), "'.' or ','"),
     "skip": _checked(lambda value: type(value) is int and value >= 0, "a whole number from 0"),
 }

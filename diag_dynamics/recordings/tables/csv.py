@@ -192,7 +192,7 @@ def _read_head(lines, column_map, path):
     if not rows:
         rows, comment = [(at, comment)], None
     rows = rows[: SAMPLE + 2]
-    delimiter = column_map.delimiter or _guess_delimiter(rows[0][1], column_map.decimal)
+    delimiter = _guess_delimiter(rows[0][1], column_map.decimal)
     fields = [(n, fields_of(line, delimiter)) for n, line in rows]
     names, used = _read_header(fields, comment and fields_of(comment, delimiter), column_map, path)
     below, units = [row for _, row in fields[used:]], [None] * len(names)

@@ -17,9 +17,9 @@ from pyarrow import parquet
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables import is_dataset
+from diag_dynamics.recordings.tables.arrays import MemoryTable
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column
 from diag_dynamics.recordings.tables.conventions import find_quantity
-from diag_dynamics.recordings.tables.table import ROWS
 
 _UNSTATED = "not stated by the dataset"  # unit of positions: radians, degrees, or percent
 _NUMERIC = re.compile("float(16|32|64)|u?int(8|16|32|64)")
@@ -86,41 +86,30 @@ def expand_episodes(paths):
     return expanded
 
 
-class LeRobotTable:
-    """Frames of an episode.
+def read_episode(path):
+    """Return the Table of the frames of an episode.
 
     Element `elbow` of observation.velocity is the column velocity.elbow.
     """
-
-    unit = "row"
-
-    def __init__(self, path):
-        self.path, (root, number) = path, split_episode(path)
-        dataset = Dataset(root)
-        if number is None and len(dataset.files) == 1:
-            number = next(iter(dataset.files))
-        if number not in dataset.files:
-            expected = f"expected a number such as '{root}#{next(iter(dataset.files), 0)}'"
-            raise InputError(f"'{path}' is one of {len(dataset.files)} episodes; {expected}.")
-        features = {key: entry for key, entry in dataset.features.items() if _is_read(key, entry)}
-        table = dataset.read(number, [*_ROWS, *features])
-        self._rows = table["frame_index"].to_numpy()
-        arrays = {"time": pa.array(self._rows / dataset.fps)}
-        for name, feature in features.items():
-            arrays |= _split_feature(name, feature, table[name].combine_chunks(), path)
-        self._arrays, self.texts = list(arrays.values()), []
-        self.columns = [
-            make_column(name, array.slice(0, SAMPLE), _UNSTATED if _is_position(name) else None)
-            for name, array in arrays.items()
-        ]
-        count = len(dataset.files)
-        self.notes = [f"episode {number} of {count} of a LeRobot dataset, {dataset.fps:g} Hz."]
-
-    def blocks(self, numbers, texts, _lose):
-        """Yield arrays by column, and the number of each frame; the episode is in memory."""
-        for begin in range(0, len(self._rows), ROWS):
-            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in (*numbers, *texts)}
-            yield arrays, self._rows[begin : begin + ROWS]
+    root, number = split_episode(path)
+    dataset = Dataset(root)
+    if number is None and len(dataset.files) == 1:
+        number = next(iter(dataset.files))
+    if number not in dataset.files:
+        expected = f"expected a number such as '{root}#{next(iter(dataset.files), 0)}'"
+        raise InputError(f"'{path}' is one of {len(dataset.files)} episodes; {expected}.")
+    features = {key: entry for key, entry in dataset.features.items() if _is_read(key, entry)}
+    table = dataset.read(number, [*_ROWS, *features])
+    rows = table["frame_index"].to_numpy()
+    arrays = {"time": pa.array(rows / dataset.fps)}
+    for name, feature in features.items():
+        arrays |= _split_feature(name, feature, table[name].combine_chunks(), path)
+    columns = [
+        make_column(name, array.slice(0, SAMPLE), _UNSTATED if _is_position(name) else None)
+        for name, array in arrays.items()
+    ]
+    note = f"episode {number} of {len(dataset.files)} of a LeRobot dataset, {dataset.fps:g} Hz."
+    return MemoryTable(path, columns, list(arrays.values()), notes=[note], rows=rows)
 
 
 def _is_read(name, feature):

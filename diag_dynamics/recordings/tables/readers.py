@@ -5,18 +5,18 @@
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables import is_dataset, split_paths
-from diag_dynamics.recordings.tables.arrays import NpzTable, ParquetTable
+from diag_dynamics.recordings.tables.arrays import ParquetTable, read_npz
 from diag_dynamics.recordings.tables.csv import CsvTable
 from diag_dynamics.recordings.tables.joined import JoinedTable
-from diag_dynamics.recordings.tables.lerobot import LeRobotTable
+from diag_dynamics.recordings.tables.lerobot import read_episode
 
-_READERS = {b"PAR1": ParquetTable, b"PK\x03\x04": NpzTable, b"PK\x05\x06": NpzTable}
+_READERS = {b"PAR1": ParquetTable, b"PK\x03\x04": read_npz, b"PK\x05\x06": read_npz}
 
 
 def open_reader(path, columns):
     """Return the Table of a path, with the header and the lines of text that a ColumnMap states."""
     if is_dataset(path):
-        return LeRobotTable(path)
+        return read_episode(path)
     readers = [_open_file(part, columns) for part in split_paths(path)]
     return readers[0] if len(readers) == 1 else JoinedTable(path, readers, columns.rate)
 
