@@ -16,7 +16,6 @@ from diag_dynamics.collision.calibration import Calibration
 from diag_dynamics.collision.detector import Thresholds
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, escape, styled
@@ -111,7 +110,6 @@ def external_torque(
     thresholds: Thresholds | Mapping[str, float] | None = None,
     *,
     gain: float = 25.0,
-    model: RobotModel | None = None,
 ) -> Any:
     """Plot the external torque of each joint over time [N m, N] by a disturbance observer.
 
@@ -125,8 +123,6 @@ def external_torque(
         Thresholds of joints by name, ``*`` for all others [N m, N].
     gain : float
         Of the observer of a recording [1/s]. Gain and friction of a calibration have precedence.
-    model : RobotModel
-        The robot of an Observed.
 
     Returns
     -------
@@ -138,11 +134,8 @@ def external_torque(
     elif not isinstance(thresholds, Thresholds):
         thresholds = Thresholds(thresholds or {})
     if isinstance(of, Recording):
-        model = of.model
-        of = observe(DiagonalDynamics(model), of, **options)
-    of, model = instance("of", of, Observed), instance("model", model, RobotModel)
-    if (count := of.external_torque.shape[1]) != model.nv:
-        raise InputError(f"of has {count} degrees of freedom; expected {model.nv}, the model's.")
+        of = observe(DiagonalDynamics(of.model), of, **options)
+    model = instance("of", of, Observed).dynamics.model
     rows = -(-model.nv // 2)
     figure = drawing.pyplot().figure(figsize=(10.0, 0.9 + 1.25 * rows))
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)

@@ -119,8 +119,9 @@ def test_peaks_are_drawn():
         and at[K.argmax()] == pytest.approx(54.321)
     )
     torque[60_000:70_000] = np.nan
-    observed = Observed(t, torque, torque, torque[:, 0], valid, torque, DYN)
-    line = dd.plot.external_torque(observed, {"*": 1.5}, model=MODEL).axes[3].lines[1]
+    dynamics = dd.DiagonalDynamics(MODEL)
+    observed = Observed(t, torque, torque, torque[:, 0], valid, torque, dynamics)
+    line = dd.plot.external_torque(observed, {"*": 1.5}).axes[3].lines[1]
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
     assert at[np.nanargmin(y)] == pytest.approx(12.345, abs=1e-9)
@@ -149,7 +150,7 @@ def test_external_torque_of_each_joint(recording):
         observed.external_torque,
         dd.Thresholds({"panda_joint1": 0.5, "*": 100.0}),
     )
-    panels = dd.plot.external_torque(observed, thresholds, model=PANDA).axes
+    panels = dd.plot.external_torque(observed, thresholds).axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in PANDA.dof_names]
     for k, axes in enumerate(panels):
@@ -221,7 +222,6 @@ def test_errors_name_the_argument(recording):
         (lambda: dd.plot.balance(recorded(PANDA, T[:9], Q[:9], QD[:9], Q[:9])), "has 9 states"),
         (lambda: dd.plot.energy(empty), "no states"),
         (lambda: dd.plot.energy(fixed.evaluate([[]], [[]])), "no joint that moves"),
-        (lambda: dd.plot.external_torque(dd.observe(DYN, recording)), "model"),
         (lambda: dd.plot.external_torque(recording, {"elbow": 1.0}), "'elbow'"),
         (lambda: dd.plot.ellipsoid(PANDA, PANDA.neutral, "hand"), "'hand'"),
     ):
