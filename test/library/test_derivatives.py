@@ -57,7 +57,7 @@ class Case(NamedTuple):
     points: tuple  # (link, point of it, axes, direction)
 
 
-def case_of(dyn, oracle, q, qd, tau, seed) -> Case:
+def case_of(dyn, oracle, q, qd, tau, seed):
     """Return the case of one state, with vectors and points drawn from a seed."""
     rng = np.random.default_rng(seed)
     t = oracle.at(q, qd, tau)
@@ -74,7 +74,7 @@ def case_of(dyn, oracle, q, qd, tau, seed) -> Case:
     return Case(dyn, oracle, t, dyn.evaluate(q, qd, tau), x, y, unit, *numbers, points)
 
 
-def load(robot: robots.Robot) -> list[Case]:
+def load(robot):
     """Return the cases of a robot's samples."""
     model = dd.load_urdf(robot.source, mimic=robot.mimic, **robot.options)
     dyn, oracle, seed = (
@@ -92,18 +92,18 @@ OUTBOARD = NAMED["leader outboard of its follower"]._replace(mimic="embed")
 @pytest.fixture(
     scope="module", params=(*robots.robots_to_test(), OUTBOARD), ids=lambda robot: robot.id
 )
-def cases(request) -> list[Case]:
+def cases(request):
     """Return the cases of each robot in turn; module scope, so that all laws share one evaluation."""
     return load(request.param)
 
 
 @pytest.fixture(scope="module")
-def panda() -> Case:
+def panda():
     """Return one state of the robot of the tests that need only one."""
     return load(robots.robot(PANDA))[1]
 
 
-def columns(function, n: int) -> np.ndarray:
+def columns(function, n):
     """Return the matrix of a linear function."""
     return np.column_stack([function(e) for e in np.eye(n)]) if n else np.zeros((0, 0))
 
@@ -111,14 +111,14 @@ def columns(function, n: int) -> np.ndarray:
 # --- ṁᵀx
 
 
-def floor(c: Case) -> float:
+def floor(c):
     """Return 10⁻² of how fast M changes [1/s], for what vanishes by cancellation or always; see
     `State.coriolis_scale`.
     """
     return 1e-2 * max(c.size, norm(c.t.qd))
 
 
-def rate_scale(c: Case, x) -> float:
+def rate_scale(c, x):
     """Return |ṁᵀx|, or what stands in where that is rounding only."""
     return max(norm(c.t.mdot.T @ x), floor(c) * norm(c.t.m.T @ x))
 
@@ -133,7 +133,7 @@ def m_rate_transposed_times(c):
 # --- B(q, ν)x
 
 
-def bracket_columns(c) -> np.ndarray:
+def bracket_columns(c):
     """Return the library's B."""
     return columns(lambda e: c.dyn.coriolis_bracket_times(c.t.q, c.t.qd, e), c.dyn.model.nv)
 

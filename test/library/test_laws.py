@@ -18,7 +18,7 @@ import diag_dynamics as dd
 import robots
 from accuracy import assert_close
 from coupling import Coupled
-from laws import LAWS, Robot, assert_same, everything, fields, load
+from laws import LAWS, assert_same, everything, fields, load
 from oracles import FLOATING
 
 PANDA = "panda_description/urdf/panda.urdf"
@@ -29,13 +29,13 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 
 @pytest.fixture(scope="module", params=robots.robots_to_test(), ids=lambda robot: robot.id)
-def robot(request) -> Robot:
+def robot(request):
     """Return each robot in turn; module scope, so that all tests of one robot share one evaluation."""
     return load(request.param)
 
 
 @pytest.fixture(scope="module")
-def panda() -> Robot:
+def panda():
     """Return the robot of the tests that need only one."""
     return load(robots.robot(PANDA))
 

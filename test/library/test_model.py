@@ -47,7 +47,7 @@ def with_all(request):
     )
 
 
-def fields(model) -> dict:
+def fields(model):
     """Return every public field as something that can be compared: arrays as their bytes."""
     found = {}
     for name, value in vars(model).items():
@@ -63,7 +63,7 @@ def fields(model) -> dict:
     return found
 
 
-def answers(model) -> list[bytes]:
+def answers(model):
     """Return the results at one state, to the bit."""
     dyn = dd.DiagonalDynamics(model)
     qd, tau = np.random.default_rng(3).standard_normal((2, model.nv))

@@ -43,7 +43,7 @@ class Case(NamedTuple):
     has_armature: bool
 
 
-def cases_of(robot: robots.Robot) -> list[Case]:
+def cases_of(robot):
     """Return the cases of a robot."""
     model = dd.load_urdf(robot.source, mimic="free", **robot.options)
     dyn, oracle = (
@@ -67,18 +67,18 @@ ROBOTS = (robots.random_robots()[1], GEARED)
 
 
 @pytest.fixture(scope="module", params=ROBOTS, ids=lambda robot: robot.id)
-def cases(request) -> list[Case]:
+def cases(request):
     """Return the cases of a tree with slides, without and with armature."""
     return cases_of(request.param)
 
 
 @pytest.fixture(params=range(len(robots.SPEEDS)))
-def c(request, cases) -> Case:
+def c(request, cases):
     """Return each case of each robot in turn."""
     return cases[request.param]
 
 
-def scaled(c: Case, A: np.ndarray) -> np.ndarray:
+def scaled(c, A):
     """Return a matrix over the joints in units in which M_kk = 1."""
     return A / np.outer(c.unit, c.unit)
 
@@ -145,7 +145,7 @@ def test_identity_6_3(c):
         assert_close(actual, expected, 1e-12, norm(expected) + largest)
 
 
-def partials(c: Case) -> np.ndarray:
+def partials(c):
     """Return ∂M/∂q of the library, [i, j, k] = ∂M_jk/∂q_i."""
     return np.array([c.dyn.mass_matrix_rate(c.t.q, e) for e in np.eye(c.w.n)])
 
@@ -169,7 +169,7 @@ def test_lagrange_equations(c):
     )
 
 
-def brace(w: Operators, V_part: np.ndarray) -> np.ndarray:
+def brace(w, V_part):
     """Return {E_ψλ̇ − λ̇E_ψ* − Ω_δP − PΩ_δ − 2V~*M} of Identity 7.1, its last term given."""
     return w.E_psi @ w.rate - w.rate @ w.E_psi.T - w.turn @ w.P - w.P @ w.delta - V_part
 
@@ -197,7 +197,7 @@ def test_lemma_7_1_by_the_skew_brace(c):
     assert_close(c.s.nu @ c.s.coriolis, 0.0, 1e-12, norm(c.s.nu) * c.t.coriolis_scale)
 
 
-def unnormalized_scale(c: Case) -> float:
+def unnormalized_scale(c):
     """Return the size of the terms of D^−½C_ξ."""
     return c.t.coriolis_scale + norm(c.t.Ddot * c.t.xi / np.sqrt(c.t.D))
 
@@ -249,7 +249,7 @@ def test_rate_of_p_sums_its_sensitivities(c):
 # --- Section 2: when ν is a derivative
 
 
-def curl(dyn, q) -> np.ndarray:
+def curl(dyn, q):
     """Return ∂(mᵀ)_kj/∂q_i − ∂(mᵀ)_ki/∂q_j, [k, i, j]: 0 if the rows of mᵀ are gradients."""
     e = np.eye(len(q))
     rate = np.array([[dyn.m_rate_transposed_times(q, a, b) for b in e] for a in e])  # [i, j, k]

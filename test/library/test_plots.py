@@ -190,20 +190,6 @@ def test_ellipsoid_has_the_masses_of_a_push():
     )  # the end-effector link
 
 
-def test_style_of_matplotlib_counts_for_text():
-    """Text and K have the style's colour, layers different ones; a name has no mathematics between
-    dollars.
-    """
-    with plt.style.context("dark_background"):
-        axes = dd.plot.energy(sliding(np.ones((3, 8))))
-    assert [line.get_color() for line in axes.lines] == ["white"]
-    assert len({tuple(layer.get_facecolor()[0]) for layer in axes.collections}) == 8
-    assert (
-        axes.get_title(loc="left").startswith(r"\$slides\$")
-        and not axes.spines["top"].get_visible()
-    )
-
-
 # --- Style, names and errors
 
 

@@ -164,7 +164,7 @@ class Tree:
         return ET.tostring(robot, encoding="unicode")
 
 
-def case_of(tree) -> laws.Case:
+def case_of(tree):
     """Return a tree in the library and in the oracle, at one state."""
     model, shape, rng = (
         dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options),

@@ -17,15 +17,12 @@ from rclpy.event_handler import QoSSubscriptionEventType as Lost
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from std_msgs.msg import String
 
-from controllers import NODE
 from diag_dynamics.nodes.support.statuses import WARN
 from diag_dynamics.text import MAX_LENGTH, shortened
 from nodes import (
     LATCHED,
-    MANY,
     MS,
     OUTPUTS,
     PANDA,
@@ -330,28 +327,3 @@ def test_names_that_would_act(peer):
     assert all(text.isprintable() for text in texts_of(diagnostics.messages))
     assert len(shortened("\x1b" * 1_000_000)) <= MAX_LENGTH
     check_log(process)
-
-
-def test_names_in_control(peer, tmp_path):
-    """Simulator and controller name what they reject in one line of their log."""
-    path = tmp_path / "hostile.urdf"
-    path.write_text(URDF, encoding="utf-8")
-    diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
-    trajectory = peer.publisher(JointTrajectory, f"/held/{NODE}/joint_trajectory", MANY)
-    command = peer.publisher(Float64MultiArray, "/held/effort_controller/commands", MANY)
-    settings = {"robot_compensates_gravity": False, "autostart": True}
-    arguments = ("-r", "__ns:=/held", "-p", f"robot_description:={path}")
-    with (
-        peer.start("simulator", *arguments) as simulator,
-        peer.start("controller", *arguments, **settings) as controller,
-    ):
-        peer.pass_time(1.0)
-        points = [JointTrajectoryPoint(positions=[0.1])]
-        trajectory.publish(JointTrajectory(joint_names=[f"{ESCAPE}{FIRE}"], points=points))
-        command.publish(Float64MultiArray(data=[math.nan, 0.0]))
-        peer.pass_time(2.0)
-        assert r"\x1b[31m\x0a[FATAL]" in controller.output
-        assert r"'elbow\x0a[FATAL]" in simulator.output
-    assert all(text.isprintable() for text in texts_of(diagnostics.messages))
-    check_log(simulator)
-    check_log(controller)

@@ -9,7 +9,7 @@ EPS = np.finfo(float).eps
 norm = np.linalg.norm
 
 
-def tolerance(truth) -> float:
+def tolerance(truth):
     """Return the relative tolerance against an oracle's `State`, which is exact but for rounding.
 
     It scales with cond(M), M in units in which its diagonal is 1: those of ν, in which all dofs

@@ -11,7 +11,6 @@ joint independent, projected by q̇_full = G q̇. Imports nothing of diag_dynami
 
 import xml.etree.ElementTree as ET
 import zlib
-from collections.abc import Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -49,7 +48,7 @@ class Coupling:
         Names of the joints that move, followers included.
     """
 
-    def __init__(self, xml: ET.Element, locked: Mapping[str, float]):
+    def __init__(self, xml, locked):
         """Read the tags."""
         self.joints = {element.get("name"): element for element in xml.findall("joint")}
         self._held = dict(locked)
@@ -67,11 +66,11 @@ class Coupling:
                     self.mimics[name] = Mimic(leader, multiplier, offset)
         self.moving = [name for name in self.joints if self._moves(name)]
 
-    def kind(self, name: str) -> str:
+    def kind(self, name):
         """Return the type of a joint."""
         return self.joints[name].get("type")
 
-    def _position(self, name: str) -> tuple[str | None, float, float]:
+    def _position(self, name):
         """Return the independent joint that a joint follows in the end (None: it stands still),
         factor and offset.
         """
@@ -88,11 +87,11 @@ class Coupling:
         factor *= multiplier
         return (leader if factor else None), factor, offset
 
-    def _moves(self, name: str) -> bool:
+    def _moves(self, name):
         return self.kind(name) != "fixed" and name not in self.locked
 
     @property
-    def independent(self) -> list[str]:
+    def independent(self):
         """Return the names of the moving joints that follow no other."""
         return [name for name in self.moving if name not in self.mimics]
 
@@ -100,7 +99,7 @@ class Coupling:
 # --- the oracle
 
 
-def with_payloads(urdf: str, payloads: Mapping[str, tuple]) -> str:
+def with_payloads(urdf, payloads):
     """Return a URDF with (mass, com, inertia about it) on links, each as a link "on <link>" behind
     a fixed joint.
     """
@@ -112,7 +111,7 @@ def with_payloads(urdf: str, payloads: Mapping[str, tuple]) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def upper_factor(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def upper_factor(M):
     """Return U, unit upper triangular, and D of M = U D Uᵀ."""
     rest, unit, D = M.copy(), np.eye(len(M)), np.zeros(len(M))
     for k in reversed(range(len(M))):
@@ -122,7 +121,7 @@ def upper_factor(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return unit, D
 
 
-def upper_factor_rate(m: np.ndarray, Mdot: np.ndarray) -> np.ndarray:
+def upper_factor_rate(m, Mdot):
     """Return ṁ of M = m mᵀ: ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular."""
     A = np.linalg.solve(m, np.linalg.solve(m, Mdot).T)
     return m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A)))
@@ -138,13 +137,13 @@ class Coupled:
 
     def __init__(
         self,
-        urdf: str,
-        dof_names: tuple[str, ...] | None = None,
-        gravity: tuple[float, float, float] = EARTH,
-        armature: Mapping[str, float] | None = None,
-        floating_base: bool = False,
-        locked_joints: Mapping[str, float] | None = None,
-        payloads: Mapping[str, tuple] | None = None,
+        urdf,
+        dof_names=None,
+        gravity=EARTH,
+        armature=None,
+        floating_base=False,
+        locked_joints=None,
+        payloads=None,
     ):
         """Build it from URDF text; `dof_names` are the independent dofs in the caller's order."""
         self.xml, self._payloads = ET.fromstring(urdf), dict(payloads or {})
@@ -168,7 +167,7 @@ class Coupled:
         self.joint_names = tuple(dict.fromkeys(self.joint_of_dof))
         self._maps(own)
 
-    def _maps(self, own: dict[str, list[str]]) -> None:
+    def _maps(self, own):
         """Make G, and the affine map of positions."""
         full, mimics = self.full, self.coupling.mimics
         self.G = np.zeros((full.nv, self.nv))
@@ -190,39 +189,39 @@ class Coupled:
 
     # --- structure
 
-    def joint_mates(self, k: int) -> set[int]:
+    def joint_mates(self, k):
         """Return all dofs of the joint of dof k."""
         return {j for j in range(self.nv) if self.joint_of_dof[j] == self.joint_of_dof[k]}
 
     @property
-    def mass(self) -> float:
+    def mass(self):
         """Return the total mass of the moving bodies [kg]."""
         return self.full.mass
 
-    def is_prismatic(self, k: int) -> bool:
+    def is_prismatic(self, k):
         """Whether dof k is a translation."""
         return self.full.is_prismatic(self.full.dof_names.index(self.dof_names[k]))
 
-    def is_circular(self, k: int) -> bool:
+    def is_circular(self, k):
         """Whether dof k is a continuous joint."""
         return self.full.is_circular(self.full.dof_names.index(self.dof_names[k]))
 
     # --- configurations
 
-    def q_full(self, q: np.ndarray) -> np.ndarray:
+    def q_full(self, q):
         """Return the positions of all joints, in the order of `full`."""
         return self.positions @ q + self.offset
 
     @property
-    def neutral(self) -> np.ndarray:
+    def neutral(self):
         """Return the positions of zero, quaternions at the identity."""
         return self.full.neutral[self._chosen]
 
-    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def moved(self, q, step):
         """Return q after a step."""
         return self.full.moved(self.q_full(q), self.G @ step)[self._chosen]
 
-    def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "CoupledState":
+    def at(self, q, qd, tau=None):
         """Return the oracle's answers at one state."""
         return CoupledState(
             self, *(None if x is None else np.array(x, float) for x in (q, qd, tau))
@@ -230,62 +229,60 @@ class Coupled:
 
     # --- dynamics
 
-    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+    def mass_matrix(self, q):
         """Return M = GᵀM_full G."""
         M = self.G.T @ self.full.mass_matrix(self.q_full(q)) @ self.G
         return 0.5 * (M + M.T)
 
-    def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def unit_factor(self, q):
         """Return U with unit diagonal, and D, of M = U D Uᵀ."""
         return upper_factor(self.mass_matrix(q))
 
     factor = Oracle.factor
 
-    def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_torque(self, q, qd):
         """Return c = Gᵀc_full, without gravity."""
         return self.G.T @ self.full.coriolis_torque(self.q_full(q), self.G @ qd)
 
-    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
+    def gravity_torque(self, q):
         """Return g = Gᵀg_full."""
         return self.G.T @ self.full.gravity_torque(self.q_full(q))
 
-    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_matrix(self, q, qd):
         """Return C_s with c = C_s q̇ and Ṁ = C_s + C_sᵀ."""
         return self.G.T @ self.full.coriolis_matrix(self.q_full(q), self.G @ qd) @ self.G
 
-    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    def inverse_dynamics(self, q, qd, qdd):
         """Return τ, gravity included."""
         return self.G.T @ self.full.inverse_dynamics(self.q_full(q), self.G @ qd, self.G @ qdd)
 
-    def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    def forward_dynamics(self, q, qd, tau):
         """Return q̈ by a dense solve, gravity included."""
         M, bias = self.mass_matrix(q), self.coriolis_torque(q, qd) + self.gravity_torque(q)
         unit = np.sqrt(np.diag(M))
         scaled = M / np.outer(unit, unit)
         return np.linalg.solve(scaled, (tau - bias) / unit) / unit
 
-    def effort_of(
-        self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
-    ) -> np.ndarray:
+    def effort_of(self, q, wrenches, frame):
         """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or
         the world.
         """
         return self.G.T @ self.full.effort_of(self.q_full(q), wrenches, frame)
 
-    def potential_energy(self, q: np.ndarray) -> float:
+    def potential_energy(self, q):
         """Return the energy in the field of gravity."""
         return self.full.potential_energy(self.q_full(q))
 
-    def center_of_mass(self, q: np.ndarray) -> tuple[float, np.ndarray]:
+    def center_of_mass(self, q):
         """Return mass and centre of mass of all bodies."""
         return self.full.center_of_mass(self.q_full(q))
 
-    def regressor(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, links) -> np.ndarray:
+    def regressor(self, q, qd, qdd, links):
         """Return Gᵀ Y_full of the parameters of links."""
         arguments = self.q_full(q), self.G @ qd, self.G @ qdd
         return self.G.T @ self.full.regressor(*arguments, links)
 
-    def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
+    def link_energy(self, q, qd):
         """Return the energy per URDF link with its payload; a joint's armature counts for the link
         it moves.
         """
@@ -299,7 +296,7 @@ class CoupledState(State):
     """What the oracle says at one (q, q̇, τ) in independent coordinates."""
 
     @cached_property
-    def cancellation(self) -> float:
+    def cancellation(self):
         """Return what GᵀM_full G loses to rounding: the terms of its diagonal in magnitude over
         their sum, at most.
 
@@ -310,17 +307,17 @@ class CoupledState(State):
         return float((terms / np.diag(self.M)).max(initial=1.0))
 
     @cached_property
-    def mdot(self) -> np.ndarray:
+    def mdot(self):
         """Return ṁ, exact: the differential of the upper factor, Ṁ = C_s + C_sᵀ."""
         return upper_factor_rate(self.m, self.C_s + self.C_s.T)
 
     @cached_property
-    def link_energy(self) -> dict[str, float]:
+    def link_energy(self):
         """Return the energy per URDF link, armature included."""
         return self.oracle.link_energy(self.q, self.qd)
 
 
-def oracle_of(robot: Robot, dof_names: tuple[str, ...] | None = None, **more) -> Oracle | Coupled:
+def oracle_of(robot, dof_names=None, **more):
     """Return the oracle of a robot, which couples its mimic joints where the robot does."""
     return (Coupled if robot.mimic == "embed" else Oracle)(
         robot.urdf, dof_names, **robot.options, **more
@@ -335,7 +332,7 @@ UNKNOWN_SOURCES = "alex_description/urdf/alex_psyonic_hands.urdf"
 ROMEO = "romeo_description/urdf/romeo.urdf"
 
 
-def mimic_tags(urdf: str) -> dict[str, str]:
+def mimic_tags(urdf):
     """Return the source joint of each mimic joint that is not fixed."""
     elements = [e for e in ET.fromstring(urdf).findall("joint") if e.find("mimic") is not None]
     return {
@@ -343,16 +340,14 @@ def mimic_tags(urdf: str) -> dict[str, str]:
     }
 
 
-def wheel() -> list[Robot]:
+def wheel():
     """Return the robots of the wheel that have mimic joints, Romeo with its massless hands locked."""
     ids = [id for id in all_robots() if id != UNKNOWN_SOURCES and mimic_tags(robot(id).urdf)]
     hands = {"LHand": 0.0, "RHand": 0.0}
     return [robot(id)._replace(locked_joints=hands if id == ROMEO else {}) for id in ids]
 
 
-def mimicking(
-    element: str, leader: str, multiplier: float | None = None, offset: float | None = None
-) -> str:
+def mimicking(element, leader, multiplier=None, offset=None):
     """Return a <joint> that follows another; attributes that are None are left out."""
     attributes = "".join(
         f' {name}="{float(value)!r}"'
@@ -362,7 +357,7 @@ def mimicking(
     return element.replace("</joint>", f'<mimic joint="{leader}"{attributes}/></joint>')
 
 
-def _body(name: str, rng: np.random.Generator) -> str:
+def _body(name, rng):
     """Return a link with a body whose inertia is that of a cloud of points."""
     mass, A = rng.uniform(0.3, 2.0), rng.uniform(-0.2, 0.2, (3, 3)) + 0.1 * np.eye(3)
     second = mass * (A @ A.T + 0.002 * np.eye(3))
@@ -370,7 +365,7 @@ def _body(name: str, rng: np.random.Generator) -> str:
     return link(name, mass, rng.uniform(-0.15, 0.15, 3), inertia, rpy=rng.uniform(-3, 3, 3))
 
 
-def _crooked(name: str, kind: str, parent: str, child: str, rng: np.random.Generator) -> str:
+def _crooked(name, kind, parent, child, rng):
     """Return a joint with a random axis and origin."""
     axis = np.array([0.0, 0.0, 1.0]) if kind in ("planar", "floating") else rng.standard_normal(3)
     axis /= np.linalg.norm(axis)
@@ -380,7 +375,7 @@ def _crooked(name: str, kind: str, parent: str, child: str, rng: np.random.Gener
 R, C, P = SINGLE
 
 
-def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Robot:
+def tree(id, *rows, massless=(), **options):
     """Return a robot of rows (parent, joint, type[, leader[, multiplier[, offset]]]).
 
     A parent is the joint that moves it, or "base"; the links are named "<joint>_link". Those of the
@@ -398,7 +393,7 @@ def tree(id: str, *rows: tuple, massless: tuple[str, ...] = (), **options) -> Ro
     return Robot(id, description(id.replace(" ", "_"), *elements), **options)
 
 
-def _parallel_gripper() -> Robot:
+def _parallel_gripper():
     """Return a gripper of two parallelograms, whose tips do not turn: each tip undoes the turn of
     its finger.
     """

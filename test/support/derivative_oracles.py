@@ -12,16 +12,15 @@ import numpy as np
 import pinocchio as pin
 
 from coupling import Coupled
-from oracles import Oracle, State
-from robots import Robot
+from oracles import Oracle
 
 
-def bracket(t: State) -> np.ndarray:
+def bracket(t):
     """Return B = ℓ (C_s − m ṁᵀ) ℓᵀ."""
     return np.linalg.solve(t.m, np.linalg.solve(t.m, t.C_s.T).T) - np.linalg.solve(t.m, t.mdot).T
 
 
-def bracket_scale(t: State) -> float:
+def bracket_scale(t):
     """Return the size of the terms of which B is the sum: those of ℓ C_s ℓᵀ, and ℓ ṁ; 10⁻²|q̇|
     where all vanish.
     """
@@ -29,7 +28,7 @@ def bracket_scale(t: State) -> float:
     return float(max(sum(map(np.linalg.norm, terms)), 1e-2 * np.linalg.norm(t.qd)))
 
 
-def coriolis_scale(t: State) -> float:
+def coriolis_scale(t):
     """Return the size of the terms of which C_s is the sum, or 10⁻²|M||q̇|; in units in which M_kk
     = 1.
     """
@@ -47,7 +46,7 @@ class RateOracle(Oracle):
     exact to some 1e-14; the two are compared in `test_derivatives.py`.
     """
 
-    def newton_euler_by_position(self, q: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def newton_euler_by_position(self, q, x):
         """Return ∂(M(q) x)/∂q, that of Newton–Euler at rest and without gravity.
 
         Of a joint with several degrees of freedom ∂/∂q is along its twist, and so is what is meant
@@ -60,18 +59,18 @@ class RateOracle(Oracle):
         self.model.gravity.linear = gravity
         return self.from_pin(by_position)
 
-    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def mass_matrix_rate(self, q, qd):
         """Return Ṁ = Σ q̇_i ∂M/∂q_i."""
         columns = [self.newton_euler_by_position(q, e) @ qd for e in np.eye(self.nv)]
         return np.reshape(columns, (self.nv, self.nv)).T
 
-    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_matrix(self, q, qd):
         """Return C_s of the Levi-Civita connection of M: C_s x is the covariant derivative of a
         constant x along q̇.
         """
         return sum(self.coriolis_terms(q, qd))
 
-    def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
+    def coriolis_terms(self, q, qd):
         """Return what C_s is the sum of.
 
         For joints of one degree of freedom these are the Christoffel symbols, ½[Ṁ + N − Nᵀ] with N
@@ -90,7 +89,7 @@ class RateOracle(Oracle):
             ]
         return [0.5 * part for part in terms]
 
-    def brackets(self, x: np.ndarray) -> np.ndarray:
+    def brackets(self, x):
         """Return ad_x: y ↦ [x, y], joint by joint; 0 for a joint of one degree of freedom."""
         ad, x = np.zeros((self.nv, self.nv)), self.to_pin(x)
         for j in range(1, self.model.njoints):
@@ -103,7 +102,7 @@ class RateOracle(Oracle):
         return self.from_pin(ad)
 
 
-def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
+def link_placement(oracle, q, link):
     """Return where a link's frame is in the world."""
     if isinstance(oracle, Coupled):
         return link_placement(oracle.full, oracle.q_full(q), link)
@@ -112,9 +111,7 @@ def link_placement(oracle, q: np.ndarray, link: str) -> pin.SE3:
     return oracle.data.oMf[at].copy()
 
 
-def jacobian(
-    oracle, q: np.ndarray, link: str, point=(0.0, 0.0, 0.0), frame: str = "link"
-) -> np.ndarray:
+def jacobian(oracle, q, link, point=(0.0, 0.0, 0.0), frame="link"):
     """Return J (6 × nv), linear first, of the velocity of a point given in the link's axes; in axes
     of link or world.
     """
@@ -130,7 +127,7 @@ def jacobian(
     return J
 
 
-def carriers(oracle, link: str) -> set[int]:
+def carriers(oracle, link):
     """Return the dofs that carry a link."""
     if isinstance(oracle, Coupled):
         free = carriers(oracle.full, link)
@@ -147,21 +144,19 @@ class CoupledRates(Coupled):
 
     Full = RateOracle
 
-    def coriolis_terms(self, q: np.ndarray, qd: np.ndarray) -> list[np.ndarray]:
+    def coriolis_terms(self, q, qd):
         """Return the terms of GᵀC_sG."""
         return [
             self.G.T @ part @ self.G
             for part in self.full.coriolis_terms(self.q_full(q), self.G @ qd)
         ]
 
-    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def mass_matrix_rate(self, q, qd):
         """Return GᵀṀG."""
         return self.G.T @ self.full.mass_matrix_rate(self.q_full(q), self.G @ qd) @ self.G
 
 
-def rate_oracle_of(
-    robot: Robot, dof_names: tuple[str, ...] | None = None
-) -> RateOracle | CoupledRates:
+def rate_oracle_of(robot, dof_names=None):
     """Return the oracle of a robot, which couples its mimic joints where the robot does."""
     return (CoupledRates if robot.mimic == "embed" else RateOracle)(
         robot.urdf, dof_names, **robot.options

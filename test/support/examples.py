@@ -30,18 +30,18 @@ settings.load_profile("gate")
 _all_robots = False
 
 
-def select_robots(which: str) -> None:
+def select_robots(which):
     """Select "few" or "all" robots; called by conftest.py before it collects tests."""
     global _all_robots
     _all_robots = which == "all"
 
 
-def all_robots_selected() -> bool:
+def all_robots_selected():
     """Return whether the full tier runs."""
     return _all_robots
 
 
-def examples(count: int) -> settings:
+def examples(count):
     """Return hypothesis settings: `count` examples in the full tier, at most GATE_EXAMPLES in the gate."""
     chosen = settings().max_examples
     return settings(

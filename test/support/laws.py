@@ -37,17 +37,17 @@ class Case(NamedTuple):
         return self.dyn.model
 
     @property
-    def oracle(self) -> Oracle | Coupled:
+    def oracle(self):
         """Return the robot in the oracle."""
         return self.t.oracle
 
 
 def case_of(
-    dyn: dd.DiagonalDynamics,
-    oracle: Oracle | Coupled,
-    sample: robots.Sample,
-    rounding: float = 1e-12,
-) -> Case:
+    dyn,
+    oracle,
+    sample,
+    rounding=1e-12,
+):
     """Evaluate one state."""
     t = oracle.at(sample.q, sample.qd, sample.tau)
     s, f = dyn.evaluate(sample.q, sample.qd, sample.tau), dyn.factors(sample.q)
@@ -64,7 +64,7 @@ class Robot(NamedTuple):
     cases: list[Case]
 
 
-def load(robot: robots.Robot, **more) -> Robot:
+def load(robot, **more):
     """Load a robot in library and oracle, and evaluate its samples."""
     model = dd.load_urdf(robot.source, mimic=robot.mimic, **robot.options, **more)
     dyn, oracle = dd.DiagonalDynamics(model), oracle_of(robot, model.dof_names, **more)
@@ -98,12 +98,12 @@ FIELDS = (
 )
 
 
-def fields(s, *without) -> dict:
+def fields(s, *without):
     """Return an evaluation's quantities by name."""
     return {name: getattr(s, name) for name in FIELDS if name not in without}
 
 
-def everything(dyn, sample) -> dict:
+def everything(dyn, sample):
     """Return every answer of the API at one state."""
     q, qd, tau, qdd = sample
     s, f, tip = dyn.evaluate(q, qd, tau), dyn.factors(q), dyn.model.link_names[-1]
@@ -141,7 +141,7 @@ def upper_rates(M, qd):
     return np.linalg.cholesky(M[::-1, ::-1])[::-1, ::-1].T @ qd
 
 
-def unnormalized_scale(t) -> float:
+def unnormalized_scale(t):
     """Return the size of the terms of D^−½C_ξ."""
     return t.coriolis_scale + norm(t.Ddot * t.xi / np.sqrt(t.D))
 
@@ -153,7 +153,7 @@ def xi_dot_is(s, t, tolerance, scale):
     assert_close(root * s.xi_dot, expected, tolerance, scale + unnormalized_scale(t))
 
 
-def wrenches_on(model, seed) -> dict[str, np.ndarray]:
+def wrenches_on(model, seed):
     """Return wrenches on the root, a tip and some other links, those without inertia among them."""
     rng = np.random.default_rng(seed)
     names = dict.fromkeys(

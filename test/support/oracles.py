@@ -12,7 +12,6 @@ Pinocchio's order, linear first, and count as a chain.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -37,12 +36,12 @@ class Oracle:
 
     def __init__(
         self,
-        urdf: str,
-        dof_names: tuple[str, ...] | None = None,
-        gravity: tuple[float, float, float] = EARTH,
-        armature: Mapping[str, float] | None = None,
-        floating_base: bool = False,
-        locked_joints: Mapping[str, float] | None = None,
+        urdf,
+        dof_names=None,
+        gravity=EARTH,
+        armature=None,
+        floating_base=False,
+        locked_joints=None,
     ):
         """Build the model from URDF text; `armature`: reflected inertia by joint name [kg m²] or
         [kg].
@@ -85,7 +84,7 @@ class Oracle:
             self.armature[self.dof_names.index(name)] = inertia
         self.model.armature = self.to_pin(self.armature)
 
-    def _reduced(self, locked_joints: Mapping[str, float]) -> pin.Model:
+    def _reduced(self, locked_joints):
         """Return the model with joints of one degree of freedom held."""
         q, ids = pin.neutral(self.model), []
         for name, position in locked_joints.items():
@@ -97,14 +96,14 @@ class Oracle:
             ids.append(joint)
         return pin.buildReducedModel(self.model, ids, q)
 
-    def append_body(self, link: str, mass: float, com, inertia) -> None:
+    def append_body(self, link, mass, com, inertia):
         """Attach a rigid body to a link: centre of mass in the link's axes, inertia about it."""
         frame = self.model.frames[self.model.getFrameId(link, pin.FrameType.BODY)]
         body = pin.Inertia(mass, np.array(com, dtype=float), np.array(inertia, dtype=float))
         self.model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
         self.data = self.model.createData()
 
-    def parent_dof(self, k: int) -> int | None:
+    def parent_dof(self, k):
         """Return the dof next inboard of dof k, of the same joint or the nearest one inboard; None
         at the root.
         """
@@ -115,7 +114,7 @@ class Oracle:
         return self._at[self.model.idx_vs[parent] + self.model.nvs[parent] - 1] if parent else None
 
     @cached_property
-    def _ancestors(self) -> list[frozenset[int]]:
+    def _ancestors(self):
         """Of each dof in Pinocchio's order, which is base to tip, those strictly inboard of it."""
         found = {}
         for at in range(self.nv):
@@ -124,44 +123,44 @@ class Oracle:
             found[k] = frozenset() if parent is None else found[parent] | {parent}
         return [found[k] for k in range(self.nv)]
 
-    def ancestors(self, k: int) -> frozenset[int]:
+    def ancestors(self, k):
         """Return the dofs strictly inboard of dof k, those of its own joint that come before it
         among them.
         """
         return self._ancestors[k]
 
-    def descendants(self, k: int) -> set[int]:
+    def descendants(self, k):
         """Return the dofs strictly outboard of dof k, those of its own joint that come after it
         among them.
         """
         return {j for j in range(self.nv) if k in self._ancestors[j]}
 
-    def joint_mates(self, k: int) -> set[int]:
+    def joint_mates(self, k):
         """Return all dofs of the joint of dof k."""
         return {j for j in range(self.nv) if self._joint[j] == self._joint[k]}
 
     @cached_property
-    def mass(self) -> float:
+    def mass(self):
         """Return the total mass of the moving bodies [kg]."""
         return sum(body.mass for body in list(self.model.inertias)[1:])
 
-    def is_prismatic(self, k: int) -> bool:
+    def is_prismatic(self, k):
         """Whether dof k is a translation."""
         if self.model.nvs[self._joint[k]] > 1:
             return "/v_" in self.dof_names[k]
         return "P" in self.model.joints[self._joint[k]].shortname().removeprefix("JointModel")[:2]
 
-    def is_circular(self, k: int) -> bool:
+    def is_circular(self, k):
         """Whether dof k is a continuous joint, which Pinocchio parametrizes by (cos, sin)."""
         return self.model.nqs[self._joint[k]] == 2
 
     @property
-    def joint_of_dof(self) -> list[str]:
+    def joint_of_dof(self):
         """Return the joint's name of each dof."""
         return [self.model.names[j] for j in self._joint]
 
     @property
-    def joint_of_coordinate(self) -> list[str]:
+    def joint_of_coordinate(self):
         """Return the joint's name of each coordinate."""
         return [
             self.model.names[j] for j in self._joints for _ in range(COORDINATES[self.model.nvs[j]])
@@ -169,19 +168,19 @@ class Oracle:
 
     # --- between the caller's order of dofs and Pinocchio's
 
-    def to_pin(self, x: np.ndarray) -> np.ndarray:
+    def to_pin(self, x):
         """Put a velocity-like vector into Pinocchio's order."""
         out = np.empty(self.nv)
         out[self._order] = x
         return out
 
-    def from_pin(self, x: np.ndarray) -> np.ndarray:
+    def from_pin(self, x):
         """Put a velocity-like vector, or both axes of a matrix, into the caller's order (always a
         copy).
         """
         return x[self._order].copy() if x.ndim == 1 else x[np.ix_(self._order, self._order)]
 
-    def configuration(self, q: np.ndarray) -> np.ndarray:
+    def configuration(self, q):
         """Return Pinocchio's configuration vector."""
         out = np.empty(self.model.nq)
         for j in self._joints:
@@ -198,7 +197,7 @@ class Oracle:
         return out
 
     @cached_property
-    def neutral(self) -> np.ndarray:
+    def neutral(self):
         """Return the positions of zero, quaternions at the identity."""
         q = np.zeros(self.nq)
         for j in self._joints:
@@ -206,7 +205,7 @@ class Oracle:
                 q[self._first[j] + 6] = 1.0
         return q
 
-    def moved(self, q: np.ndarray, step: np.ndarray) -> np.ndarray:
+    def moved(self, q, step):
         """Return q after a step: sums, and where a joint has several dofs the motion along a
         constant twist.
         """
@@ -232,7 +231,7 @@ class Oracle:
                     out[first : first + 7] = end[at : at + 7]
         return out
 
-    def at(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None = None) -> "State":
+    def at(self, q, qd, tau=None):
         """Return the oracle's answers at one state."""
         return State(
             self,
@@ -243,25 +242,25 @@ class Oracle:
 
     # --- functions of the configuration
 
-    def mass_matrix(self, q: np.ndarray) -> np.ndarray:
+    def mass_matrix(self, q):
         """Return M(q), armature included."""
         upper = np.triu(
             pin.crba(self.model, self.data, self.configuration(q))
         )  # crba fills that triangle only
         return self.from_pin(upper + np.triu(upper, 1).T)
 
-    def unit_factor(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def unit_factor(self, q):
         """Return U with unit diagonal, and D, of M = U D Uᵀ."""
         pin.crba(self.model, self.data, self.configuration(q))
         pin.cholesky.decompose(self.model, self.data)
         return self.from_pin(self.data.U), self.from_pin(self.data.D)
 
-    def factor(self, q: np.ndarray) -> np.ndarray:
+    def factor(self, q):
         """Return m = U √D."""
         unit, D = self.unit_factor(q)
         return unit * np.sqrt(D)
 
-    def gravity_torque(self, q: np.ndarray) -> np.ndarray:
+    def gravity_torque(self, q):
         """Return g(q)."""
         return self.from_pin(
             pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q))
@@ -269,7 +268,7 @@ class Oracle:
 
     # --- along a motion
 
-    def coriolis_torque(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_torque(self, q, qd):
         """Return c(q, q̇), the velocity terms of M q̈ + c + g = τ."""
         gravity = self.model.gravity.linear.copy()
         self.model.gravity.linear = np.zeros(
@@ -279,14 +278,14 @@ class Oracle:
         self.model.gravity.linear = gravity
         return self.from_pin(nle)
 
-    def coriolis_matrix(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def coriolis_matrix(self, q, qd):
         """Return Pinocchio's C_s with c = C_s q̇ and Ṁ = C_s + C_sᵀ."""
         C_s = pin.computeCoriolisMatrix(
             self.model, self.data, self.configuration(q), self.to_pin(qd)
         )
         return self.from_pin(C_s)
 
-    def mass_matrix_rate(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def mass_matrix_rate(self, q, qd):
         """Return Ṁ of M = Σ JᵀIJ, body by body in its own axes.
 
         Pinocchio's C_s is of sums in the world's axes. There a heavy body that passes by rounds
@@ -301,19 +300,17 @@ class Oracle:
             half += J.T @ self.model.inertias[joint].matrix() @ J_rate
         return self.from_pin(half + half.T)
 
-    def inverse_dynamics(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    def inverse_dynamics(self, q, qd, qdd):
         """Return τ, gravity included."""
         args = self.configuration(q), self.to_pin(qd), self.to_pin(qdd)
         return self.from_pin(pin.rnea(self.model, self.data, *args))
 
-    def forward_dynamics(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    def forward_dynamics(self, q, qd, tau):
         """Return q̈, gravity included."""
         args = self.configuration(q), self.to_pin(qd), self.to_pin(tau)
         return self.from_pin(pin.aba(self.model, self.data, *args))
 
-    def effort_of(
-        self, q: np.ndarray, wrenches: Mapping[str, np.ndarray], frame: str
-    ) -> np.ndarray:
+    def effort_of(self, q, wrenches, frame):
         """Return Jᵀf of wrenches, force first, at the origins of links, in the axes of the link or
         the world.
         """
@@ -325,27 +322,27 @@ class Oracle:
             tau += J.T @ np.asarray(wrench, dtype=float)
         return self.from_pin(tau)
 
-    def center_of_mass(self, q: np.ndarray) -> tuple[float, np.ndarray]:
+    def center_of_mass(self, q):
         """Return mass and centre of mass of all bodies; Pinocchio leaves out the body of the world."""
         com = pin.centerOfMass(self.model, self.data, self.configuration(q))
         fixed = self.model.inertias[0]
         mass = self.mass + fixed.mass
         return mass, (self.mass * com + fixed.mass * fixed.lever) / mass
 
-    def potential_energy(self, q: np.ndarray) -> float:
+    def potential_energy(self, q):
         """Return the energy in the field of gravity; Pinocchio leaves out the body of the world."""
         energy = pin.computePotentialEnergy(self.model, self.data, self.configuration(q))
         fixed = self.model.inertias[0]
         return energy - fixed.mass * self.model.gravity.linear @ fixed.lever
 
-    def regressor(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, links) -> np.ndarray:
+    def regressor(self, q, qd, qdd, links):
         """Return the regressor of the parameters of links."""
         arguments = self.configuration(q), self.to_pin(qd), self.to_pin(qdd)
         return link_regressor(self.model, self.data, arguments, links)[self._order]
 
     # --- energy, link by link
 
-    def link_energy(self, q: np.ndarray, qd: np.ndarray) -> dict[str, float]:
+    def link_energy(self, q, qd):
         """Return each URDF link's kinetic energy from its own <inertial>; no armature, no merged
         bodies.
         """
@@ -362,13 +359,13 @@ class Oracle:
             )
         return energy
 
-    def child_link(self, k: int) -> str:
+    def child_link(self, k):
         """Return the URDF link that dof k moves."""
         joint = next(j for j in self.xml.findall("joint") if j.get("name") == self.dof_names[k])
         return joint.find("child").get("link")
 
 
-def link_regressor(model, data, arguments, links) -> np.ndarray:
+def link_regressor(model, data, arguments, links):
     """Return Pinocchio's regressor at (q, q̇, q̈) by parameters of links, from that of its joints'
     bodies.
     """
@@ -399,46 +396,46 @@ class State:
     for.
     """
 
-    def __init__(self, oracle: Oracle, q: np.ndarray, qd: np.ndarray, tau: np.ndarray | None):
+    def __init__(self, oracle, q, qd, tau):
         """Keep the state; see `Oracle.at`."""
         self.oracle, self.q, self.qd, self.tau = oracle, q, qd, tau
 
     @cached_property
-    def M(self) -> np.ndarray:
+    def M(self):
         """Return the mass matrix."""
         return self.oracle.mass_matrix(self.q)
 
     @cached_property
-    def _factors(self) -> tuple[np.ndarray, np.ndarray]:
+    def _factors(self):
         return self.oracle.unit_factor(self.q)
 
     @property
-    def unit(self) -> np.ndarray:
+    def unit(self):
         """Return U = [I + HφK]."""
         return self._factors[0]
 
     @property
-    def D(self) -> np.ndarray:
+    def D(self):
         """Return the articulated joint inertias."""
         return self._factors[1]
 
     @cached_property
-    def m(self) -> np.ndarray:
+    def m(self):
         """Return m = U √D."""
         return self.unit * np.sqrt(self.D)
 
     @cached_property
-    def l(self) -> np.ndarray:  # noqa: E743 (the paper's name)
+    def l(self):  # noqa: E743 (the paper's name)
         """Return m⁻¹."""
         return np.linalg.solve(self.m, np.eye(len(self.m)))
 
     @cached_property
-    def condition(self) -> float:
+    def condition(self):
         """Return cond(M)."""
         return float(np.linalg.cond(self.M))
 
     @cached_property
-    def scaled_condition(self) -> float:
+    def scaled_condition(self):
         """Return cond(M) in units in which M_kk = 1: what rounding is amplified by, whatever the
         units.
         """
@@ -446,52 +443,52 @@ class State:
         return float(np.linalg.cond(self.M / np.outer(unit, unit))) if len(unit) else 1.0
 
     @cached_property
-    def c(self) -> np.ndarray:
+    def c(self):
         """Return the bias torque without gravity."""
         return self.oracle.coriolis_torque(self.q, self.qd)
 
     @cached_property
-    def g(self) -> np.ndarray:
+    def g(self):
         """Return the gravity torque."""
         return self.oracle.gravity_torque(self.q)
 
     @cached_property
-    def nu(self) -> np.ndarray:
+    def nu(self):
         """Return ν = mᵀ q̇."""
         return self.m.T @ self.qd
 
     @cached_property
-    def xi(self) -> np.ndarray:
+    def xi(self):
         """Return ξ = Uᵀ q̇."""
         return self.unit.T @ self.qd
 
     @cached_property
-    def epsilon(self) -> np.ndarray:
+    def epsilon(self):
         """Return ε = ℓ τ."""
         return np.linalg.solve(self.m, self.tau)
 
     @cached_property
-    def kappa(self) -> np.ndarray:
+    def kappa(self):
         """Return κ = U⁻¹ τ."""
         return np.linalg.solve(self.unit, self.tau)
 
     @cached_property
-    def gravity(self) -> np.ndarray:
+    def gravity(self):
         """Return ε_g = ℓ g."""
         return np.linalg.solve(self.m, self.g)
 
     @cached_property
-    def kinetic_energy(self) -> float:
+    def kinetic_energy(self):
         """Return ½ q̇ᵀMq̇ (computeKineticEnergy would drop the armature of unaligned joints)."""
         return 0.5 * self.qd @ self.M @ self.qd
 
     @cached_property
-    def C_s(self) -> np.ndarray:
+    def C_s(self):
         """Return Pinocchio's Coriolis matrix."""
         return self.oracle.coriolis_matrix(self.q, self.qd)
 
     @cached_property
-    def mdot(self) -> np.ndarray:
+    def mdot(self):
         """Return ṁ, exact: M = mmᵀ gives ℓṀℓᵀ = X + Xᵀ with X = ℓṁ upper triangular."""
         o = self.oracle
         m, Mdot = (np.empty((o.nv, o.nv)) for _ in range(2))
@@ -501,12 +498,12 @@ class State:
         return o.from_pin(m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A))))
 
     @cached_property
-    def coriolis(self) -> np.ndarray:
+    def coriolis(self):
         """Return C = ℓc − ṁᵀq̇, exact to rounding."""
         return np.linalg.solve(self.m, self.c) - self.mdot.T @ self.qd
 
     @cached_property
-    def coriolis_scale(self) -> float:
+    def coriolis_scale(self):
         """Return |ℓc| + |ṁᵀq̇|, the two terms whose difference C is, for errors to be relative to.
 
         Where both vanish identically (one joint, a gantry, rotors about principal axes) all is
@@ -519,34 +516,34 @@ class State:
         return float(max(terms, 1e-2 * np.linalg.norm(self.nu) * np.linalg.norm(self.qd)))
 
     @cached_property
-    def Ddot(self) -> np.ndarray:
+    def Ddot(self):
         """Return Ḋ: m_kk = √D_k, so ṁ_kk = ½ Ḋ_k/√D_k."""
         return 2 * np.sqrt(self.D) * np.diag(self.mdot)
 
     @cached_property
-    def coriolis_unnormalized(self) -> np.ndarray:
+    def coriolis_unnormalized(self):
         """Return C_ξ: D ξ̇ + C_ξ = κ with ξ = D^−½ν, each by its own D, and ν̇ = ε − C gives D^½ C
         + ½ Ḋ ξ.
         """
         return np.sqrt(self.D) * self.coriolis + 0.5 * self.Ddot * self.xi
 
     @cached_property
-    def acceleration(self) -> np.ndarray:
+    def acceleration(self):
         """Return q̈ of aba."""
         return self.oracle.forward_dynamics(self.q, self.qd, self.tau)
 
     @cached_property
-    def nu_dot(self) -> np.ndarray:
+    def nu_dot(self):
         """Return ν̇ = mᵀq̈ + ṁᵀq̇ along aba's acceleration."""
         return self.m.T @ self.acceleration + self.mdot.T @ self.qd
 
     @cached_property
-    def power(self) -> float:
+    def power(self):
         """Return K̇ = q̇ᵀMq̈ + ½ q̇ᵀṀq̇ along aba's acceleration."""
         return self.qd @ (self.M @ self.acceleration + self.C_s @ self.qd)
 
     @cached_property
-    def link_energy(self) -> dict[str, float]:
+    def link_energy(self):
         """Return the energy per URDF link; a joint's armature counts for the link it moves."""
         energy = self.oracle.link_energy(self.q, self.qd)
         for k in np.flatnonzero(self.oracle.armature):
@@ -554,7 +551,7 @@ class State:
         return energy
 
 
-def _inertial(link: ET.Element) -> tuple[float, np.ndarray, np.ndarray]:
+def _inertial(link):
     """Return a link's mass, centre of mass and inertia about it, in the link's axes."""
     inertial = link.find("inertial")
     if inertial is None:

@@ -15,20 +15,18 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
-from derivative_oracles import RateOracle
 
-
-def tilde(a: np.ndarray) -> np.ndarray:
+def tilde(a):
     """Return a~ with a~ b = a × b."""
     return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 
 
-def cross(X: np.ndarray) -> np.ndarray:
+def cross(X):
     """Return X~ of a spatial vector [a; b] (5.5)."""
     return np.block([[tilde(X[:3]), np.zeros((3, 3))], [tilde(X[3:]), tilde(X[:3])]])
 
 
-def stacked(blocks: list) -> np.ndarray:
+def stacked(blocks):
     """Return the block diagonal matrix (5.6)."""
     rows, columns = blocks[0].shape
     out = np.zeros((len(blocks) * rows, len(blocks) * columns))
@@ -49,7 +47,7 @@ class Operators:
     Both are the same for revolute ones.
     """
 
-    def __init__(self, oracle: RateOracle, q: np.ndarray, qd: np.ndarray):
+    def __init__(self, oracle, q, qd):
         """Place the bodies and run Algorithm 4.1."""
         self.oracle, model, data = oracle, oracle.model, oracle.data
         self.parents = [parent - 1 for parent in list(model.parents)[1:]]
@@ -87,19 +85,19 @@ class Operators:
         self._algorithm_4_1()
 
     @staticmethod
-    def at(k: int) -> slice:
+    def at(k):
         """Return where body k is."""
         return slice(6 * k, 6 * k + 6)
 
-    def block(self, A: np.ndarray, k: int) -> np.ndarray:
+    def block(self, A, k):
         """Return the diagonal block of body k."""
         return A[self.at(k), self.at(k)]
 
-    def diagonal(self, A: np.ndarray) -> np.ndarray:
+    def diagonal(self, A):
         """Return the block diagonal part."""
         return stacked([self.block(A, k) for k in range(self.n)])
 
-    def children(self, k: int) -> list[int]:
+    def children(self, k):
         """Return the bodies that body k carries next."""
         return [j for j, parent in enumerate(self.parents) if parent == k]
 
@@ -128,43 +126,43 @@ class Operators:
         self.psi = np.linalg.inv(self.one - self.E_psi)
 
     @cached_property
-    def root(self) -> np.ndarray:
+    def root(self):
         """Return D^½."""
         return np.sqrt(self.D)
 
     @cached_property
-    def unit(self) -> np.ndarray:
+    def unit(self):
         """Return 1 + HφK."""
         return self.I + self.H @ self.phi @ self.K
 
     @cached_property
-    def inverse(self) -> np.ndarray:
+    def inverse(self):
         """Return 1 − HψK."""
         return self.I - self.H @ self.psi @ self.K
 
     @cached_property
-    def V(self) -> np.ndarray:
+    def V(self):
         """Return the bodies' velocities φ*H*θ' (4.3)."""
         return self.phi.T @ self.H.T @ self.rates
 
     @cached_property
-    def V_cross(self) -> np.ndarray:
+    def V_cross(self):
         """Return V~."""
         return stacked([cross(self.V[self.at(k)]) for k in range(self.n)])
 
     @cached_property
-    def delta(self) -> np.ndarray:
+    def delta(self):
         """Return Ω_δ = (H*θ')~ (6.3)."""
         own = self.H.T @ self.rates
         return stacked([cross(own[self.at(k)]) for k in range(self.n)])
 
     @cached_property
-    def turn(self) -> np.ndarray:
+    def turn(self):
         """Return −Ω_δ*, which is Ω_δ of revolute joints."""
         return -self.delta.T
 
     @cached_property
-    def rate(self) -> np.ndarray:
+    def rate(self):
         """Return λ̇ of (7.2): λ̇(k) = ψ λ̇(k−1) ψ* + X + X*, X = Ω_δ P."""
         X = self.turn @ self.P
         out = self.diagonal(X + X.T)
@@ -175,11 +173,11 @@ class Operators:
         return out
 
     @cached_property
-    def P_rate(self) -> np.ndarray:
+    def P_rate(self):
         """Return P' in the body's own axes: Σ ψ λ̇ ψ* over the bodies carried (6.4)."""
         return self.diagonal(self.E_psi @ self.rate @ self.E_psi.T)
 
-    def partial_rate(self, i: int) -> np.ndarray:
+    def partial_rate(self, i):
         """Return λ_i of (A.16): 0 outboard of i, H~P − PH~ at i, ψλ_iψ* inboard."""
         turn = cross(self.H[i, self.at(i)])
         out = np.zeros_like(self.M)
@@ -192,10 +190,10 @@ class Operators:
             k = self.parents[k]
         return out
 
-    def body(self, k: int) -> int:
+    def body(self, k):
         """Return the body that the caller's degree of freedom k moves."""
         return int(self.oracle._order[k])
 
-    def mine(self, x: np.ndarray) -> np.ndarray:
+    def mine(self, x):
         """Return a vector or matrix over the joints in the caller's order."""
         return self.oracle.from_pin(x)

@@ -65,7 +65,7 @@ EXCLUDED = {
 
 
 @cache
-def robots_folder() -> Path:
+def robots_folder():
     """Return the wheel's `robots` folder, wherever pip put it."""
     try:
         files = distribution(WHEEL).files or []
@@ -80,20 +80,20 @@ def robots_folder() -> Path:
     raise RuntimeError(f"{WHEEL!r} is installed but lists no URDF")
 
 
-def robot_path(robot: str) -> Path:
+def robot_path(robot):
     """Return the file of a robot id, for example `panda_description/urdf/panda.urdf`."""
     return robots_folder() / robot
 
 
 @cache
-def all_robots() -> tuple[str, ...]:
+def all_robots():
     """Return the id of every URDF of the wheel: its path below the `robots` folder."""
     return tuple(
         sorted(p.relative_to(robots_folder()).as_posix() for p in robots_folder().rglob("*.urdf"))
     )
 
 
-def regular_robots() -> tuple[str, ...]:
+def regular_robots():
     """Return the ids of the robots that the physics tests run over."""
     return tuple(robot for robot in all_robots() if robot not in EXCLUDED)
 
@@ -112,7 +112,7 @@ class Robot(NamedTuple):
     mimic: str = "free"
 
     @property
-    def options(self) -> dict:
+    def options(self):
         """Return the options that loader and oracles have in common."""
         return {
             "armature": self.armature,
@@ -121,12 +121,12 @@ class Robot(NamedTuple):
         }
 
     @property
-    def floating(self) -> "Robot":
+    def floating(self):
         """Return this robot with a floating base."""
         return self._replace(id=f"{self.id}+floating", floating_base=True)
 
     @property
-    def urdf(self) -> str:
+    def urdf(self):
         """Return the XML text."""
         return (
             self.source.read_text(encoding="utf-8")
@@ -135,14 +135,12 @@ class Robot(NamedTuple):
         )
 
 
-def robot(id: str) -> Robot:
+def robot(id):
     """Return a robot of the wheel."""
     return Robot(id, robot_path(id))
 
 
-def link(
-    name: str, mass: float = 0.0, com=(0, 0, 0), inertia=(0, 0, 0, 0, 0, 0), rpy=(0, 0, 0)
-) -> str:
+def link(name, mass=0.0, com=(0, 0, 0), inertia=(0, 0, 0, 0, 0, 0), rpy=(0, 0, 0)):
     """Return a URDF link; `inertia` is ixx ixy ixz iyy iyz izz about the centre of mass."""
     if not mass:
         return f'<link name="{name}"/>'
@@ -154,9 +152,7 @@ def link(
     )
 
 
-def joint(
-    name: str, kind: str, parent: str, child: str, axis=(0, 0, 1), xyz=(0, 0, 0), rpy=(0, 0, 0)
-) -> str:
+def joint(name, kind, parent, child, axis=(0, 0, 1), xyz=(0, 0, 0), rpy=(0, 0, 0)):
     """Return a URDF joint."""
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -165,12 +161,12 @@ def joint(
     )
 
 
-def description(name: str, *elements: str) -> str:
+def description(name, *elements):
     """Return a whole URDF."""
     return f'<robot name="{name}">{"".join(elements)}</robot>'
 
 
-def in_other_units(urdf: str, mass: float = 1.0, length: float = 1.0) -> str:
+def in_other_units(urdf, mass=1.0, length=1.0):
     """Return a URDF with all masses and lengths multiplied, and the moments of inertia with them."""
     robot = ET.fromstring(urdf)
     for element in robot.iter("mass"):
@@ -183,14 +179,14 @@ def in_other_units(urdf: str, mass: float = 1.0, length: float = 1.0) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def _text(numbers) -> str:
+def _text(numbers):
     return " ".join(repr(float(x)) for x in numbers)
 
 
 BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 
 
-def arm(*more: str, kind: str = "revolute") -> str:
+def arm(*more, kind="revolute"):
     """Return the URDF of one link on a base, and of other elements."""
     return description(
         "arm", link("base"), link("upper", **BOX), joint("shoulder", kind, "base", "upper"), *more
@@ -200,7 +196,7 @@ def arm(*more: str, kind: str = "revolute") -> str:
 ARM = arm()
 
 
-def changed(old: str, new: str, text: str = ARM) -> str:
+def changed(old, new, text=ARM):
     """Return a text with its first `old` replaced, which it must have."""
     assert old in text
     return text.replace(old, new, 1)
@@ -220,7 +216,7 @@ class TwoLinkArm(NamedTuple):
     I2: float = 0.02
 
     @property
-    def urdf(self) -> str:
+    def urdf(self):
         """Return the arm in the x-y plane, both axes along z."""
         return description(
             "two_link_arm",
@@ -257,7 +253,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 SEVERAL = ("planar", "floating")
 
 
-def random_tree(seed: int, joints: int = 12, kinds: tuple[str, ...] = KINDS) -> str:
+def random_tree(seed, joints=12, kinds=KINDS):
     """Return a tree of mixed joints with crooked axes and frames, fixed joints, and links without
     inertia.
     """
@@ -292,7 +288,7 @@ def random_tree(seed: int, joints: int = 12, kinds: tuple[str, ...] = KINDS) -> 
     return description(f"random_tree_{seed}", *elements)
 
 
-def _random_inertia(rng) -> tuple:
+def _random_inertia(rng):
     """Return mass, centre of mass and a physically possible inertia: that of a cloud of points."""
     mass = rng.uniform(0.2, 3.0)
     A = rng.uniform(-0.2, 0.2, (3, 3))
@@ -301,7 +297,7 @@ def _random_inertia(rng) -> tuple:
     return mass, rng.uniform(-0.2, 0.2, 3), (i[0, 0], i[0, 1], i[0, 2], i[1, 1], i[1, 2], i[2, 2])
 
 
-def _geared(seed: int) -> Robot:
+def _geared(seed):
     """Return a random tree with armature at two joints in three."""
     urdf = random_tree(seed)
     names = [
@@ -313,7 +309,7 @@ def _geared(seed: int) -> Robot:
     )
 
 
-def textbook_robots() -> tuple[Robot, ...]:
+def textbook_robots():
     """Return the robots with closed forms; their bases have no inertia, so they do not float."""
     return (
         Robot("pendulum", PENDULUM),
@@ -322,7 +318,7 @@ def textbook_robots() -> tuple[Robot, ...]:
     )
 
 
-def random_robots() -> tuple[Robot, ...]:
+def random_robots():
     """Return the robots made at random; every one of them is regular."""
     return (
         *(Robot(f"random_tree_{seed}", random_tree(seed)) for seed in range(4)),
@@ -334,7 +330,7 @@ def random_robots() -> tuple[Robot, ...]:
     )
 
 
-def cured_robots() -> tuple[Robot, ...]:
+def cured_robots():
     """Return the singular robots of the wheel with the joints locked that make them so."""
     return tuple(
         robot(id)._replace(id=f"{id}+locked", locked_joints=dict.fromkeys(exclusion.joints, 0.0))
@@ -343,7 +339,7 @@ def cured_robots() -> tuple[Robot, ...]:
     )
 
 
-def coupled_robots() -> tuple[Robot, ...]:
+def coupled_robots():
     """Return robots whose mimic joints are coupled: those of the wheel, and those written for the
     tests.
     """
@@ -376,7 +372,7 @@ links without inertia.
 """
 
 
-def robots_to_test() -> tuple[Robot, ...]:
+def robots_to_test():
     """Return the robots that the laws run over: :data:`GATE` in the gate, all of them in the full
     tier.
     """
@@ -412,7 +408,7 @@ class Sample(NamedTuple):
     qdd: np.ndarray
 
 
-def samples(id: str, oracle) -> list[Sample]:
+def samples(id, oracle):
     """Return the states of a robot, always the same ones; continuous joints beyond one turn."""
     rng = np.random.default_rng(zlib.crc32(id.encode()))
     # Drawn by sorted name, so that the state does not depend on the order of dofs.
