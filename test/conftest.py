@@ -75,6 +75,12 @@ def pytest_pycollect_makemodule(module_path, parent):
     return file
 
 
+def pytest_make_parametrize_id(config, val):
+    """Return the `id` of a robot."""
+    name = getattr(val, "id", None)
+    return name if isinstance(name, str) else None
+
+
 # --- time
 
 

@@ -253,25 +253,21 @@ def test_a_dead_zone_in_parts(arm):
     torque[100:150, 2] = np.nan
     r = arm.epsilon_from_tau(q, np.nan_to_num(torque))
     r[100:150, :3] = np.nan
-    whole = DeadZone(arm, 0.7).lower(stamps, q, rates, r, torque)
-    for size in (1, 33):
-        zone, parts = DeadZone(arm, 0.7), []
-        for first in range(0, len(stamps), size):
-            rows = slice(first, first + size)
-            parts.append(zone.lower(stamps[rows], q[rows], rates[rows], r[rows], torque[rows]))
-        for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
-            np.testing.assert_allclose(np.concatenate(of_parts), column, rtol=1e-12, atol=1e-14)
+    columns_of = stamps, q, rates, r, torque
+    whole, zone, parts = DeadZone(arm, 0.7).lower(*columns_of), DeadZone(arm, 0.7), []
+    for first in range(0, len(stamps), 33):
+        parts.append(zone.lower(*(column[first : first + 33] for column in columns_of)))
+    for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
+        np.testing.assert_allclose(np.concatenate(of_parts), column, rtol=1e-12, atol=1e-14)
     assert np.isnan(whole[1][100:150, 2]).all() and np.isnan(whole[0][100:150, :3]).all()
     rates[:], rates[:, 5] = 0.0, 0.3
     zone = DeadZone(arm, 0.7)
-    zone.lower(stamps, q, rates, r, torque)
-    again = zone.lower(stamps[:3], q[:3], rates[:3], r[:3], torque[:3])[1]
+    zone.lower(*columns_of)
+    again = zone.lower(*(column[:3] for column in columns_of))[1]
     np.testing.assert_array_equal(again[0], torque[0])
-    zone.lower(stamps, q, rates, r, torque)
-    later = stamps[:3] + stamps[-1]
-    rows = later, q[:3], rates[:3], r[:3], torque[:3]
-    restarts = np.array([False, True, False])
-    again = zone.lower(*rows, restarts)[1]
+    zone.lower(*columns_of)
+    rows = stamps[:3] + stamps[-1], q[:3], rates[:3], r[:3], torque[:3]
+    again = zone.lower(*rows, np.array([False, True, False]))[1]
     assert not np.array_equal(again[0], torque[0])
     np.testing.assert_array_equal(again[1], torque[1])
     zone.reset()

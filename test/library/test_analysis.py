@@ -12,8 +12,10 @@ import pytest
 
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from described import S
 from diag_dynamics.cli.main import main
 from diag_dynamics.description.catalog import find_urdf
+from diag_dynamics.recordings.balance import Balance, Windows
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 
@@ -165,6 +167,22 @@ def test_collisions_of_a_standing_arm_explain_its_balance(analysed, gravity, mot
             bool(summary["collisions"]) == ("collisions explain the rest" in text) == (not expected)
         )
         assert summary["explained"] < 0.8 and status == expected
+
+
+def test_windows_near_collisions_explain_nothing():
+    """Those within 0.2 s of one are left out, unless collisions last for half of the time."""
+    stamps, none = np.arange(101) * S // 10, np.zeros(100)
+    kinetic, friction = np.resize([1.0, -1.0], 100), none + 0.5
+    for wrong, end, expected in ((30, 34, True), (29, 34, False), (36, 34, False), (31, 90, False)):
+        effort = kinetic + friction - 5.0 * np.isin(np.arange(100), [31, wrong])
+        columns = stamps[:-1], stamps[1:], kinetic, effort, none, friction, none[:, None]
+        balance = Balance(("joint",))
+        balance.add_windows(Windows(*columns))
+        collision = SimpleNamespace(start=32 * S // 10, end=end * S // 10)
+        assert balance.is_explained_beside([collision]) == expected
+    few = Balance(("joint",))
+    few.add_windows(Windows(*(column[:19] for column in columns)))
+    assert few.explained is None is few.residual_power
 
 
 def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):

@@ -45,7 +45,7 @@ COUPLED = [
 ]
 
 
-@pytest.mark.parametrize("one", [*robots.robots_to_test(), *COUPLED], ids=lambda one: one.id)
+@pytest.mark.parametrize("one", [*robots.robots_to_test(), *COUPLED])
 def test_mobilities_of_all_links(one):
     """J M⁻¹Jᵀ of every link, to 100 eps cond(M) of that link's; exactly symmetric."""
     model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
@@ -72,9 +72,7 @@ def test_mobilities_refuse_what_is_wrong():
 # --- Contact at points -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "one", [robot(PANDA), robot(TALOS).floating, *random_robots()[5:8]], ids=lambda one: one.id
-)
+@pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, *random_robots()[5:8]])
 @pytest.mark.parametrize("worst_by", ["energy", "force", "limit"])
 def test_worst_point_of_every_link(one, worst_by):
     """Of many points of a link the worst is found, and all that is said of it is what its definition gives."""
@@ -243,9 +241,7 @@ def test_points_of_another_robot_are_refused():
 # --- Impacts -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "one", [robot(PANDA), robot(TALOS).floating, robot(UR5)], ids=lambda one: one.id
-)
+@pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, robot(UR5)])
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 def test_impact_with_what_is_clamped(one, restitution):
     """q̇⁺ is that of pin.impulseDynamics, to 100 eps cond(M)."""

@@ -208,9 +208,7 @@ def test_errors_name_the_argument(make, key):
 
 
 @pytest.mark.parametrize(
-    "robot",
-    (PANDA, RANDOM["mobile_tree_21"], RANDOM["random_tree_0"].floating),
-    ids=lambda robot: robot.id,
+    "robot", (PANDA, RANDOM["mobile_tree_21"], RANDOM["random_tree_0"].floating)
 )
 def test_placement(robot):
     """Every link is where Pinocchio has it: mimic, planar and floating joints included."""

@@ -30,12 +30,8 @@ def goal_of(q):
     return q + 0.4 * np.where(np.arange(len(q)) % 2, 1.0, -1.0)
 
 
-def ids(value):
-    return getattr(value, "id", str(value) if isinstance(value, (int, str)) else "")
-
-
 @pytest.mark.parametrize("rotor", some_of([0.0, ROTOR], 2))
-@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_each_joint_arrives(robot, q, link, rate, rotor):
     names = dd.load_urdf(robot.source, **robot.options).dof_names
     robot = robot._replace(armature=dict.fromkeys(names, rotor)) if rotor else robot
@@ -44,7 +40,7 @@ def test_each_joint_arrives(robot, q, link, rate, rotor):
     assert closed.loop.mode == REGULATION and closed.loop.shortfall == ""
 
 
-@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, rate):
     """The load of 2 kg is unknown; the bound is the joint that tracking leaves furthest off."""
     distances = [
@@ -55,7 +51,7 @@ def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, 
 
 
 @pytest.mark.parametrize("friction", [0.7, 1.3])
-@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES, ids=ids)
+@pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_wrong_friction_causes_no_limit_cycle(robot, q, link, rate, friction):
     """The arm rests near its target. Its efforts change their signs less than once a second."""
     closed = Closed(robot, q, link, rate, friction=friction)

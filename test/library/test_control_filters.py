@@ -94,7 +94,6 @@ def swing_to(robot, stiffness, period, **limits):
 @pytest.mark.parametrize(
     ("robot", "stiffness", "period"),
     [(UR5, 600.0, 1e-3), (UR5, 200.0, 8e-3), (PANDA, 600.0, 4e-3), (Z1, 200.0, 2e-3)],
-    ids=lambda x: getattr(x, "id", x),
 )
 def test_a_sampled_loop_keeps_the_limit(robot, stiffness, period):
     """K of a jump of 0.8 rad comes near its limit and exceeds it by less than 2 %, by Pinocchio."""
@@ -215,7 +214,6 @@ WRISTS = np.array([0.0, 0.0, 0.0, 0.3, -0.3, 0.3])
         (PANDA, 600.0, 4e-3, 0.8, "gravity", 0.255),
         (Z1, 600.0, 1e-3, 0.3, "gravity", 0.255),
     ],
-    ids=lambda x: getattr(x, "id", x),
 )
 def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, start, bound):
     """Efforts begin at gravity compensation, or at a command that cannot be removed in time."""
@@ -233,7 +231,6 @@ def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, sta
         (Z1, 100.0, 1e-3, 0.3, "gravity"),
         (Z1, 100.0, 2e-3, 0.3, "command"),
     ],
-    ids=lambda x: getattr(x, "id", x),
 )
 def test_a_rate_limit_alone_comes_to_rest(robot, stiffness, period, away, start):
     """A law that demands faster efforts than the limit's is scaled: no energy remains, and the target is reached."""

@@ -28,7 +28,7 @@ from described import subject
 from diag_dynamics.control.laws import Law
 from diag_dynamics.exceptions import InputError
 
-ROBOTS = pytest.mark.parametrize("robot", (PANDA, ARM, UR5, TREE), ids=lambda robot: robot.id)
+ROBOTS = pytest.mark.parametrize("robot", (PANDA, ARM, UR5, TREE))
 RATIO = 0.7
 
 

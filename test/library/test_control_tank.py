@@ -5,11 +5,11 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import diag_dynamics as dd
 from arm import control_loop, state_at
-from controlled import ARM, READY, TREE, UR5, configuration, frictionless
+from controlled import ARM, READY, TREE, UR5, Sampled, configuration, frictionless
+from coupling import oracle_of
 from described import MS, S, subject
 from diag_dynamics.exceptions import InputError
 from examples import shortened
@@ -19,40 +19,19 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 N, CAPACITY, RATE, PERIOD = 7, 0.5, 50.0, 1e-3
 
 
-def kinetic_energy(q, qd):
-    """Return K [J] by Pinocchio's mass matrix."""
-    return 0.5 * qd @ subject(ARM).oracle.at(q, qd).M @ qd
-
-
-class Plant:
-    """A robot without friction, by SciPy's integration to rounding."""
-
-    def __init__(self, model, q, qd=0.0):
-        self.dyn, self.q, self.qd = dd.DiagonalDynamics(model), q, np.broadcast_to(qd, q.shape)
-
-    def advance(self, tau):
-        """Apply an effort for a cycle."""
-
-        def rates(_, x):
-            q, qd = np.split(x, 2)
-            return np.concatenate([qd, self.dyn.forward_dynamics(q, qd, tau)])
-
-        start = np.concatenate([self.q, self.qd])
-        options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
-        self.q, self.qd = np.split(solve_ivp(rates, (0.0, PERIOD), start, **options).y[:, -1], 2)
-
-
 def tank_of(capacity=CAPACITY, robot=ARM):
     return dd.EnergyTank(subject(robot).dyn, capacity, RATE)
 
 
-def moved(robot, gravity):
-    """Return the model that moves: of a robot that compensates gravity itself, one that weighs nothing."""
+def plant_of(robot, q, qd=0.0, gravity=True):
+    """Return a plant; of a robot that compensates gravity itself, one that weighs nothing."""
     options = {} if gravity else {"gravity": (0.0, 0.0, 0.0)}
-    return dd.load_urdf(robot.source, **robot.options, **options)
+    plant = Sampled(oracle_of(robot, subject(robot).model.dof_names, **options), q, 2.5e-4)
+    plant.qd = plant.qd + qd
+    return plant
 
 
-@pytest.mark.parametrize("robot", (ARM, UR5, TREE), ids=lambda robot: robot.id)
+@pytest.mark.parametrize("robot", (ARM, UR5, TREE))
 @pytest.mark.parametrize("gravity", [True, False])
 def test_the_measured_energy_is_exact(robot, gravity):
     """K + x changes by the work of external torques alone, for any held efforts, and positions that begin another turn.
@@ -62,16 +41,16 @@ def test_the_measured_energy_is_exact(robot, gravity):
     s, rng = subject(robot), np.random.default_rng(3)
     nv, turns = s.model.nv, ~np.isfinite(s.model.upper)
     start = np.where(turns, np.pi - 0.02, configuration(s.model, rng))
-    plant = Plant(moved(robot, gravity), start, np.where(turns, 1.0, rng.normal(size=nv)))
+    plant = plant_of(robot, start, np.where(turns, 1.0, rng.normal(size=nv)), gravity)
     tank, work, tau, spent = dd.EnergyTank(s.dyn, 1e3, RATE, gravity), 0.0, None, []
     tank.energy = 500.0
     for _ in range(200):
-        q, qd = plant.q, plant.qd
+        q = plant.q
         x = tank.measure(np.where(turns, np.remainder(q + np.pi, 2 * np.pi) - np.pi, q), tau)
-        spent.append(x + 0.5 * qd @ s.oracle.at(q, qd).M @ qd - work)
+        spent.append(x + plant.kinetic_energy - work)
         pulled = 2.0 * rng.normal(size=nv)
         tau = 10.0 * rng.normal(size=nv) + gravity * s.oracle.gravity_torque(q)
-        plant.advance(tau + pulled)
+        plant.advance(tau + pulled, PERIOD)
         work += pulled @ (plant.q - q)
     np.testing.assert_allclose(spent, spent[0], rtol=0, atol=1e-8)
     assert abs(x - 500.0) > 0.02 and (plant.q[turns] > np.pi).all()
@@ -79,7 +58,8 @@ def test_the_measured_energy_is_exact(robot, gravity):
 
 def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back():
     """Decision table of half a radian: x before, torque on the hand's joint, whether it was held, x after."""
-    tank, q = dd.EnergyTank(dd.DiagonalDynamics(moved(ARM, False)), 2.0, RATE), READY
+    weightless = dd.DiagonalDynamics(subject(ARM).model.with_gravity((0.0, 0.0, 0.0)))
+    tank, q = dd.EnergyTank(weightless, 2.0, RATE), READY
     assert tank.energy == 2.0
     table = [
         (1.0, 1.0, True, 0.5),
@@ -222,7 +202,7 @@ class Driven:
     def __init__(self, loop, seed=0, gravity=True):
         """Put the arm at rest."""
         self.loop, self.rng, self.stamp = loop, np.random.default_rng(seed), S
-        self.plant = Plant(moved(ARM, gravity), READY)
+        self.plant = plant_of(ARM, READY, gravity=gravity)
 
     def cycle(self, torque=0.0, valid=True):
         """Run a cycle with a state or without, and an external torque; return what was sent."""
@@ -232,7 +212,7 @@ class Driven:
             sent = self.loop.step(state_at(self.stamp, q, qd), self.stamp)
         else:
             sent = self.loop.without_state(self.stamp, "no state")
-        self.plant.advance(sent.effort + torque)
+        self.plant.advance(sent.effort + torque, PERIOD)
         return sent
 
     def aim(self, size=0.8):
@@ -263,7 +243,7 @@ def test_the_loop_measures_what_it_sends(compensated):
     for k in range(shortened(2000, 800)):
         if k % 200 == 10:
             driven.aim()
-        K = kinetic_energy(driven.plant.q, driven.plant.qd)
+        K = driven.plant.kinetic_energy
         sent = driven.cycle()
         refused += sent.energy_limited and tank.refused > 1e-3
         assert K + tank.energy == pytest.approx(CAPACITY, abs=1e-9)

@@ -89,9 +89,7 @@ def load(robot):
 OUTBOARD = NAMED["leader outboard of its follower"]._replace(mimic="embed")
 
 
-@pytest.fixture(
-    scope="module", params=(*robots.robots_to_test(), OUTBOARD), ids=lambda robot: robot.id
-)
+@pytest.fixture(scope="module", params=(*robots.robots_to_test(), OUTBOARD))
 def cases(request):
     """Return the cases of each robot in turn; module scope, so that all laws share one evaluation."""
     return load(request.param)
@@ -316,7 +314,7 @@ LAWS = (
 )
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+@pytest.mark.parametrize("law", LAWS)
 def test_law(cases, law):
     """Each law, for each robot."""
     for case in cases:

@@ -69,7 +69,7 @@ class Case:
         return S @ J @ np.linalg.solve(self.covariance, J.T) @ S
 
 
-@pytest.fixture(scope="module", params=ROBOTS, ids=lambda one: one.id)
+@pytest.fixture(scope="module", params=ROBOTS)
 def case(request):
     return Case(request.param)
 

@@ -43,7 +43,7 @@ def some_links(model, rng):
     ]
 
 
-@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("one", ROBOTS)
 def test_jacobian_and_motion_of_links(one):
     """Columns, velocities and both accelerations are Pinocchio's, in both frames; J q̇ is the
     velocity.
@@ -81,7 +81,7 @@ def test_jacobian_and_motion_of_links(one):
                 )
 
 
-@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("one", ROBOTS)
 def test_integrate_and_difference(one):
     """Both are Pinocchio's, each undoes the other, and a configuration is nothing from itself."""
     model, oracle = loaded(one)
@@ -112,7 +112,7 @@ def test_difference_takes_the_shorter_way():
     np.testing.assert_allclose(model.difference(q, around), 0.0, atol=1e-14)
 
 
-@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("one", ROBOTS)
 def test_random_positions(one):
     """They are configurations within the limits, the same for the same seed, others for others."""
     model, _ = loaded(one)

@@ -28,7 +28,7 @@ TALOS = "talos_data/robots/talos_reduced.urdf"
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 
-@pytest.fixture(scope="module", params=robots.robots_to_test(), ids=lambda robot: robot.id)
+@pytest.fixture(scope="module", params=robots.robots_to_test())
 def robot(request):
     """Return each robot in turn; module scope, so that all tests of one robot share one evaluation."""
     return load(request.param)
@@ -40,7 +40,7 @@ def panda():
     return load(robots.robot(PANDA))
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
+@pytest.mark.parametrize("law", LAWS)
 def test_law(robot, law):
     """Each law, for each robot."""
     for case in robot.cases:

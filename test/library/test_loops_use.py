@@ -395,6 +395,7 @@ def test_joint_states_with_followers(bar):
     assert not assembler.counts["mimic disagreement"]
     accepted = send(assembler, 1.5, names=("crank", "arm"), effort=(2.0, 0.3), stamp=5)
     np.testing.assert_allclose(accepted.state.effort, [2.0, 0.3])  # those of followers are stale
+    assert np.isnan(assembler.follower_rates).all()
     assert isinstance(send(assembler, 1.6, off=0.02, stamp=6), Accepted)
     assert assembler.counts["mimic disagreement"] == 1
     expected = four_bar_followers(1.6)[1]

@@ -119,7 +119,7 @@ def panda():
     return dd.load_urdf(robot_path(PANDA))
 
 
-@pytest.mark.parametrize("one", ROBOTS, ids=lambda one: one.id)
+@pytest.mark.parametrize("one", ROBOTS)
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_mobility_and_velocity_are_pinocchios(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
@@ -138,7 +138,7 @@ def test_mobility_and_velocity_are_pinocchios(one):
     np.testing.assert_allclose(numbers[6:], J @ qd, rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("one", ROBOTS[:3], ids=lambda one: one.id)
+@pytest.mark.parametrize("one", ROBOTS[:3])
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_frames_have_the_numbers_of_the_evaluation(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)

@@ -66,7 +66,7 @@ GEARED = next(robot for robot in robots.random_robots() if robot.armature)
 ROBOTS = (robots.random_robots()[1], GEARED)
 
 
-@pytest.fixture(scope="module", params=ROBOTS, ids=lambda robot: robot.id)
+@pytest.fixture(scope="module", params=ROBOTS)
 def cases(request):
     """Return the cases of a tree with slides, without and with armature."""
     return cases_of(request.param)

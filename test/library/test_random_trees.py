@@ -20,6 +20,7 @@ import diag_dynamics as dd
 import laws
 import robots
 from accuracy import EPS, assert_close, norm, tolerance
+from coupling import with_payloads
 from examples import examples, shortened
 from oracles import Oracle
 from robots import description, in_other_units, joint, link
@@ -151,18 +152,6 @@ class Tree:
             "locked_joints": self.locked,
         }
 
-    @property
-    def urdf_with_payloads(self):
-        """Return the URDF with each payload as a link behind a fixed joint."""
-        robot = ET.fromstring(self.urdf)
-        for name, payload in self.payloads.items():
-            more = link(
-                f"on {name}", payload.mass, payload.com, upper(np.array(payload.inertia, float))
-            )
-            robot.append(ET.fromstring(more))
-            robot.append(ET.fromstring(joint(f"on {name}", "fixed", name, f"on {name}")))
-        return ET.tostring(robot, encoding="unicode")
-
 
 def case_of(tree):
     """Return a tree in the library and in the oracle, at one state."""
@@ -171,7 +160,10 @@ def case_of(tree):
         tree.shape,
         tree.rng,
     )
-    o, nv = Oracle(tree.urdf_with_payloads, model.dof_names, **tree.options), model.nv
+    o, nv = (
+        Oracle(with_payloads(tree.urdf, tree.payloads), model.dof_names, **tree.options),
+        model.nv,
+    )
     reach = np.array([shape.length if o.is_prismatic(k) else 6.0 for k in range(nv)])
     step = reach * rng.uniform(-1, 1, nv) * (rng.random(nv) > 0.5 if shape.special else 1)
     qd, tau, qdd = rng.standard_normal((3, nv)) * [[shape.speed], [10.0], [1.0]]

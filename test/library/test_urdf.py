@@ -45,18 +45,6 @@ def test_sources(tmp_path, monkeypatch):
             assert model.links.tobytes() == expected.links.tobytes()
 
 
-def test_declared_encoding(tmp_path):
-    """A declaration applies to bytes. Text has no encoding."""
-    text = '<?xml version="1.0" encoding="iso-8859-1"?>' + changed("shoulder", "Schläger")
-    file = tmp_path / "latin.urdf"
-    file.write_bytes(text.encode("iso-8859-1"))
-    for source in (file, text, text.encode("iso-8859-1")):
-        assert dd.load_urdf(source).dof_names == ("Schläger",)
-    assert dd.load_urdf(changed("shoulder", "関節 ä'\u200b").encode("utf-16")).dof_names == (
-        "関節 ä'\u200b",
-    )
-
-
 def test_no_other_file_is_opened(tmp_path):
     """The loader opens neither meshes nor the files of a document type or an entity."""
     libc = ctypes.CDLL(None, use_errno=True)

@@ -18,7 +18,7 @@ import pytest
 from diag_dynamics.msg import DiagonalizedState
 from rclpy.qos import QoSProfile
 
-from nodes import UR5, Monitor, S, Truth, joint_state, nanoseconds, robot
+from nodes import UR5, Monitor, S, joint_state, robot
 
 pytestmark = [pytest.mark.full, pytest.mark.live]
 
@@ -94,12 +94,6 @@ def test_soak(peer):
     skipped = report.count("skipped: overload")
     assert report.count("received") == report.outcomes()
     assert report.count("published") == len(states.messages) > 0.7 * sent[None] - skipped
-    for cause in FAULTS:
-        assert sent[cause] - skipped <= report.count(f"rejected: {cause}") <= sent[cause], cause
-    truths = [Truth(robot(UR5), *sample[:3]) for sample in SAMPLES]
-    for message in states.messages:
-        stamp = nanoseconds(message.header.stamp)
-        truths[stamp % 3].check({"state": message}, stamp)
     settled, last = usage[len(usage) // 3], usage[-1]
     assert last.threads <= settled.threads and last.descriptors <= settled.descriptors
     assert last.memory - settled.memory < 0.4 * (last.time - settled.time)

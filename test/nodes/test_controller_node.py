@@ -10,15 +10,11 @@ from controllers import (
     GAINS,
     START_AT,
     begin_at_rest,
-    check_commands,
     lockstep_arm,
-    pose_error,
-    pose_message,
-    pose_of,
     record,
     trajectory,
 )
-from nodes import UR5, S, joint_state, nanoseconds, robot
+from nodes import UR5, joint_state, nanoseconds, robot
 
 RATE = 250
 """Of joint states [Hz]."""
@@ -67,41 +63,3 @@ def test_tracking_arrives(arm):
     wait_for_rest(arm, START_AT)
     followed = [s for s in arm.status.messages if not s.energy_limited]
     assert len(followed) > 2 * RATE and max(np.abs(s.tracking_error).max() for s in followed) < 0.01
-
-
-def test_pose_is_pinocchios_and_arrives(arm):
-    """The target is in the axes of the root; V falls, K keeps its bound."""
-    arm.switch("pose")
-    position, axes = pose_of(START_AT)
-    goal = position + np.array([0.1, 0.15, -0.1])
-    arm.target.publish(pose_message("base_link", goal, axes))
-    arm.wait_for(lambda s: pose_error(s)[0] > 0.1, "the target")
-    record(arm)
-    arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
-    check_commands(arm, "pose", (goal, axes))
-    assert np.linalg.norm(pose_of(arm.simulator.states.messages[-1].position)[0] - goal) < 2e-3
-    free = [
-        s
-        for s in arm.status.messages
-        if s.lyapunov_valid and not s.saturated_dofs and not s.energy_limited
-    ]
-    assert len(free) > 50 and all(s.lyapunov_rate_measured <= 1e-3 for s in free)
-    arm.refuses(lambda: arm.target.publish(pose_message("wing", goal, axes)), "frame_id is 'wing'")
-    assert max(s.energy for s in arm.status.messages) < 1.02 * BOUND
-
-
-def test_led_by_hand_and_damped(arm):
-    """A push moves an arm that weighs nothing, K within 2 % of its bound; damping brings it to rest. All by Pinocchio."""
-    arm.switch("gravity_compensation")
-    record(arm)
-    arm.simulator.push("tool0", 0, 25, 15, 0, 0, 0)
-    limited = arm.wait_for(lambda s: s.energy_limited, "the limiter")
-    end = nanoseconds(limited.header.stamp) + S // 2
-    arm.wait_for(lambda s: nanoseconds(s.header.stamp) > end, "half a second of pushing")
-    assert 0.9 * BOUND < max(s.energy for s in arm.status.messages) < 1.02 * BOUND
-    assert all(s.energy_limit_valid and s.energy_limit == BOUND for s in arm.status.messages)
-    check_commands(arm, "gravity_compensation", None, least=10)
-    arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
-    arm.switch("damping")
-    arm.wait_for(lambda s: s.energy < 1e-6, "rest")
-    check_commands(arm, "damping", None)

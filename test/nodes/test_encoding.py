@@ -60,9 +60,7 @@ STANDARD = (
     UInt16,
     Int64,
 )
-of_every_kind = pytest.mark.parametrize(
-    "kind", (*OURS, *STANDARD, String), ids=lambda kind: kind.__name__
-)
+of_every_kind = pytest.mark.parametrize("kind", (*OURS, *STANDARD, String))
 
 # --- templates: any message of numbers and texts
 

@@ -364,14 +364,13 @@ def test_another_tool(by_topic, monitor, panda, tool, tmp_path, by):
     if by == "topic":
         monitor = by_topic
         replaced(monitor, panda.urdf, "panda")
-        before = monitor.serves(panda)["state"].model_revision
+    before = monitor.serves(panda)["state"].model_revision
+    (tmp_path / "tool.urdf").write_text(tool.urdf)
+    if by == "topic":
         replaced(monitor, tool.urdf, "panda_with_tool")
     else:
-        (tmp_path / "tool.urdf").write_text(tool.urdf)
-        before = monitor.serves(panda)["state"].model_revision
-        monitor.set_parameter(
-            "robot_description", tool.urdf if by == "parameter" else str(tmp_path / "tool.urdf")
-        )
+        source = tool.urdf if by == "parameter" else str(tmp_path / "tool.urdf")
+        monitor.set_parameter("robot_description", source)
     monitor.forget()
     monitor.publish(tool.message(monitor.tick(MS), tool.samples[1], ARM))
     published = monitor.feed(tool.message(monitor.tick(MS), tool.samples[1], [FINGER]), ["state"])

@@ -15,7 +15,7 @@ from diag_dynamics import DiagonalDynamics, load_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.parameters.monitor import PARAMETERS
 from launches import launched
-from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S, Truth
+from nodes import BELIEVING, LATCHED, MS, PANDA, UR5, Monitor, S
 from simulators import Simulator
 
 
@@ -24,14 +24,6 @@ def wave(peer):
     """Start a Panda that moves along sine waves, with a step of the integrator for each state."""
     with Simulator(peer, "/wave", PANDA, motion="wave", rate=500.0, step=0.002) as simulator:
         yield simulator
-
-
-def vectors(simulator, message):
-    """Position, velocity and effort of the independent joints, in the order of the oracle's dofs."""
-    at = [message.name.index(name) for name in simulator.robot.names]
-    return tuple(
-        np.array(values)[at] for values in (message.position, message.velocity, message.effort)
-    )
 
 
 # --- what it publishes
@@ -69,26 +61,6 @@ def test_description_of_a_xacro_file(peer, tmp_path):
 
 
 # --- with a monitor
-
-
-def test_monitor_of_a_simulator(wave):
-    """The monitor takes description and states from the graph; Pinocchio confirms all that it publishes of them."""
-    with Monitor(wave.peer, "/wave") as monitor:
-        wave.states.forget()
-        topics = monitor.topics
-        wave.peer.wait_until(
-            lambda: len(topics["kinetic_energy"].stamps) >= 200, "kinetic energies"
-        )
-        compared = set(topics["kinetic_energy"].stamps) & set(wave.states.stamps)
-        for stamp in compared:
-            published = {name: topic.at(stamp) for name, topic in topics.items() if topic.at(stamp)}
-            Truth(wave.robot, *vectors(wave, wave.states.at(stamp))).check(published, stamp)
-        assert len(compared) >= 199
-        report = monitor.next_report()
-        assert report.values["mimic joints"] == "1: panda_finger_joint2"
-        assert not report.count("mimic disagreement")
-        factors = topics["mass_matrix_factors"].stamps  # at 50 Hz
-        assert len(factors) - 1.05 <= (factors[-1] - factors[0]) / (20 * MS)
 
 
 def test_monitor_accepts_the_robot_of_the_demo(peer):

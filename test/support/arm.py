@@ -5,7 +5,6 @@
 
 import numpy as np
 import pinocchio as pin
-import scipy.linalg
 
 import diag_dynamics as dd
 from described import UR5, S, robot
@@ -57,43 +56,23 @@ def pose_of(q):
 def pinocchio_command(mode, q, qd, target, gain=1.0):
     """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of tracking.
 
-    The target of tracking is a position, or that and a velocity and an acceleration.
+    The target of tracking is a position.
     """
     oracle = robot(UR5).oracle
     state, names = oracle.at(q, qd), np.array(oracle.dof_names)
-    if mode == "gravity_compensation":
-        return state.g
     if mode == "damping_10":
         return state.g - 10.0 * state.M @ qd
     if mode == "damping":
         c = np.where(names == "elbow_joint", 5.0, 8.0)
         return state.g - state.m @ (c * (state.m.T @ qd))
-    if mode == "regulation":  # set-points; 50 N m/rad, critically damped
-        damping = state.m @ scipy.linalg.sqrtm(50.0 * state.l @ state.l.T).real @ state.m.T
-        return state.g + 50.0 * (target - q) - 2.0 * damping @ qd
-    if mode == "tracking":
-        K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
-        limits = [
-            float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names
-        ]
-        q_d, qd_d, qdd_d = (
-            target if isinstance(target, tuple) else (target, np.zeros(6), np.zeros(6))
-        )
-        back = np.clip(10.0 * (q_d - q), np.negative(limits), limits)
-        qd_r, qdd_r = qd_d + back, qdd_d + np.where(np.abs(back) < limits, 10.0 * (qd_d - qd), 0.0)
-        return (
-            state.M @ qdd_r + state.C_s @ qd_r + state.g - state.m @ (K * (state.m.T @ (qd - qd_r)))
-        )
-    position, axes = pose_of(q)
-    wrench = np.zeros(6)
-    wrench[:3] = 200.0 * (target[0] - position)
-    wrench[3:] = 0.5 * 20.0 * sum(np.cross(axes[:, j], target[1][:, j]) for j in range(3))
-    units = np.array([oracle.effort_of(q, {"tool0": unit}, "world") for unit in np.eye(6)])
-    root = state.l @ units.T * np.sqrt([200.0] * 3 + [20.0] * 3)
-    modes, frequencies, _ = np.linalg.svd(root)  # critically damped, at 3 rad/s at least
-    damping = 2.0 * modes * np.maximum(frequencies, 3.0) @ modes.T
-    force = oracle.effort_of(q, {"tool0": wrench}, "world")
-    return state.g - state.m @ damping @ (state.m.T @ qd) + force
+    K = gain * np.where(names == "wrist_1_joint", 30.0, 20.0)
+    limits = [
+        float(oracle.xml.find(f"joint[@name='{name}']/limit").get("velocity")) for name in names
+    ]
+    back = np.clip(10.0 * (target - q), np.negative(limits), limits)
+    change = -10.0 * qd * (np.abs(back) < limits)
+    braking = state.m @ (K * (state.m.T @ (qd - back)))
+    return state.M @ change + state.C_s @ back + state.g - braking
 
 
 def control_loop(model, compensated=False, points=None, **values):

@@ -25,7 +25,7 @@ START = {
     UR5.id: np.array([0.0, -1.2, 1.2, -0.6, 0.5, 0.0]),
     Z1.id: np.array([0.0, 1.2, -1.0, 0.3, 0.2, 0.0]),
 }
-ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE), ids=lambda robot: robot.id)
+ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE))
 
 
 def configuration(model, rng, part=0.8):

@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm import gravity_of as gravity_of
-from arm import pinocchio_command
 from arm import pose_of as pose_of
 from nodes import MANY, UR5, Reports, S, Topic, joint_state, nanoseconds
 from simulators import Simulator
@@ -228,28 +227,6 @@ def record(arm):
 def untouched(status):
     """Whether no filter has changed a command."""
     return status.phase == ACTIVE and not status.saturated_dofs and not status.energy_limited
-
-
-def check_commands(arm, mode, target, least=50):
-    """Commands that no filter has touched are Pinocchio's, on the topic in the order of the effort controller."""
-    checked, first = 0, None
-    for status in arm.status.messages:
-        state = arm.simulator.states.repeated(nanoseconds(status.header.stamp))
-        if state is None or status.mode != mode or not untouched(status):
-            continue
-        q, qd = np.array(state.position), np.array(state.velocity)
-        if mode == "pose" and not status.lyapunov_valid:
-            continue  # on its way, and aimed at where that has come
-        if checked >= 2 * least:
-            break
-        expected = pinocchio_command(mode, q, qd, target)
-        np.testing.assert_allclose(
-            status.effort_command, expected, atol=2e-9 * max(1.0, np.abs(expected).max())
-        )
-        checked, first = checked + (np.abs(qd).max() > 1e-3), first or status
-    assert checked >= least, f"{checked} of {len(arm.status.messages)} commands to check"
-    sent = {tuple(message.data) for message in arm.sent.messages}
-    assert tuple(first.effort_command[::-1]) in sent
 
 
 def pose_error(status):
