@@ -351,10 +351,6 @@ CLOSURES = {
         ["simulation.midpoint", "sweeps.spatial", "numerics.linking"],
         ["sweeps.batch", "simulation.simulation"],
     ),
-    "joint_states.rules": (
-        ["joint_states.codes", "numerics.kernel"],
-        ["joint_states.assembler", "sweeps.spatial"],
-    ),
 }
 
 

@@ -104,6 +104,7 @@ def test_pace(factor, gaps):
             < now + 1e-6
         )
     assert pace.dropped / step == pytest.approx(round(pace.dropped / step))
+    assert Pace(0.0, period, step).steps(now, 7.0) == 4
 
 
 def test_clock_that_jumps_back():

@@ -61,10 +61,9 @@ def test_soak(peer):
     On a machine that stands still for a second the monitor skips states, and counts them.
     """
     inputs = {
-        f"qos_overrides./soak/joint_states.subscription.{key}": value
-        for key, value in {"depth": 20_000}.items()
+        "qos_overrides./soak/joint_states.subscription.depth": 20_000,
+        "qos_overrides./soak/diag_dynamics/state.publisher.depth": 20_000,
     }
-    inputs["qos_overrides./soak/diag_dynamics/state.publisher.depth"] = 20_000
     sent, usage, rng = Counter(), [], np.random.default_rng(1)
     with Monitor(
         peer, "/soak", outputs=(), robot_description=robot(UR5).path, max_age=30.0, **inputs
