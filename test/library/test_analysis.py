@@ -518,34 +518,18 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
 # --- Quality ---
 
 UNITS = {
-    "right": (lambda t, q, qd: (t, q, qd), None, None),
-    "days": (lambda t, q, qd: (t / 86400.0, q, qd), "times seem to be days, 86400 s each", 86400.0),
-    "hours": (lambda t, q, qd: (t / 3600.0, q, qd), "times seem to be hours, 3600 s each", 3600.0),
-    "minutes": (lambda t, q, qd: (t / 60.0, q, qd), "times seem to be minutes, 60 s each", 60.0),
-    "ms": (lambda t, q, qd: (1e3 * t, q, qd), "times seem to be milliseconds", 1e-3),
-    "us": (lambda t, q, qd: (1e6 * t, q, qd), "times seem to be microseconds", 1e-6),
-    "unknown": (
-        lambda t, q, qd: (5.0 * t, q, qd),
-        "times, positions or velocities seem to have a wrong unit",
-        0.2,
-    ),
-    "unlike": (
-        lambda t, q, qd: (t, q * [5, 0.2, 3, 5, 0.2, 3], qd),
-        "velocities seem to have a wrong unit",
-        None,
-    ),
-    "deg/s": (
-        lambda t, q, qd: (t, q, np.degrees(qd)),
-        "velocities seem to be in degrees",
-        np.pi / 180.0,
-    ),
-    "deg": (
-        lambda t, q, qd: (t, np.degrees(q), qd),
-        "positions seem to be in degrees",
-        180.0 / np.pi,
-    ),
+    "right": ((1, 1, 1), None, None),
+    "days": ((1 / 86400, 1, 1), "times seem to be days, 86400 s each", 86400.0),
+    "hours": ((1 / 3600, 1, 1), "times seem to be hours, 3600 s each", 3600.0),
+    "minutes": ((1 / 60, 1, 1), "times seem to be minutes, 60 s each", 60.0),
+    "ms": ((1e3, 1, 1), "times seem to be milliseconds", 1e-3),
+    "us": ((1e6, 1, 1), "times seem to be microseconds", 1e-6),
+    "unknown": ((5, 1, 1), "times, positions or velocities seem to have a wrong unit", 0.2),
+    "unlike": ((1, [5, 0.2, 3, 5, 0.2, 3], 1), "velocities seem to have a wrong unit", None),
+    "deg/s": ((1, 1, 180 / np.pi), "velocities seem to be in degrees", np.pi / 180.0),
+    "deg": ((1, 180 / np.pi, 1), "positions seem to be in degrees", 180.0 / np.pi),
     "sign": (
-        lambda t, q, qd: (t, q, qd * [1, 1, -1, 1, 1, 1]),
+        (1, 1, [1, 1, -1, 1, 1, 1]),
         "elbow_joint: positions change -1 times as fast",
         None,
     ),
@@ -557,10 +541,9 @@ UNITS = {
 def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
     """Where all joints agree, the factor is among the numbers, and the exit status is 1."""
     t, q, qd, tau = (x[:500] for x in motion)
-    change, said, factor = UNITS[unit]
-    summary, text, status = analysed(
-        *change(t, q, qd), *([tau] if efforts else []), parameters=LOOSE
-    )
+    factors, said, factor = UNITS[unit]
+    columns = [column * scale for column, scale in zip((t, q, qd), factors, strict=True)]
+    summary, text, status = analysed(*columns, *([tau] if efforts else []), parameters=LOOSE)
     warnings = [one for one in summary["warnings"] if "times as fast as the velocities" in one]
     assert (
         len(warnings) == (said is not None)

@@ -38,32 +38,33 @@ def check(followed, time, position=(0.0, 0.0), velocity=(0.0, 0.0)):
     )
 
 
+NONE = 0.0, 0.0
 TABLE = [  # time, errors of position and of velocity, code of the outcome or None, its joint
     (END - 1, (0.1, -0.2), (9.0, 1.0), None, None),
     (
         END - 1,
         (0.101, 0.0),
-        (0.0, 0.0),
+        NONE,
         -4,
         "position error of joint 'shoulder' on the trajectory is 0.101",
     ),
-    (END - 1, (0.0, -0.201), (0.0, 0.0), -4, "position error of joint 'elbow'"),
-    (END - 1, (0.0, 0.0), (0.0, -1.01), -4, "velocity error of joint 'elbow'"),
-    (END - 1, (np.nan, 0.0), (0.0, 0.0), -4, "position error of joint 'shoulder'"),
+    (END - 1, (0.0, -0.201), NONE, -4, "position error of joint 'elbow'"),
+    (END - 1, NONE, (0.0, -1.01), -4, "velocity error of joint 'elbow'"),
+    (END - 1, (np.nan, 0.0), NONE, -4, "position error of joint 'shoulder'"),
     (END, (0.01, -0.02), (-0.05, 0.06), 0, ""),
-    (END, (0.011, 0.0), (0.0, 0.0), None, None),
-    (END, (0.0, 0.0), (0.0, -0.061), None, None),
-    (END, (0.5, 0.0), (0.0, 0.0), None, None),  # no path any more
-    (END + S // 2, (0.0, 0.021), (0.0, 0.0), None, None),
+    (END, (0.011, 0.0), NONE, None, None),
+    (END, NONE, (0.0, -0.061), None, None),
+    (END, (0.5, 0.0), NONE, None, None),  # no path any more
+    (END + S // 2, (0.0, 0.021), NONE, None, None),
     (
         END + S // 2 + 1,
         (0.0, 0.021),
-        (0.0, 0.0),
+        NONE,
         -5,
         "position error of joint 'elbow' 0.5 s after the end",
     ),
-    (END + S // 2 + 1, (0.0, 0.0), (-0.051, 0.0), -5, "velocity error of joint 'shoulder'"),
-    (END + 9 * S, (0.0, 0.0), (0.0, 0.0), 0, ""),
+    (END + S // 2 + 1, NONE, (-0.051, 0.0), -5, "velocity error of joint 'shoulder'"),
+    (END + 9 * S, NONE, NONE, 0, ""),
 ]
 
 

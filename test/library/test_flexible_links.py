@@ -439,6 +439,13 @@ def test_steep_tip(arm):
 # ----------------------------------------------------------------------------------------------------------
 
 NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
+
+
+def nodes(*entries, **more):
+    """Return flexible links of nodes, by default with one frequency and tip."""
+    return {"a": {"nodes": list(entries), "frequencies": [1.0], "tips": {"j2": {}}} | more}
+
+
 WRONG = [
     ({"ghost": {}}, "'ghost' is not a link"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
@@ -456,18 +463,18 @@ WRONG = [
         "Give the mass of the beam",
     ),
     ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
-    ({"a": {"nodes": 3, "frequencies": [1.0], "tips": {"j2": {}}}}, "a list of nodes"),
-    ({"a": {"nodes": [NODE], "frequencies": [1.0, 2.0], "tips": {"j2": {}}}}, "shape of node 0"),
+    (nodes(nodes=3), "a list of nodes"),
+    (nodes(NODE, frequencies=[1.0, 2.0]), "shape of node 0"),
     (
-        {"a": {"nodes": [NODE | {"slope": [[0, 0, 1]]}], "frequencies": [1.0], "tips": {"j2": {}}}},
+        nodes(NODE | {"slope": [[0, 0, 1]]}),
         "node 0 has 'slope'",
     ),
     (
-        {"a": {"nodes": [NODE], "frequencies": [1.0], "tips": {"j2": {"mass": 1.0}}}},
+        nodes(NODE, tips={"j2": {"mass": 1.0}}),
         "tip 'j2' has 'mass'",
     ),
     (
-        {"a": {"nodes": [{"mass": 0.1}], "frequencies": [1.0], "tips": {"j2": {}}}},
+        nodes({"mass": 0.1}),
         "xyz of node 0 is None",
     ),
 ]

@@ -123,19 +123,6 @@ def test_reduced_manipulator(robot):
         assert (f.unit[block] == case.f.unit[block]).all()
 
 
-def test_at_rest(robot):
-    """Without rates there is no ν, no C, no K; gravity and ε are what they were."""
-    case, zero = robot.cases[0], np.zeros(robot.model.nv)
-    s = case.dyn.evaluate(case.sample.q, zero, case.sample.tau)
-    assert_same(
-        fields(s, "kinetic_energy", "power"), {"epsilon": case.s.epsilon, "gravity": case.s.gravity}
-    )
-    for name in ("nu", "xi", "coriolis", "coriolis_unnormalized", "energy_share", "link_energy"):
-        assert (getattr(s, name) == 0).all(), name
-    assert s.kinetic_energy == 0 and s.power == 0
-    assert (case.dyn.coriolis_torque(case.sample.q, zero) == 0).all()
-
-
 def test_continuous_joint_has_one_angle(robot):
     """Full turns of an angle that no other joint follows change nothing but rounding."""
     case, model = robot.cases[0], robot.model

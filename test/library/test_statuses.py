@@ -55,47 +55,63 @@ def every_second(*phases):
     return [(float(time), *status) for time, status in enumerate(statuses)]
 
 
+def bad(seconds, text="bad"):
+    return WARN, text, seconds
+
+
+def fine(seconds):
+    return OK, "fine", seconds
+
+
+def unknown(seconds):
+    return STALE, "no state", seconds
+
+
+BEGIN = 1.0, WARN, "x: bad 7"
+"""Line of a status that is bad from the first second on."""
+
+
 @pytest.mark.parametrize(
     ("phases", "expected"),
     [
-        ([(OK, "fine", 99)], []),
-        ([(STALE, "no state", 99)], []),
+        ([fine(99)], []),
+        ([unknown(99)], []),
         (
-            [(WARN, "bad", 20), (STALE, "no state", 20), (WARN, "bad", 20), (STALE, "no state", 9)],
-            [(1.0, WARN, "x: bad 7"), (41.0, WARN, "x: bad 7")],
+            [bad(20), unknown(20), bad(20), unknown(9)],
+            [BEGIN, (41.0, WARN, "x: bad 7")],
         ),
         (
-            [(WARN, "bad", 20), (STALE, "no state", 20), (OK, "fine", 20)],
-            [(1.0, WARN, "x: bad 7"), (40.0, OK, "x: fine (after 40 s)")],
+            [bad(20), unknown(20), fine(20)],
+            [BEGIN, (40.0, OK, "x: fine (after 40 s)")],
         ),
-        ([(OK, "fine", 3), (WARN, "bad", 50)], [(4.0, WARN, "x: bad 7")]),
+        ([fine(3), bad(50)], [(4.0, WARN, "x: bad 7")]),
         (
-            [(WARN, "bad", 20), (OK, "fine", 30)],
-            [(1.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)")],
-        ),
-        (
-            [(WARN, "bad", 3), (OK, "fine", 30)],
-            [(1.0, WARN, "x: bad 7"), (11.0, OK, "x: fine (after 3 s)")],
+            [bad(20), fine(30)],
+            [BEGIN, (20.0, OK, "x: fine (after 20 s)")],
         ),
         (
-            [(WARN, "bad", 3), (WARN, "worse", 30)],
-            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: worse 7")],
+            [bad(3), fine(30)],
+            [BEGIN, (11.0, OK, "x: fine (after 3 s)")],
         ),
         (
-            [(WARN, "bad", 3), (WARN, "worse", 3), (WARN, "bad", 30)],
-            [(1.0, WARN, "x: bad 7"), (11.0, WARN, "x: bad 7; before: worse 7")],
+            [bad(3), bad(30, "worse")],
+            [BEGIN, (11.0, WARN, "x: worse 7")],
         ),
         (
-            [(WARN, "bad", 20), (OK, "fine", 1), (WARN, "bad", 30)],
-            [(1.0, WARN, "x: bad 7"), (20.0, OK, "x: fine (after 20 s)"), (22.0, WARN, "x: bad 7")],
+            [bad(3), bad(3, "worse"), bad(30)],
+            [BEGIN, (11.0, WARN, "x: bad 7; before: worse 7")],
         ),
         (
-            [(WARN, "bad", 3), (ERROR, "fatal", 3), (WARN, "bad", 24)],
-            [(1.0, WARN, "x: bad 7"), (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
+            [bad(20), fine(1), bad(30)],
+            [BEGIN, (20.0, OK, "x: fine (after 20 s)"), (22.0, WARN, "x: bad 7")],
         ),
-        ([(WARN, "bad", 1), (OK, "fine", 6)] * 9, []),
         (
-            [(WARN, "bad", 1), (OK, "fine", 1)] * 4 + [(OK, "fine", 30)],
+            [bad(3), (ERROR, "fatal", 3), bad(24)],
+            [BEGIN, (3.0, ERROR, "x: fatal 7"), (13.0, WARN, "x: bad 7")],
+        ),
+        ([bad(1), fine(6)] * 9, []),
+        (
+            [bad(1), fine(1)] * 4 + [fine(30)],
             [(5.0, WARN, "x: bad 7 (3 times in 10 s); ended")],
         ),
     ],

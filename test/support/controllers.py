@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm import gravity_of as gravity_of
+from arm import pinocchio_command as pinocchio_command
 from arm import pose_of as pose_of
 from nodes import MANY, UR5, Reports, S, Topic, joint_state, nanoseconds
 from simulators import Simulator
