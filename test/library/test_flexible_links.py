@@ -199,16 +199,14 @@ def test_arm(arm, seed):
     CutTree(arm, joints).compare(arm.random(rng), rng.normal(size=arm.nv) * size)
 
 
-def test_modes_held(arm):
-    """With all modes at zero the arm is the rigid one of the same URDF."""
-    held = dict.fromkeys((mode for link in arm.flexible_links.values() for mode in link.modes), 0.0)
-    stiff, rigid = arm.with_locked_joints(held), dd.load_urdf(ARM, gravity=G)
-    rng = np.random.default_rng(3)
-    q, qd = stiff.random(rng), rng.normal(size=stiff.nv)
-    assert stiff.dof_names == rigid.dof_names
-    one, other = (dd.DiagonalDynamics(model).evaluate(q, qd) for model in (stiff, rigid))
-    assert np.abs(one.nu - other.nu).max() < 1e-13 * np.abs(other.nu).max()
-    assert np.abs(one.coriolis - other.coriolis).max() < 1e-12 * np.abs(other.coriolis).max()
+def test_one_mode_held(arm):
+    """A mode that is held away from zero leaves the others where they would be."""
+    q = arm.random(4)
+    k = arm.dof_names.index("a/y1")
+    part = arm.with_locked_joints({"a/y1": q[k]})
+    one, other = (dd.DiagonalDynamics(model) for model in (part, arm))
+    M = np.delete(np.delete(other.mass_matrix(q), k, 0), k, 1)
+    assert np.abs(one.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
 
 
 def test_nodes():

@@ -38,21 +38,23 @@ def robot(*elements):
 # Of each: the elements, the joints that are massless, and what is said of their links.
 NOTHING = "has no <inertial>"
 LITTLE = "has little or negative inertia about that axis"
+HINGE = joint("j", "revolute", "box", "a")
+TWO = joint("inner", "revolute", "box", "a"), joint("outer", "revolute", "a", "b")
 CASES = {
-    "no inertial": ([link("a"), joint("j", "revolute", "box", "a")], {"j": ("a", NOTHING)}),
+    "no inertial": ([link("a"), HINGE], {"j": ("a", NOTHING)}),
     "rod turning about itself": (
-        [link("a", **ROD), joint("j", "revolute", "box", "a")],
+        [link("a", **ROD), HINGE],
         {"j": ("a", LITTLE)},
     ),
     "point on the axis": (
-        [link("a", **DOT), joint("j", "revolute", "box", "a")],
+        [link("a", **DOT), HINGE],
         {"j": ("a", LITTLE)},
     ),
     "frames behind a fixed joint": (
         [
             link("a"),
             link("b"),
-            joint("j", "revolute", "box", "a"),
+            HINGE,
             joint("weld", "fixed", "a", "b"),
         ],
         {"j": ("a", NOTHING)},
@@ -70,8 +72,7 @@ CASES = {
         [
             link("a"),
             link("b", **BOX),
-            joint("inner", "revolute", "box", "a"),
-            joint("outer", "revolute", "a", "b"),
+            *TWO,
         ],
         {"inner": ("a", NOTHING)},
     ),
@@ -79,8 +80,7 @@ CASES = {
         [
             link("a", mass=1e-15, inertia=(1e-18, 0, 0, 1e-18, 0, 1e-18)),
             link("b", **BOX),
-            joint("inner", "revolute", "box", "a"),
-            joint("outer", "revolute", "a", "b"),
+            *TWO,
         ],
         {"inner": ("a", LITTLE)},
     ),

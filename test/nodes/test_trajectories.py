@@ -27,8 +27,9 @@ GOAL = START + 0.1
 
 @pytest.fixture(scope="module")
 def arm(peer):
+    """A UR5 in lockstep with its controller, commands in another order than joint states."""
     values = {"controlled_link": "tool0", "effort_rate": ["*=5000.0"]}
-    with with_tf2_ros(), lockstep_arm(peer, "/followed", list(NAMES), **values) as arm:
+    with with_tf2_ros(), lockstep_arm(peer, "/followed", list(NAMES[::-1]), **values) as arm:
         arm.states = peer.topic(JointTrajectoryControllerState, f"{arm.name}/controller_state")
         yield arm
 
