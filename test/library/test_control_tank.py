@@ -9,7 +9,7 @@ import pytest
 import diag_dynamics as dd
 from arm import control_loop, state_at
 from controlled import ARM, READY, TREE, UR5, Sampled, configuration, frictionless
-from coupling import oracle_of
+from coupling import Coupled
 from described import MS, S, subject
 from diag_dynamics.exceptions import InputError
 from examples import shortened
@@ -26,7 +26,8 @@ def tank_of(capacity=CAPACITY, robot=ARM):
 def plant_of(robot, q, qd=0.0, gravity=True):
     """Return a plant; of a robot that compensates gravity itself, one that weighs nothing."""
     options = {} if gravity else {"gravity": (0.0, 0.0, 0.0)}
-    plant = Sampled(oracle_of(robot, subject(robot).model.dof_names, **options), q, 2.5e-4)
+    names = subject(robot).model.dof_names
+    plant = Sampled(Coupled(robot.urdf, names, **robot.options, **options), q, 2.5e-4)
     plant.qd = plant.qd + qd
     return plant
 

@@ -19,7 +19,7 @@ from hypothesis import given, note
 import diag_dynamics as dd
 import robots
 from accuracy import EPS, assert_close, norm, tolerance
-from coupling import NAMED, Coupled
+from coupling import NAMED, Coupled, with_payloads
 from derivative_oracles import (
     CoupledRates,
     RateOracle,
@@ -328,7 +328,7 @@ def check(shape, laws=LAWS):
     model = dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options)
     if model.nv == 0:
         return
-    oracle = RateOracle(tree.urdf_with_payloads, model.dof_names, **tree.options)
+    oracle = RateOracle(with_payloads(tree.urdf, tree.payloads), model.dof_names, **tree.options)
     rng = np.random.default_rng(shape.seed)
     reach = np.array([shape.length if oracle.is_prismatic(k) else 6.0 for k in range(model.nv)])
     q = oracle.moved(oracle.neutral, reach * rng.uniform(-1, 1, model.nv))

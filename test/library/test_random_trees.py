@@ -296,7 +296,7 @@ def test_magnitudes(shape):
 
 def condition_without_library(tree):
     """Return cond(M) at the state of a tree that the library refused."""
-    oracle = Oracle(tree.urdf_with_payloads, **tree.options)
+    oracle = Oracle(with_payloads(tree.urdf, tree.payloads), **tree.options)
     q = oracle.moved(oracle.neutral, tree.rng.uniform(-3, 3, oracle.nv))
     return oracle.at(q, q[: oracle.nv]).scaled_condition
 
