@@ -63,7 +63,8 @@ def spans(alarms):
 
 
 def test_a_joint_above_its_threshold():
-    stamps, r, torque = columns(3.0, [(1.0, 1.2, 1, -6.5), (1.1, 1.2, 2, 1.5)])
+    pushes = [(0.5, 0.6, 1, 5.0), (1.0, 1.2, 1, -6.5), (1.1, 1.2, 2, 1.5)]
+    stamps, r, torque = columns(3.0, pushes)  # the first one is at the threshold
     ((alarm,), on) = detect(THRESHOLDS, stamps, r, torque)
     assert (alarm.start, alarm.end, alarm.first) == (int(1e9), int(1.19e9), "elbow")
     assert alarm.joints == ("elbow", "wrist")
@@ -89,15 +90,15 @@ def test_release_and_hold_off():
         (1.0, 1.1, 0, 11.0),
         (1.1, 1.4, 0, 7.5),
         (1.4, 1.5, 0, 6.9),
-        (1.8, 1.9, 0, 12.0),
+        (1.89, 1.99, 0, 12.0),
         (3.0, 3.1, 0, 13.0),
     ]
     stamps, r, torque = columns(6.0, pushes)
     alarms, on = detect(THRESHOLDS, stamps, r, torque)
-    assert spans(alarms) == [(1.0, 1.89), (3.0, 3.09)]
+    assert spans(alarms) == [(1.0, 1.98), (3.0, 3.09)]
     assert alarms[0].exceeded[0].value == 12.0
     assert np.array_equal(
-        on, between(stamps, 1.0, 1.4) | between(stamps, 1.8, 1.9) | between(stamps, 3.0, 3.1)
+        on, between(stamps, 1.0, 1.4) | between(stamps, 1.89, 1.99) | between(stamps, 3.0, 3.1)
     )
     data = columns(
         4.0, [(1.0, 1.2, 0, 11.0), (0.0, 4.0, 1, 4.0)]
@@ -215,7 +216,9 @@ def stopping(seed=2, count=2000):
     stamps = np.cumsum(rng.integers(1, 20, count)) * MS
     moves = np.repeat(rng.random((count // 50, 6)) < 0.4, 50, axis=0)
     moves[:200] = False
-    rates = np.where(moves, 0.3, 0.009) * rng.choice([-1.0, 1.0], (count, 6))
+    rates = np.where(moves, rng.choice([0.01, 0.3], moves.shape), 0.009) * rng.choice(
+        [-1.0, 1.0], (count, 6)
+    )
     q = np.cumsum(0.01 * rates, axis=0)
     torque = 4.0 * rng.normal(size=(count, 6))
     return stamps, q, rates, torque

@@ -88,9 +88,18 @@ def vector(wrench):
     return np.array([f.x, f.y, f.z, n.x, n.y, n.z])
 
 
-def test_wrench_on_the_hand(frames):
-    """Every state has one message: the wrench of the environment on the robot, in the axes of its frame at its origin."""
-    with frames.monitor.having(**WIDE, **EVERY):
+@pytest.mark.parametrize("variances", [(), np.linspace(0.01, 0.2, len(ARM.names))])
+def test_wrench_on_the_hand(frames, variances):
+    """Every state has one message: the wrench of the environment on the robot, in the axes of its frame at its origin.
+
+    Its covariance is (JΣ⁻¹Jᵀ)⁻¹, by default of 0.1 N m in each joint.
+    """
+    noise = np.diag(variances) if len(variances) else 0.01 * np.eye(len(ARM.names))
+    values = {
+        "external_torque.covariance": noise.ravel().tolist(),
+        "external_torque.covariance_joints": [*ARM.names],
+    }
+    with frames.monitor.having(**WIDE, **EVERY, **(values if len(variances) else {})):
         stamps = frames.feed(*[pushed(FORCE)(0)] * 400)
     assert frames.hand.stamps == stamps[1:]  # the observer starts at the second state
     last = frames.hand.messages[-1]
@@ -100,9 +109,8 @@ def test_wrench_on_the_hand(frames):
     estimate = frames.at(HAND)[-1]
     assert estimate.valid and not estimate.unobserved and estimate.chi_square < 1e-6
     assert estimate.wrench == last.wrench and nanoseconds(estimate.header.stamp) == stamps[-1]
-    np.testing.assert_allclose(
-        np.reshape(estimate.covariance, (6, 6)), 0.01 * np.linalg.inv(J @ J.T), atol=1e-9
-    )
+    expected = np.linalg.inv(J @ np.linalg.solve(noise, J.T))
+    np.testing.assert_allclose(np.reshape(estimate.covariance, (6, 6)), expected, atol=1e-9)
 
 
 def test_no_wrench_without_a_result(frames):
