@@ -245,8 +245,8 @@ class FitData:
         """Return the normal equations of each recording."""
         add = self.regressors.sum_segment
         return [
-            sum(add(*segment.columns, dataset.known) for segment in dataset.segments)
-            for dataset in self.loaded
+            sum(add(*segment.columns, measured) for segment in dataset.segments)
+            for dataset, measured in zip(self.loaded, _measured(self.loaded), strict=True)
         ]
 
     def _cut_blocks(self, segments):
@@ -301,21 +301,27 @@ def check_motion(model, datasets, slides):
     return np.array(able), findings
 
 
-def _in_order(datasets):
-    """Return segments and joints with efforts, in an order that does not depend on datasets.
+def _measured(datasets):
+    """Return which joints of each dataset have efforts that count, bool (datasets, nv).
 
-    Efforts of a joint that stands count only if it stands in all datasets, because stiction may
-    carry any torque.
+    Those of a joint that stands count only if it stands in all datasets, because stiction may carry
+    any torque.
     """
     measured = np.array([dataset.known for dataset in datasets], dtype=bool)
     moves = np.zeros_like(measured)
     for moved, dataset in zip(moves, datasets, strict=True):
         positions = np.vstack([segment.states.position for segment in dataset.segments])
         moved[:] = np.ptp(positions, axis=0) > TRAVEL
-    measured &= moves | ~(measured & moves).any(axis=0)
-    pairs = sorted(zip(datasets, measured, strict=True), key=lambda pair: pair[0].key)
+    return measured & (moves | ~(measured & moves).any(axis=0))
+
+
+def _in_order(datasets):
+    """Return segments and joints with efforts, in an order that does not depend on datasets."""
+    pairs = zip(datasets, _measured(datasets), strict=True)
     return [
-        (segment, is_measured) for dataset, is_measured in pairs for segment in dataset.segments
+        (segment, measured)
+        for dataset, measured in sorted(pairs, key=lambda pair: pair[0].key)
+        for segment in dataset.segments
     ]
 
 

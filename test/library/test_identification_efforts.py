@@ -14,6 +14,7 @@ import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from desk_arm import DOWN, JOINTS, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
+from diag_dynamics.identification.identify import FitData
 from motions import efforts, fourier, recorded
 from oracles import Oracle
 from robots import robot
@@ -294,6 +295,9 @@ def test_joints_that_move_one_after_the_other(arm):
     joints = dd.identify(recordings, arm, "friction").parameters.joints
     assert [joints[name].friction for name in JOINTS] == pytest.approx(friction, rel=0.02)
     assert max(abs(joints[name].effort_offset or 0.0) for name in JOINTS) < 2e-4
+    sums = FitData(arm, None, recordings, None, False, {}).sum_recordings()
+    counted = [[bool(products.any()) for products in rows[:-1]] for rows in sums]
+    assert counted == np.eye(3, dtype=bool).tolist()
 
 
 UNMEASURED = {
