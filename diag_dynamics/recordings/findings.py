@@ -13,11 +13,11 @@ from diag_dynamics.recordings.joint_names import JointNames, propose_map
 from diag_dynamics.text import MAX_NAMES, listed
 
 SECOND_SOURCE, IMPLAUSIBLE = (f"rejected: {CAUSES[code]}" for code in (INTERLEAVED, FAST_STEP))
+DEGREES = f"{IMPLAUSIBLE}, perhaps degrees"  # of most messages of a recording
 MIN_REJECTED = 0.5  # fraction of messages with implausible values from which a unit is wrong
 SCALES = {"beyond_limits": "position: deg", "beyond_velocity": "velocity: deg/s"}
 """Scales of degrees by the parameters that reject these."""
 
-REMEDY = " in a column map (docs/recordings.md); messages must have radians (REP 103)"
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
 OTHER_TOPICS = (
@@ -92,13 +92,18 @@ def collect_findings(intake, source):
     first = {rejection.cause: rejection.text for rejection in reversed(intake.rejections)}
     texts = " ".join(rejection.text for rejection in intake.rejections)
     scale = ", ".join(unit for parameter, unit in SCALES.items() if parameter in texts)
-    if scale and counts[IMPLAUSIBLE] > MIN_REJECTED * counts["received"]:
-        first[IMPLAUSIBLE] += f". If they are degrees, set scale: {{{scale}}}{REMEDY}"
+    in_degrees = bool(scale) and counts[IMPLAUSIBLE] > MIN_REJECTED * counts["received"]
+    if in_degrees:
+        first[IMPLAUSIBLE] += (
+            f". If they are degrees, set scale: {{{scale}}} in a column map (docs/recordings.md); "
+            "messages must have radians (REP 103)"
+        )
     if SECOND_SOURCE in first:
         accepted, rejections = counts["published"], counts[SECOND_SOURCE]
         first[SECOND_SOURCE] += f" ({accepted} states accepted, {rejections} messages rejected)"
     causes = dict.fromkeys(rejection.cause for rejection in intake.rejections)
-    findings += [Finding(cause, counts[cause], first[cause]) for cause in causes]
+    names = {IMPLAUSIBLE: DEGREES} if in_degrees else {}
+    findings += [Finding(names.get(cause, cause), counts[cause], first[cause]) for cause in causes]
     texts = intake.assembler.last_texts | _name_texts(intake, counts)
     findings += [
         Finding(cause, counts[cause], TEXTS[cause] or texts[cause])
@@ -113,7 +118,7 @@ def collect_findings(intake, source):
 def require_plausible(findings):
     """Reject a recording of which most values are implausible, by an InputError."""
     for finding in findings:
-        if finding.text.endswith(REMEDY):
+        if finding.cause == DEGREES:
             raise InputError(f"{finding.text}.")
 
 
