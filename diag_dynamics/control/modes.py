@@ -54,8 +54,8 @@ ARRIVED, PATIENCE = 0.01, 2.0
 FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
 """Error at which springs overcome Coulomb friction [rad, m], and compensated fraction at rest."""
 
-FRICTION_ROUNDS = 4
-"""Rounds that distribute stiffness against friction among joints."""
+ROUNDS = 8
+"""Bisections of the largest stable stiffness."""
 
 MAX_OVERSPEED = 1.1
 """Maximum speed between the points of a trajectory, relative to the limit."""
@@ -397,8 +397,9 @@ class RegulationMode(JointMode):
 
     Joints without a stiffness of their own are as stiff as tracking, whose torque at an error e is
     Te, T = m K mᵀΛ: k = Σ_j |T_kj|. Under a load no joint then ends further off than the furthest
-    one by tracking. Stiffness beyond that overcomes Coulomb friction at FRICTION_ERROR. Together
-    they are at most half of the largest stiffness that is stable.
+    one by tracking. Springs that have to be stiffer overcome Coulomb friction at FRICTION_ERROR.
+    All k are at most ω²D, D the inertia of a joint while all others are free, with the largest ω
+    at which no mode exceeds half of the stable stiffness.
     """
 
     name = "regulation"
@@ -423,19 +424,11 @@ class RegulationMode(JointMode):
         """Set the stiffness for a position [rad, m] and a period [s]."""
         self._period, law = period, self.law
         m, inverse = law.dynamics.factors(position)[:2]
-        largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
         tracking = np.abs(m * self._gain @ m.T * self._convergence).sum(axis=1)
-        stiffness = min(largest / _largest_square(inverse, tracking), 1.0) * tracking
         friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
-        inertia = 1.0 / np.square(inverse).sum(axis=0)
-        for _ in range(FRICTION_ROUNDS):
-            missing = np.maximum(friction / FRICTION_ERROR - stiffness, 0.0)
-            if not missing.any():
-                break
-            inertia *= missing > 0.0
-            remaining = largest - _largest_square(inverse, stiffness)
-            remaining /= _largest_square(inverse, inertia)
-            stiffness += np.minimum(missing, remaining * inertia)
+        demand = np.maximum(tracking, friction / FRICTION_ERROR)
+        largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
+        stiffness = _stable_stiffness(inverse, demand, largest)
         adapted = np.where(np.isinf(self._chosen), stiffness, self._chosen)
         if not np.array_equal(adapted, law.stiffness):
             law.stiffness = adapted
@@ -446,9 +439,22 @@ class RegulationMode(JointMode):
         return self.law.stiffness
 
 
-def _largest_square(inverse, stiffness):
-    """Return the square of the largest frequency ω² [1/s²] of joint springs, by ℓ."""
-    return np.linalg.norm(inverse * np.sqrt(stiffness), 2) ** 2
+def _stable_stiffness(inverse, demand, largest):
+    """Return the stiffness min(k, ω²D) of joint springs, by ℓ, of a demand k.
+
+    No mode exceeds the square `largest` of a frequency [1/s²]. D are the inertias of single joints,
+    so that springs give way where they are stiff for their inertia.
+    """
+    inertia = 1.0 / np.square(inverse).sum(axis=0)
+    low, high, square = largest / len(inertia), largest, largest
+    for _ in range(ROUNDS):
+        root = inverse * np.sqrt(np.minimum(demand, square * inertia))
+        if np.linalg.norm(root, 2) ** 2 > largest:
+            high = square
+        else:
+            low = square
+        square = 0.5 * (low + high)
+    return np.minimum(demand, low * inertia)
 
 
 _MODES = GravityCompensationMode, DampingMode, PoseMode, TrackingMode, RegulationMode

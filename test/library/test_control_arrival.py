@@ -18,7 +18,7 @@ from examples import shortened, some_of
 from rubbing import ARMS, Closed
 
 RATES = 125, 250, 500, 1000
-CASES = some_of([(*arm, rate) for arm in ARMS for rate in RATES], 7)
+CASES = some_of([(*arm, rate) for arm in ARMS for rate in RATES], 4)
 MIN_EFFORT = 1e-3
 """Effort that has a sign [N m]."""
 ROTOR = 0.1
@@ -42,12 +42,12 @@ def test_each_joint_arrives(robot, q, link, rate, rotor):
 
 @pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, rate):
-    """The load of 2 kg is unknown; the bound is the joint that tracking leaves furthest off."""
+    """The load of 2 kg is unknown; the bound is half of the largest distance by tracking."""
     distances = [
         Closed(robot, q, link, rate, load=2.0, **values).go(goal_of(q)).max()
         for values in ({}, {"initial_mode": TRACKING, "friction_compensation": False})
     ]
-    assert distances[0] < distances[1]
+    assert distances[0] < 0.5 * distances[1]
 
 
 @pytest.mark.parametrize("friction", [0.7, 1.3])
