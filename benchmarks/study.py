@@ -387,6 +387,7 @@ def contest(label, name, task):
 
 RATE = 5.0  # damping rate c [1/s], √(q/r) of the cost; r is 1
 RATIO, SHARE = 0.7, 0.4  # damping ratio; limit of ½ν_k² relative to that of the sum
+LONG = 3.0  # [s] of a step with limits
 
 
 def damping(label, starts):
@@ -498,6 +499,36 @@ def energies(label, x):
     return {"robot": label, "limit": bound, "laws": found}
 
 
+def costs(label, x):
+    """Return when a step is settled without limits, with one of K, and in Limits, which limit effort rates, too."""
+    rigid, _, dyn = nominal(label)
+    law = dd.JointRegulation(dyn, joint_gains(label, x)[0], 1.0)
+    target, found = target_of(label, "regulation"), {}
+
+    def settling(torque):
+        t, q, qd, _ = run(label, torque, target, LONG)
+        away = np.abs((q - target(0.0)[0]) / (q[0] - target(0.0)[0])).max(axis=1)
+        energy = rigid.energies(q, qd).max()
+        return {"settling": float(t[np.flatnonzero(away > SETTLED)[-1]]), "peak": float(energy)}
+
+    def free(q, qd, to):
+        return law.command(q, qd, *to).tau
+
+    def limited(q, qd, to):
+        return limiter.filter(q, qd, law.command(q, qd, *to), PERIOD).tau
+
+    def in_limits(q, qd, to):
+        return limits.filter(q, qd, law.command(q, qd, *to), PERIOD).effort
+
+    found["none"] = settling(free)
+    bound = 0.1 * found["none"]["peak"]
+    limiter = dd.EnergyLimiter(dyn, bound, rate=100.0)
+    limits = dd.Limits(dyn, energy_limit=bound, energy_rate=100.0)
+    found["EnergyLimiter"] = settling(limited)
+    found["Limits"] = settling(in_limits)
+    return {"robot": label, "limit": bound, "laws": found}
+
+
 # --- The whole study
 
 
@@ -516,7 +547,17 @@ def study(robots, names, starts, poses):
         jobs["energies"] = [
             pool.submit(energies, label, scales[label]["ν joints"]) for label in robots
         ]
+        jobs["costs"] = [pool.submit(costs, label, scales[label]["ν joints"]) for label in robots]
         return {key: [rounded(job.result()) for job in some] for key, some in jobs.items()}
+
+
+def with_costs():
+    """Return the last results with new costs of limits."""
+    found = json.loads((study_page.RESULTS / "study.json").read_text(encoding="utf-8"))
+    scales = {(one["robot"], one["law"], one["task"]): one["scale"] for one in found["contests"]}
+    robots = {label: scales[label, "ν joints", "regulation"] for label in ("Panda", "UR5")}
+    found["costs"] = [rounded(costs(label, x)) for label, x in robots.items()]
+    return found
 
 
 def rounded(value):
@@ -537,9 +578,12 @@ def main():
     options.add_argument(
         "--output", type=Path, metavar="FOLDER", help="default: benchmarks/results and the page"
     )
+    options.add_argument(
+        "--costs", action="store_true", help="a minute: only what limits cost a Panda and a UR5"
+    )
     chosen = options.parse_args()
     few, full = (["UR5"], ["ν joints", "joint PD"], 1, 20), (list(ROBOTS), list(LAWS), 10, 300)
-    found = study(*(few if chosen.short else full))
+    found = with_costs() if chosen.costs else study(*(few if chosen.short else full))
     folder = chosen.output or (
         study_page.RESULTS.parents[1] / "build/study" if chosen.short else study_page.RESULTS
     )

@@ -165,6 +165,12 @@ def summary(data):
         kind: max(one["laws"][kind]["peak"] for one in data["energies"])
         for kind in ("sum", "sum, observer")
     }
+    slower = {
+        kind: [
+            one["laws"][kind]["settling"] / one["laws"]["none"]["settling"] for one in data["costs"]
+        ]
+        for kind in ("EnergyLimiter", "Limits")
+    }
     heavy = rms["nominal, 1 kHz"]["Talos, 12 joints"]["ν robust"]
     decays = [one["laws"][key] for key in ("ν, 5", "joint damping") for one in data["damping"]]
     rates, costs = (
@@ -179,6 +185,8 @@ def summary(data):
 * **Loss**: ν pose lacks the target velocity. Its tracking error is {spread(lag)} times that of impedance.
 * **Loss**: the bound of ν robust takes torque from its gains: {heavy:.1f} mm on Talos without a disturbance.
 * **Loss**: pushes of 40 N raise K to {peaks["sum"]:.2f} K_max, with the observer to {peaks["sum, observer"]:.2f} K_max.
+* **Cost**: with a tenth of the peak energy a step takes {spread(slower["EnergyLimiter"])} times as long,
+  in `Limits` {spread(slower["Limits"])}.
 * **Win** on {sum(x < 1 for x in loaded)} of {len(loaded)} robots: with an unknown payload ν robust has
   {spread(loaded)} times the error of the better of PD and computed torque.
 * **Win**: {lost.count("joint PD")} runs of joint PD and {lost.count("impedance")} of impedance diverged,
@@ -202,7 +210,8 @@ Figures of the [control study](../../docs/control-study.md), written by `make st
 * **Tracking**: sines of all joints, 0.1 rad away at the start; rms error after 1 s.
 * **Conditions**: friction is Coulomb, 2 % of the limits; the payload is 0.1 m beyond the link.
 * **Energy limits**: K_max is a tenth of the peak of the step, 0.4 of it for each joint. The push has four directions;
-  figures are of the worst.
+  figures are of the worst. **Cost of limits**: K_max as above, without pushes; settling is that of all joints. `Limits`
+  also has effort limits and an effort rate of 1000 N m/s.
 * **Coupling**: a pulse of 20 % of the limit for 0.1 s. **Damping**: constant c is 2ζ rms ω at home; joint damping is
   diagonal and tuned at home.
 """
@@ -253,6 +262,9 @@ def details(data):
         "Energy limits: Peaks of K and of a joint's share relative to limits; time above 1.01 K_max after a push": laws_table(
             data["energies"],
             lambda row: f"{row['peak']:.3g}; {row['joint']:.3g}; {row['recovery']:.2f} s",
+        ),
+        "Cost of limits: Settling time of a step, and peak of K [J]": laws_table(
+            data["costs"], lambda row: f"{row['settling']:.2f} s; {row['peak']:.3g}"
         ),
     }
     for title, text in others.items():
