@@ -8,31 +8,35 @@ from __future__ import annotations
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, IntArray
-from diag_dynamics.checks import instance, not_negative
+from diag_dynamics.checks import instance, not_negative, positive
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps.alarms import MOVING_TIME, apply_dead_zone
+from diag_dynamics.sweeps.alarms import apply_dead_zone
 
 
 class DeadZone:
     """Lower |m r| of standing joints by a fraction of their Coulomb friction.
 
-    A joint stands once |q̇| has been below 10 mrad/s (mm/s) for 0.1 s, and until 0.15 s after that,
-    in which the observer forgets its stiction. Then |m r| decreases by `fraction` (f_C + μ|g(q)|),
-    at least to zero, and r to ℓ m r. f_C is the Coulomb friction of the model, μ its load friction.
+    A joint stands once |q̇| has been below 5 mrad/s (mm/s) for 30 ms. Its dead zone is `fraction`
+    (f_C + μ|g(q)|), through the filter of the observer, because stiction passes through the same
+    filter. |m r| decreases by it, at least to zero, and r to ℓ m r. f_C is the Coulomb friction of
+    the model, μ its load friction.
 
     Parameters
     ----------
     dynamics : DiagonalDynamics
     fraction : float
         Of the Coulomb friction; 0 for no dead zone.
+    gain : float
+        Of the observer [1/s].
 
     Raises
     ------
     InputError
-        The fraction is below zero.
+        The fraction is below zero, or the gain not above it.
     """
 
-    def __init__(self, dynamics: DiagonalDynamics, fraction: float) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, fraction: float, gain: float = 25.0) -> None:
+        self._gain = positive("gain", gain, "[1/s]")
         model = instance("dynamics", dynamics, DiagonalDynamics).model
         self._dynamics, self._fraction = dynamics, not_negative("fraction", fraction, "a fraction")
         self._is_used = bool(fraction and (model.friction.any() or model.load_friction.any()))
@@ -48,9 +52,9 @@ class DeadZone:
         self._dynamics = dynamics
 
     def reset(self) -> None:
-        """Count from the next state for how long joints have been standing."""
+        """Forget which joints stand."""
         self._standing: IntArray = np.zeros(self._dynamics.model.nv, dtype=np.int64)
-        self._moving: IntArray = np.full(self._dynamics.model.nv, MOVING_TIME + 1)
+        self._widths: Array = np.zeros(self._dynamics.model.nv)
         self._last: int | None = None
 
     def lower(
@@ -87,8 +91,8 @@ class DeadZone:
         self._last = int(stamps[-1])
         if restarts is not None:
             elapsed[restarts] = -1
-        memory = self._standing, self._moving
-        apply_dead_zone(elapsed, np.ascontiguousarray(qd), zones, *memory, lowered)
+        memory = self._standing, self._widths
+        apply_dead_zone(elapsed, np.ascontiguousarray(qd), zones, self._gain, *memory, lowered)
         change = np.nan_to_num(lowered - external_torque)
         rows = np.flatnonzero(change.any(axis=1))
         if len(rows):

@@ -153,7 +153,7 @@ class Analysis:
             friction=model.has_friction and values["external_torque.friction"],
             threads=threads,
         )
-        self._zone = DeadZone(self._dynamics, collision.stiction)
+        self._zone = DeadZone(self._dynamics, collision.stiction, gain)
         self._detectors = Detector(names, collision), Detector(names, contact)
         self._collisions, self._contacts = (Alarms(detector) for detector in self._detectors)
         points = reading.contact_points[0] if settings.contact_limits is not None else None

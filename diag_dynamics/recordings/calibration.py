@@ -82,7 +82,7 @@ def calibrate(
     positive("false_alarms", false_alarms, "[1/s]")
     template = Thresholds({}, release, hold_off, standing, stiction)
     residuals, efforts = Residuals(len(names), max_gap), EffortRange(dynamics.model)
-    zone, faults = DeadZone(dynamics, stiction), {}
+    zone, faults = DeadZone(dynamics, stiction, gain), {}
     for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         motion = MotionSample(dynamics.model)
         residuals.start_recording()

@@ -13,9 +13,9 @@ STAMPS, FLAGS = (types.Array(kind, 1, "C", readonly=True) for kind in (nk.COUNT,
 FILLED_STAMPS, FILLED_FLAGS = (types.Array(kind, 1, "C") for kind in (nk.COUNT, nk.FLAG))
 FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 
-STANDING_SPEED, STANDING_TIME, MOVING_TIME = 0.01, 100_000_000, 150_000_000
-"""A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns], and until a
-time [ns] after that, in which the observer forgets its stiction."""
+STANDING_SPEED, STANDING_TIME, DECAY = 0.005, 30_000_000, 4
+"""A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns]. Twice that time
+counts at most. Higher rates reduce it `DECAY` times as fast, so that noise ends no standing."""
 
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""
@@ -28,28 +28,31 @@ BEGIN, END, COUNT, EVENT, MEMORY = range(5)
 stamp of its last event."""
 
 
-@nk.entry_kernel(STAMPS, *[nk.MATRIX] * 2, *[FILLED_STAMPS] * 2, nk.FILLED_MATRIX, nogil=True)
-def apply_dead_zone(elapsed, rates, zones, standing, moving, torque):
-    """Lower |m r| of standing joints by the zone.
+@nk.entry_kernel(
+    STAMPS, *[nk.MATRIX] * 2, nk.NUMBER, FILLED_STAMPS, nk.FILLED_VECTOR, nk.FILLED_MATRIX,
+    nogil=True
+)  # fmt: skip
+def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
+    """Lower |m r| of joints by the zone, which follows their standing as the observer does.
 
     `elapsed` is the time since the row before [ns], below zero after a restart. `standing` is the
-    time for which each joint has been slow, `moving` that since it stood [ns], after the last row.
+    time for which each joint has been slow [ns], `widths` are the zones, after the last row.
     """
     for t in range(len(elapsed)):
+        pace = -math.expm1(-1e-9 * gain * max(0, elapsed[t]))
         for k in range(torque.shape[1]):
             if elapsed[t] < 0:
-                standing[k], moving[k] = 0, MOVING_TIME + 1
+                standing[k], widths[k] = 0, 0.0
             elif abs(rates[t, k]) < STANDING_SPEED:
-                standing[k] += elapsed[t]
+                standing[k] = min(standing[k] + elapsed[t], 2 * STANDING_TIME)
             else:
-                standing[k] = 0
-            moving[k] = 0 if standing[k] >= STANDING_TIME else moving[k] + max(0, elapsed[t])
-            if moving[k] > MOVING_TIME:
-                continue
-            if abs(torque[t, k]) <= zones[t, k]:
+                standing[k] = max(standing[k] - DECAY * elapsed[t], 0)
+            zone = zones[t, k] if standing[k] >= STANDING_TIME else 0.0
+            widths[k] += pace * (zone - widths[k])
+            if abs(torque[t, k]) <= widths[k]:
                 torque[t, k] = 0.0
             else:  # also where it is unknown, NaN
-                torque[t, k] -= math.copysign(zones[t, k], torque[t, k])
+                torque[t, k] -= math.copysign(widths[k], torque[t, k])
 
 
 @nk.entry_kernel(

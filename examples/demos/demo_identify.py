@@ -124,7 +124,8 @@ def judge(dynamics, thresholds, recording, pushes):
     """Return what a model makes of pushes: ratio to the threshold, delays, number of false alarms, kinetic energy."""
     observed = dd.observe(dynamics, recording, GAIN)
     detector = dd.Detector(dynamics.model.dof_names, thresholds)
-    zone, motion = DeadZone(dynamics, thresholds.stiction), (recording.q, recording.qd)
+    zone = DeadZone(dynamics, thresholds.stiction, GAIN)
+    motion = recording.q, recording.qd
     columns = observed.residual, observed.external_torque
     lowered = zone.lower(recording.stamp, *motion, *columns)
     alarms = detector.judge(recording.stamp, *lowered, observed.valid)

@@ -216,7 +216,7 @@ def stopping(seed=2, count=2000):
     stamps = np.cumsum(rng.integers(1, 20, count)) * MS
     moves = np.repeat(rng.random((count // 50, 6)) < 0.4, 50, axis=0)
     moves[:200] = False
-    rates = np.where(moves, rng.choice([0.01, 0.3], moves.shape), 0.009) * rng.choice(
+    rates = np.where(moves, rng.choice([0.005, 0.3], moves.shape), 0.0045) * rng.choice(
         [-1.0, 1.0], (count, 6)
     )
     q = np.cumsum(0.01 * rates, axis=0)
@@ -225,22 +225,21 @@ def stopping(seed=2, count=2000):
 
 
 def test_standing_joints_have_a_dead_zone(arm):
-    """Of a fraction of Coulomb and load friction, from 0.1 s below 10 mrad/s until 0.15 s later; r follows."""
+    """Of a fraction of Coulomb and load friction, from 30 ms below 5 mrad/s, by the observer's filter; r follows."""
     oracle = subject(robots.robot("ur_description/urdf/ur5_robot.urdf")).oracle
     stamps, q, rates, torque = stopping()
+    rates[5:100:10] *= 2.0
     r = arm.epsilon_from_tau(q, torque)
-    zone = DeadZone(arm, 0.5)
+    zone = DeadZone(arm, 0.5, 10.0)
     lowered_r, lowered = zone.lower(stamps, q, rates, r, torque)
-    since, stood, standing = stamps[0] * np.ones(6), np.full(6, -np.inf), 0
-    for t, stamp in enumerate(stamps):
-        moves = np.abs(rates[t]) >= 0.01
-        since = np.where(moves, stamp, since)
-        stood = np.where(stamp - since >= 0.1e9, stamp, stood)
-        stands = stamp - stood <= 0.15e9
-        width = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
-        expected = np.where(
-            stands, np.sign(torque[t]) * np.maximum(0.0, np.abs(torque[t]) - width), torque[t]
-        )
+    slow, width, standing = np.zeros(6), np.zeros(6), 0
+    for t, step in enumerate(np.diff(stamps / 1e9, prepend=stamps[0] / 1e9)):
+        moves = np.abs(rates[t]) >= 0.005
+        slow = np.clip(slow + step * np.where(moves, -4.0, 1.0), 0.0, 0.06)
+        stands = slow >= 0.03 - 1e-9
+        zones = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
+        width = np.exp(-10.0 * step) * width + (1.0 - np.exp(-10.0 * step)) * zones * stands
+        expected = np.sign(torque[t]) * np.maximum(0.0, np.abs(torque[t]) - width)
         np.testing.assert_allclose(lowered[t], expected, rtol=1e-12, atol=1e-12)
         standing += stands.sum()
         if t % 20 == 0:
@@ -286,6 +285,8 @@ def test_no_dead_zone_without_friction(arm):
         assert lowered[0] is r and lowered[1] is torque
     with pytest.raises(InputError, match="fraction"):
         DeadZone(arm, -0.1)
+    with pytest.raises(InputError, match="gain"):
+        DeadZone(arm, 0.1, 0.0)
 
 
 # --- Calibration

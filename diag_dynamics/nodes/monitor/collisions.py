@@ -113,7 +113,7 @@ class CollisionWatch(Watch):
         self._dynamics, names = dynamics, dynamics.model.dof_names
         friction = observation.friction
         self.observer = DisturbanceObserver(dynamics, observation.gain, friction=friction)
-        self._zone = DeadZone(dynamics, observation.collision.stiction)
+        self._zone = DeadZone(dynamics, observation.collision.stiction, observation.gain)
         self.covariance = observation.covariance_of(names)
         self.collision.use(names, observation.collision)
         self.contact.use(names, observation.contact)
