@@ -89,7 +89,7 @@ class Bag:
 
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
-        begin = _first_bytes(path)
+        begin = first_bytes(path)
         if begin.startswith(ZSTD):
             return self._open_file(self._unpack(path), name)
         kind = next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
@@ -328,13 +328,6 @@ def _read_metadata(folder):
 
 def _find_bags(folder):
     """Return the names of bags by suffix or first bytes, `bag_10` behind `bag_9`."""
-
-    def is_bag(path):
-        suffix = Path(path.name.removesuffix(PACKED)).suffix
-        with suppress(InputError):
-            return suffix in SUFFIXES or _first_bytes(path).startswith(tuple(MAGIC))
-        return False
-
     try:
         names = [path.name for path in folder.iterdir() if path.is_file() and is_bag(path)]
     except OSError as error:
@@ -344,9 +337,18 @@ def _find_bags(folder):
     return sorted(parts, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]])
 
 
-def _first_bytes(path):
+def is_bag(path):
+    """Return whether a file has the suffix or the first bytes of a bag."""
+    with suppress(InputError):
+        suffix = Path(path.name.removesuffix(PACKED)).suffix
+        return suffix in SUFFIXES or first_bytes(path).startswith(tuple(MAGIC))
+    return False
+
+
+def first_bytes(path):
+    """Return the first bytes of a file; raise InputError if it cannot be read."""
     try:
         with open(path, "rb") as file:
-            return file.read(16)
+            return file.read(64)
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}.") from error

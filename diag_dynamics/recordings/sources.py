@@ -17,7 +17,7 @@ from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.bags import MAGIC, METADATA, SUFFIXES, Bag
+from diag_dynamics.recordings.bags import METADATA, Bag, first_bytes, is_bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import suggest
@@ -105,20 +105,17 @@ def _open_table(path, columns, names):
 
 
 def _is_bag(path):
-    """Return whether a path is a folder, or a file with the first bytes or suffix of a bag."""
-    if path.is_dir():
-        return True
-    first = b""
-    if path.is_file():  # a pipe is read once
-        with open(path, "rb") as file:
-            first = file.read(len(GIT_LFS))
-    if first == GIT_LFS:
+    """Return whether a path is a folder or a bag; a pipe, which is read once, is none."""
+    if not path.is_file():
+        return path.is_dir()
+    first = first_bytes(path)
+    if first.startswith(GIT_LFS):
         raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
     if first.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
         raise InputError(
             f"'{path}' is XML; expected a recording. The order of the arguments is path, model."
         )
-    return bool(SUFFIXES.keys() & set(path.suffixes)) or first.startswith(tuple(MAGIC))
+    return is_bag(path)
 
 
 class BagSource:
