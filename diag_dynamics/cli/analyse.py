@@ -18,9 +18,9 @@ from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.sources import BagSource, open_source
 from diag_dynamics.recordings.summary import (
-    count_collisions,
     describe_faults,
     format_summary,
+    make_row,
 )
 from diag_dynamics.text import Progress, aligned, plain
 
@@ -31,15 +31,15 @@ EPILOG = (
 )
 
 COLUMNS = {
-    "states": "d",
-    "s": ".6g",
-    "K max [J]": ".4g",
-    "explained": ".3f",
-    "residual [W]": ".3g",
-    "collisions": "d",
-    "rejected": "d",
+    "states": ("states", "d"),
+    "s": ("duration", ".6g"),
+    "K max [J]": ("kinetic_energy_max", ".4g"),
+    "explained": ("explained", ".3f"),
+    "residual [W]": ("residual_power", ".3g"),
+    "collisions": ("collisions", "d"),
+    "rejected": ("rejected", "d"),
 }
-"""Columns of the table of several recordings, and formats of their numbers."""
+"""Columns of the table of several recordings: their entries of a row, and formats."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 
@@ -153,10 +153,8 @@ def _analyse_several(chosen, parameters, robot, write):
 
 def _format_row(summary):
     """Return the texts of a recording's row in the table of several recordings."""
-    numbers = [summary["states"], summary["duration"], summary["kinetic_energy"]["max"]]
-    numbers += [summary["explained"], summary["residual_power"], count_collisions(summary)]
-    numbers.append(sum(summary["rejected"].values()))
-    columns = zip(numbers, COLUMNS.values(), strict=True)
+    row = make_row(summary)
+    columns = [(row[name], form) for name, form in COLUMNS.values()]
     texts = ["-" if value is None else format(value, form) for value, form in columns]
     return [*texts, plain(summary["recording"])]
 

@@ -26,7 +26,7 @@ from diag_dynamics.parameters.robots import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.tables import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
-from diag_dynamics.recordings.summary import count_collisions, describe_faults
+from diag_dynamics.recordings.summary import make_row
 from diag_dynamics.threads import cores
 
 
@@ -125,7 +125,7 @@ def _analyse(job, options, gain):
     with suppress(OSError, ValueError):
         summary = json.loads(summary_path.read_text(encoding="utf-8"))
         if summary.get("fingerprint") == job.fingerprint:
-            return _make_row(summary)
+            return make_row(summary)
     try:
         _remove_outputs(job)
         reading = Reading(job.path, **options)
@@ -133,7 +133,7 @@ def _analyse(job, options, gain):
         summary = analysis.run([TableOutput(f"{job.stem}.parquet", reading)])
         summary |= {"fingerprint": job.fingerprint}
         write_text(summary_path, json.dumps(summary, indent=1, allow_nan=False))
-        return _make_row(summary)
+        return make_row(summary)
     except (DiagDynamicsError, OSError) as error:
         _remove_outputs(job)
         return {"recording": job.path, "error": str(error)}
@@ -142,19 +142,6 @@ def _analyse(job, options, gain):
 def _remove_outputs(job):
     for path in glob.glob(f"{glob.escape(job.stem)}.*"):
         os.remove(path)
-
-
-def _make_row(summary):
-    """Return the row of a recording in the table; a failed recording has an `error` instead."""
-    return {
-        **{name: summary[name] for name in ("recording", "robot", "states", "duration")},
-        "kinetic_energy_max": summary["kinetic_energy"]["max"],
-        **{name: summary[name] for name in ("explained", "residual_power")},
-        "external_torque_max": summary["peaks"].get("external_torque", {}).get("value"),
-        "collisions": count_collisions(summary),
-        "rejected": sum(summary["rejected"].values()),
-        "faults": "; ".join(describe_faults(summary)),
-    }
 
 
 def _format_csv(rows):

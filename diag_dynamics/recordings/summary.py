@@ -56,6 +56,19 @@ def describe_faults(summary):
     return [text for text, applies in wrongs.items() if text and applies]
 
 
+def make_row(summary):
+    """Return the row of a recording in a table of several."""
+    return {
+        **{name: summary[name] for name in ("recording", "robot", "states", "duration")},
+        "kinetic_energy_max": summary["kinetic_energy"]["max"],
+        **{name: summary[name] for name in ("explained", "residual_power")},
+        "external_torque_max": summary["peaks"].get("external_torque", {}).get("value"),
+        "collisions": count_collisions(summary),
+        "rejected": sum(summary["rejected"].values()),
+        "faults": "; ".join(describe_faults(summary)),
+    }
+
+
 def _has_efforts(summary):
     return summary["states"] > summary["quality"]["without_effort"]
 
