@@ -157,6 +157,8 @@ class Dataset:
             raise InputError(f"{self.name}: {fault.text}.")
         if fault:
             self.findings.append(Finding(DOUBTFUL, 1, fault.text))
+        if payload := "" if fault else relation.hypotheses.payload():
+            self.findings.append(Finding("payload", 1, payload))
         if not relation.judged().any():
             text = (
                 "no effort clearly follows the motion. Check that efforts are in N m or N and "

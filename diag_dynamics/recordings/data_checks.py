@@ -298,7 +298,7 @@ class EffortRelation:
     """
 
     def __init__(self, model, links=()):
-        self._model, self._dynamics = model, DiagonalDynamics(model)
+        self._model, self._dynamics, self._links = model, DiagonalDynamics(model), tuple(links)
         self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
         self._loaded = [
             DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
@@ -363,6 +363,7 @@ class EffortRelation:
         hypotheses = [
             Hypotheses(
                 model,
+                self._links,
                 remaining(samples, signals, resistance) / count,
                 np.where(moved, _regress(whole, pull + inertia, resistance, model.nv)[0], 0.0)
                 / count,
@@ -454,11 +455,12 @@ class Hypotheses:
 
     Squared torques are given by joint. Products are those of columns without what resists, of all
     states and without each block of time, (S, nv, m, m). `base` is the sum of the model; with the
-    payload that leaves least, if that is possible and leaves little.
+    payload at `links` that leaves least, if that is possible and leaves little.
     """
 
-    def __init__(self, model, products, square):
-        self._model, self._joints, count = model, np.arange(model.nv), -model.nv
+    def __init__(self, model, links, products, square):
+        self._model, self._links = model, links
+        self._joints, count = np.arange(model.nv), -model.nv
         self._tiny = np.maximum(MODEL_ERROR**2 * largest_of_kind(model, square), 1e-300)
         self._weight = np.where(square > 0.0, 1.0 / (square + self._tiny), 0.0)
         self._inner, self._across = products[..., :count, :count], products[..., :count, count:]
@@ -548,6 +550,19 @@ class Hypotheses:
         text = "no effort follows the motion. Check that efforts are measured, and at these joints"
         return self._left(0.0 * self.plain), text
 
+    def payload(self):
+        """Return the mass that the model lacks or has too much, in words; empty if none fits."""
+        is_below = self._is_below(self._left(self.base), MAX_LEFT * self._misfit)
+        if self._misfit[0] < SLIGHT or not is_below:
+            return ""
+        masses = self.base[INERTIAL + 1 :].reshape(-1, len(CENTRES)).sum(axis=1)
+        k = int(np.argmax(np.abs(masses)))
+        carries, lacks = ("robot", "model") if masses[k] > 0.0 else ("model", "robot")
+        return (
+            f"the {carries} seems to have about {abs(masses[k]):.2g} kg at {self._links[k]} that the "
+            f"{lacks} lacks (diag-dynamics identify --what friction,payload:{self._links[k]})"
+        )
+
     def scale(self):
         """Explain the efforts by one factor of all of them."""
         square = self._weight @ (self._inner[0] @ self.plain @ self.plain)
@@ -557,13 +572,13 @@ class Hypotheses:
         left, nothing = self._left(factor * self.plain), self.nothing()[0]
         if not self._is_below(left, MAX_LEFT * nothing):
             return None
-        sign = " and the opposite sign" if factor < 0.0 else ""
+        sign, payload = " and the opposite sign" if factor < 0.0 else "", self.payload()
         if LIMITS[0] < -factor < LIMITS[1]:
             return left, SIGN
         return left, (
             f"efforts of all joints seem to have another unit{sign}: they are {factor:.3g} times "
             f"the model torque (effort_scale: '*={1.0 / factor:.3g}', or by joint from "
-            "diag-dynamics identify --what gains,friction)"
+            f"diag-dynamics identify --what gains,friction){', or ' * bool(payload)}{payload}"
         )
 
     def without_gravity(self):
@@ -634,7 +649,9 @@ class MotionSample:
                 compared.add_run(
                     (run.stamp - run.stamp[0]) / SECOND, run.position, run.velocity, run.effort
                 )
-        return find_fault(compared.fit())
+        relation = compared.fit()
+        payload = relation.hypotheses.payload()
+        return find_fault(relation) or (Fault(payload, light=True) if payload else None)
 
 
 class Fault(NamedTuple):

@@ -118,7 +118,11 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks):
     t, q, qd, _ = motion()
     tau = dd.DiagonalDynamics(real).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
     found = dd.identify(recorded(model, t, q, qd, worn(tau, qd)), model, "friction")
-    assert not re.search("effort (doubtful|not judged)", " ".join(found.quality["findings"]))
+    said = " ".join(found.quality["findings"])
+    assert not re.search("effort (doubtful|not judged)", said)
+    first, second = ("model", "robot") if lacks else ("robot", "model")
+    mass = re.search(rf"the {first} seems to have about (.*) kg at fore that the {second}", said)
+    assert mass and float(mass[1]) == pytest.approx(0.1, rel=0.15)
 
 
 @pytest.mark.parametrize("wear", [False, True], ids=["alone", "with friction and noise"])
