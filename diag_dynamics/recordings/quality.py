@@ -137,12 +137,12 @@ class Quality:
         Times are in s, stamps in ns.
         """
         sample = States.concatenate(self._sample)
-        joints = {name: self._report_joint(j) for j, name in enumerate(self._joints)}
         columns = sample.position[:, self._q], sample.velocity[:, self._v]
         ratios = position_ratios(sample.stamp, *columns, self._continuous)
         wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
         warnings += self._warn_of_balls(sample)
         period, jitter, gaps = self._regularity()
+        delay, joints = self._report_velocities()
         report = {
             "rate": None if period is None else 1.0 / period,
             "jitter": jitter,
@@ -150,7 +150,7 @@ class Quality:
             "longest_gap": float(self._longest[0]),
             "longest_gap_at": self._longest[1],
             **self._counts,
-            "velocity_delay": _common_delay(joints.values()),
+            "velocity_delay": delay,
             "wrong_unit": wrong_unit,
             "joints": joints,
         }
@@ -167,13 +167,20 @@ class Quality:
             for name, count in counts.items()
         ]
 
-    def _report_joint(self, j):
+    def _report_velocities(self):
+        """Return the median delay of velocities, and errors and delays by joint.
+
+        The median is None if less than half of the joints in motion show a delay.
+        """
         relation = self._relation
-        return {
-            "velocity_error": _known(relation.error[j]),
-            "velocity_delay": _known(relation.delay[j]),
-            "velocity_error_without_delay": _known(relation.error_without_delay[j]),
-        }
+        error, delay, left = relation.error, relation.delay, relation.error_without_delay
+        shows = np.isfinite(error) & np.isfinite(delay) & (left < MAX_ERROR_LEFT * error)
+        is_common = shows.any() and 2 * shows.sum() >= np.isfinite(error).sum()
+        rows = zip(*(map(_known, column) for column in (error, delay, left)), strict=True)
+        names = "velocity_error", "velocity_delay", "velocity_error_without_delay"
+        joints = [dict(zip(names, row, strict=True)) for row in rows]
+        median = float(np.median(delay[shows])) if is_common else None
+        return median, dict(zip(self._joints, joints, strict=True))
 
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
@@ -244,18 +251,3 @@ def describe_ratio(ratio):
     It has no exponent at five places.
     """
     return f"positions change {float(f'{ratio:.4g}'):g} times as fast as the velocities"
-
-
-def _common_delay(joints):
-    """Return the median delay of joints that show one.
-
-    Return None if less than half of those in motion do.
-    """
-    moving = [joint for joint in joints if joint["velocity_error"] is not None]
-    delays = [
-        joint["velocity_delay"]
-        for joint in moving
-        if joint["velocity_delay"] is not None
-        and joint["velocity_error_without_delay"] < MAX_ERROR_LEFT * joint["velocity_error"]
-    ]
-    return float(np.median(delays)) if delays and 2 * len(delays) >= len(moving) else None
