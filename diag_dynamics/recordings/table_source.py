@@ -66,7 +66,7 @@ class TableSource:
             f"in a column map."
         )
         notes = [beyond] * (self._beyond > 0)
-        return [*notes, *self._choice.notes, *self._table.notes] if self._table else notes
+        return notes + (self._choice.notes if self._choice else [])
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""

@@ -34,7 +34,7 @@ class ParquetTable:
     unit = "row"
 
     def __init__(self, path):
-        self.path, self.notes = path, []
+        self.path = path
         with self._open() as file:
             head = _read_head(file)
             self.columns = [
@@ -127,8 +127,8 @@ class MemoryTable:
 
     unit = "row"
 
-    def __init__(self, path, columns, arrays, texts=(), notes=(), rows=None):
-        self.path, self.columns, self.texts, self.notes = path, columns, texts, notes
+    def __init__(self, path, columns, arrays, texts=(), rows=None):
+        self.path, self.columns, self.texts = path, columns, texts
         self._arrays, self._rows = arrays, rows
 
     def blocks(self, numbers, texts, _lose):

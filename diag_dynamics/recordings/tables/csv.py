@@ -49,7 +49,7 @@ class CsvTable:
     unit = "line"
 
     def __init__(self, path, column_map):
-        self.path, self.notes, self._broken, self._decimal = path, [], "", column_map.decimal
+        self.path, self._broken, self._decimal = path, "", column_map.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:

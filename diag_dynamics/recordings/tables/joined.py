@@ -34,7 +34,6 @@ class JoinedTable:
         ]
         self.columns = [_name_column(parts[n], k) for n, k in self._places]
         self.texts = [text for part in parts for text in part.texts]
-        self.notes = [f"files: {len(parts)} side by side."]
 
     def blocks(self, numbers, texts, lose):
         """Yield arrays by column, and the number of each row; all files are in memory."""

@@ -108,8 +108,7 @@ def read_episode(path):
         make_column(name, array.slice(0, SAMPLE), _UNSTATED if _is_position(name) else None)
         for name, array in arrays.items()
     ]
-    note = f"episode {number} of {len(dataset.files)} of a LeRobot dataset, {dataset.fps:g} Hz."
-    return MemoryTable(path, columns, list(arrays.values()), notes=[note], rows=rows)
+    return MemoryTable(path, columns, list(arrays.values()), rows=rows)
 
 
 def _is_read(name, feature):

@@ -23,7 +23,6 @@ class Table(Protocol):
     unit: str  # what numbers of rows count: line or row
     columns: list[Column]
     texts: list[str]  # comments and metadata, which may name joints
-    notes: list[str]  # how the file was read; complete after the last block
 
     def blocks(
         self, numbers: list[int], texts: list[int], lose: Callable[..., None]
