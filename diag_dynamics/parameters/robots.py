@@ -4,6 +4,7 @@
 """Models of the robots of nodes and recordings, by their parameters."""
 
 from diag_dynamics.description.catalog import describe
+from diag_dynamics.description.mjcf import is_mjcf
 from diag_dynamics.entries import ALL, assignments
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import load_urdf
@@ -35,7 +36,7 @@ def model_of(description, values, recorded=None):
     gravity, floating_base = values["gravity"], values["floating_base"]
     payloads = payloads_of(values["payloads"])
     payloads = {link: load for link, load in payloads.items() if link in described.links}
-    if floating_base and described.floating_base is False:
+    if floating_base and not described.floating_base and is_mjcf(description):
         raise InputError(
             "parameter 'floating_base' is true; expected false, "
             "because the MJCF has no free body, or several. Give the base a <freejoint/>."
