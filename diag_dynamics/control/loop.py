@@ -20,7 +20,7 @@ from diag_dynamics.control.following import (
 )
 from diag_dynamics.control.laws import Command
 from diag_dynamics.control.limits import names_where
-from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE
+from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE, REGULATION
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.references import at_rest
 from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
@@ -31,8 +31,14 @@ from diag_dynamics.text import distinct
 MAX_BEYOND_LIMITS = 0.05
 """Maximum distance of a joint outside of its limits at a start [rad, m], for encoder errors."""
 
-SLOW = 0.1
+SLOW = 0.05
 """Fraction of its maximum speed below which every joint must be at the end of a start."""
+
+STANDING = 0.003
+"""Fraction of its maximum speed below which every joint stands."""
+
+BRAKING = "braking before the mode begins"
+"""Text of a start, and of a mode that waits for the arm to stand."""
 
 CHECK_EVERY, MAX_PERIODS = 8, 100
 """Numbers of states and of periods.
@@ -42,9 +48,9 @@ Gains are checked every `CHECK_EVERY` states, from the first state on. The mean 
 """
 
 START_TIMEOUT = 1.0
-"""Timeout for the arm to slow down under gravity compensation [s].
+"""Timeout for the arm to slow down under gravity compensation, and for it to stand [s].
 
-An unknown load may prevent it.
+An unknown load or noise may prevent it.
 """
 
 
@@ -122,7 +128,7 @@ class ControlLoop:
         self._scale = None  # and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
-        self._slow = SLOW * self.modes[DAMPING].max_speed
+        self._max_speed = self.modes[DAMPING].max_speed
         gain = values["observer_gain"]
         self._observer = DisturbanceObserver(dynamics, gain, effort="held") if gain else None
         self.supervisor = Supervisor(values["max_state_age"], values["hold_time"])
@@ -142,6 +148,8 @@ class ControlLoop:
         self._periods = 0  # number of measured periods of states
         self._period = 0.0  # and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
+        self._stopping = None  # mode until the arm stands
+        self._stopping_since = None  # and its first stamp [ns]
         self._mode.stop()
 
     def _begin_efforts(self):
@@ -170,7 +178,7 @@ class ControlLoop:
         InputError names gains that are unstable at the rate of the states.
         """
         chosen = self._mode_of(mode)
-        if self._periods >= CHECK_EVERY and (unstable := self._unstable(chosen)):
+        if unstable := self._unstable(chosen):
             raise InputError(unstable)
         if self.supervisor.phase == RAMPING_DOWN:
             raise InputError(
@@ -186,8 +194,10 @@ class ControlLoop:
     def _unstable(self, mode):
         """Return why the gains of a mode are unstable at the measured rate of the states.
 
-        The text is empty if they are stable.
+        The text is empty if they are stable, or if the rate is not known yet.
         """
+        if self._periods < CHECK_EVERY:
+            return ""
         mode.adapt(self.state.position, self._period)
         try:
             mode.law.require_stable(self.state.position, self._period)
@@ -226,10 +236,8 @@ class ControlLoop:
             raise InputError(
                 f"{target} comes while the law is not in force: {self.supervisor.reason}."
             )
-        if self.supervisor.starting:
-            raise InputError(
-                f"{target} came during take-up; expected one when gravity is compensated."
-            )
+        if self.is_braking:
+            raise InputError(f"{target} came while {BRAKING}; expected one afterwards.")
 
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation; see :class:`PoseTarget`.
@@ -239,6 +247,11 @@ class ControlLoop:
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)
+
+    @property
+    def is_braking(self):
+        """Whether the mode waits until efforts carry the arm and it stands."""
+        return self.supervisor.starting or self._stopping_since is not None
 
     @property
     def shortfall(self):
@@ -323,7 +336,6 @@ class ControlLoop:
             self._finish(unstable)
         if self.not_executed:
             return self.stand_by(now, self.not_executed)._replace(lost=unstable)
-        self._mode.begin(state)
         self._scale_contact(now)
         external = self._observed(state)
         sent = self._start(before, external, now) if is_start else None
@@ -360,21 +372,46 @@ class ControlLoop:
         """
         state, limits = self.state, self.limits
         command, time = self._braking.command(state), state.newest
+        self._stopping_since = None
         if before is None:
             limits.limit_to_gravity(command)
         if self._carried_since is None and limits.reaches_gravity(command, self._elapsed(time)):
             self._carried_since = time
         if self._carried_since is not None:
             timeout = state.newest - self._carried_since > START_TIMEOUT * 1e9
-            if timeout or (np.abs(state.velocity) <= self._slow).all():
+            if timeout or self._is_slow(SLOW):
                 return None
         sent = self._limited(command, external, now)
         limits.fill_tank()  # which a sinking arm has drained
         return sent
 
+    def _is_slow(self, fraction):
+        """Return whether no joint exceeds a fraction of its maximum speed."""
+        return (np.abs(self.state.velocity) <= fraction * self._max_speed).all()
+
+    def _stops(self):
+        """Return whether regulation stops the arm before a mode without joint springs begins.
+
+        From motion, springs of poses make joints faster, and so may gravity compensation.
+        """
+        mode, time = self._mode, self.state.newest
+        if mode.begun or mode.stops_arm or self._is_slow(STANDING):
+            self._stopping_since = None
+            return False
+        if self._stopping_since is None:
+            self._stopping_since, regulation = time, self.modes[REGULATION]
+            self._stopping = self._braking if self._unstable(regulation) else regulation
+            self._stopping.stop()
+        return time - self._stopping_since <= START_TIMEOUT * 1e9
+
     def _follow(self, external, now):
-        """Return the command of the mode in force."""
+        """Return the command of the mode in force, or of the one that stops the arm before it."""
         state = self.state
+        if self._stops():
+            self._stopping.begin(state)
+            command = self._stopping.command(state)._replace(error=None)
+            return self._limited(command, external, now)
+        self._mode.begin(state)
         command, lost = self._mode.follow(state)
         if lost:
             self._finish(lost, PATH_TOLERANCE_VIOLATED)

@@ -73,6 +73,7 @@ class Mode:
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
     targets = ()  # topics of take_pose, take_trajectory and take_set_point
     desired = None  # motion of the last command, in the modes of joints
+    stops_arm = True  # whether the law stops a moving arm without making a joint faster
     _moving = False  # whether the target of the last command moves, and V with it
 
     def __init__(self, law, values):
@@ -86,14 +87,14 @@ class Mode:
 
     def stop(self):
         """Make the next state the target."""
-        self._begun, self._lag = False, 0.0  # V of the last command relative to following_energy
+        self.begun, self._lag = False, 0.0  # V of the last command relative to following_energy
         self._away_since, self.shortfall = None, ""
         self.forget_rate()
 
     def begin(self, state):
         """Make a state the target, if targets are void."""
-        if not self._begun:
-            self._begun = True
+        if not self.begun:
+            self.begun = True
             self._stay(state)
 
     def _stay(self, state):
@@ -158,7 +159,7 @@ def _gains(dynamics, values, name):
 class GravityCompensationMode(Mode):
     """Gravity compensation: the robot is guided by hand."""
 
-    name = "gravity_compensation"
+    name, stops_arm = "gravity_compensation", False
 
     def __init__(self, dynamics, values):
         super().__init__(GravityCompensation(dynamics), values)
@@ -179,7 +180,7 @@ class PoseMode(Mode):
     Its springs pull to a pose that moves to the target at bounded speed.
     """
 
-    name, targets = "pose", ("target",)
+    name, targets, stops_arm = "pose", ("target",), False
 
     def __init__(self, dynamics, values):
         law = PoseRegulation(

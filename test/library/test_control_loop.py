@@ -400,7 +400,7 @@ values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlle
 values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0}
 values |= {"energy_limit": 1e-3, "energy_rate": 1.0, "joint_energy_limit": ["*=1"], "tank_energy": 1.0}
 loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
-q, qd = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2]), np.full(6, 0.2)
+q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 q[2] = arm.upper[2] - 0.099  # in the margin of a limit
 first = compiled()
 one, nothing = np.ones(1, bool), np.zeros((1, 6))
@@ -409,6 +409,7 @@ for mode in loop.modes:
     loop.switch(mode)
     for k in range(9):
         time += 10**6
+        qd = np.full(6, 0.005 if k in (1, 2) else 0.2)  # a mode begins when the arm stands
         sent = loop.step(RobotState(q, qd, None, time, time, False), time)
         limited |= {name for name in ("energy_limited", "contact_limited") if getattr(sent, name)}
         if mode == "pose" and k == 3:
@@ -417,7 +418,7 @@ for mode in loop.modes:
             loop.take_set_point(q - 0.1)
         if mode in ("tracking", "regulation") and k == 6:
             loop.take_trajectory(still, 0, time)
-    assert not loop.supervisor.starting
+    assert not loop.is_braking
 loop.without_state(time + 10**6, "late")
 loop.leave()
 assert limited == {"energy_limited", "contact_limited"}, limited

@@ -12,7 +12,14 @@ import diag_dynamics as dd
 from arm import Cycles, control_loop, gravity_of
 from controlled import frictionless
 from described import UR5, robot
-from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, POSE, REGULATION
+from diag_dynamics.control.modes import (
+    DAMPING,
+    GRAVITY_COMPENSATION,
+    MODES,
+    POSE,
+    REGULATION,
+    TRACKING,
+)
 from diag_dynamics.exceptions import InputError
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
@@ -94,3 +101,22 @@ def test_energies_of_joints_stay_below_their_limits(arm):
         closed.go(400, push)
         peaks.append((closed.shares / limits).max())
     assert 0.9 < peaks[0] < 1.01 and peaks[1] > 10.0
+
+
+@pytest.mark.parametrize("is_switch", [False, True])
+@pytest.mark.parametrize("mode", MODES)
+def test_a_mode_that_begins_in_motion(arm, mode, is_switch):
+    """No joint becomes faster than the fastest one was, and the arm stands afterwards."""
+    initial_mode = TRACKING if is_switch else mode
+    closed = Closed(arm, rate=1000, initial_mode=initial_mode, controlled_link="tool0")
+    if is_switch:
+        closed.go(20)
+        closed.loop.switch(mode)
+    closed.plant.reset(Q, np.full(6, -0.3))
+    closed.go(1)
+    assert closed.loop.is_braking == (not is_switch or mode in (GRAVITY_COMPENSATION, POSE))
+    for _ in range(500):
+        closed.go(1)
+        assert np.abs(closed.plant.qd).max() <= 0.3
+    assert np.abs(closed.plant.qd).max() <= 0.01
+    assert not closed.loop.is_braking

@@ -13,6 +13,7 @@ from arm import pinocchio_command
 from controlled import frictionless
 from controller_managers import ControllerManager
 from controllers import HOLDING, RAMPING_DOWN, START_AT, Controller, gravity_of
+from diag_dynamics.control.loop import BRAKING
 from diag_dynamics.nodes.support.statuses import LOG_PERIOD
 from nodes import MS, UR5, S, joint_state, robot
 
@@ -129,12 +130,15 @@ def test_a_switch_from_rest(arm, mode):
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_switch_in_motion(arm, mode):
-    """No joint becomes faster than the fastest one was."""
+    """No joint becomes faster than the fastest one was, and the status reports the braking."""
     assert arm.ask(mode).success
     arm.velocity = VELOCITY
     before = arm.run(0.02)
     assert arm.activate("effort_controller", "trajectories") <= before * (1.0 + 1e-6)
+    assert arm.run(0.02) <= before * (1.0 + 1e-6)
+    assert arm.status.messages[-1].message == BRAKING
     assert arm.run(0.6) <= before * (1.0 + 1e-6)
+    assert not arm.status.messages[-1].message
 
 
 def test_a_law_starts_anew_with_its_controller(arm):

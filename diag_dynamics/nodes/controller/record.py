@@ -9,6 +9,7 @@ from collections import Counter
 from std_msgs.msg import Header
 
 from diag_dynamics.control.laws import PoseError
+from diag_dynamics.control.loop import BRAKING
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
 from diag_dynamics.control.tank import RESERVE
@@ -88,8 +89,8 @@ class Record:
             if recent["holds"]:
                 values["last hold"] = self._last_hold
                 return _fault(f"{mode}; held gravity: ", self._last_hold, values)
-            if supervisor.starting:
-                return Status("control", WARN, f"{mode}; taking up the load, damped", values)
+            if loop.is_braking:
+                return Status("control", WARN, f"{mode}; {BRAKING}", values)
             if loop.shortfall:
                 return _fault(f"{mode}; target not reached: ", loop.shortfall, values)
             return Status("control", OK, mode, values)
@@ -180,7 +181,7 @@ def status_message(loop, sent, trajectories):
         header=Header(stamp=to_time(sent.stamp), frame_id=model.root_link),
         mode=loop.mode,
         phase=loop.supervisor.phase,
-        message=shortened(loop.supervisor.reason or loop.shortfall),
+        message=shortened(loop.supervisor.reason or loop.shortfall or BRAKING * loop.is_braking),
         dof_names=list(model.dof_names),
         state_age=sent.age,
         effort_command=doubles(sent.effort),
