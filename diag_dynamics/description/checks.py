@@ -57,25 +57,6 @@ class Remark(NamedTuple):
     words: tuple[object, ...] = ()
     kind: str = ""
 
-    @property
-    def check(self) -> Check:
-        """The row, for links or joints."""
-        check = CHECKS[self.row]
-        return check._replace(kind=self.kind or check.kind)
-
-    @property
-    def text(self) -> str:
-        """Mistake and remedy."""
-        return f"{self.check.text.format(*self.words)}. {self.check.remedy}"
-
-    def subject(self, more: int) -> str:
-        """Return the link or joint, the number of more with the same text, and its number."""
-        if self.name is None:
-            return ""
-        unit, others = self.check.unit, f" and {more} more" if more else ""
-        number = f" ({self.number:.3g} {unit})" if unit else ""
-        return f"{self.check.kind} {short(self.name)}{others}{number}: "
-
 
 LINKS = {
     "negative D": Check(
@@ -357,15 +338,31 @@ CHECKS |= {name: check._replace(warning=ModelWarning) for name, check in WARNED.
 CHECKS |= {name: check._replace(kind="joint") for name, check in JOINTS.items()}
 
 
+def grouped(remarks: Iterable[Remark]) -> dict[tuple[Check, str], dict[str, float]]:
+    """Return numbers by name of remarks that have the same check and text."""
+    groups: dict[tuple[Check, str], dict[str, float]] = {}
+    for row, name, number, words, kind in remarks:
+        check = CHECKS[row]
+        check = check._replace(kind=kind or check.kind)
+        numbers = groups.setdefault((check, check.text.format(*words)), {})
+        if name is not None:
+            numbers[name] = float(number)
+    return groups
+
+
 def warn_of(robot: str, remarks: Iterable[Remark]) -> None:
     """Warn of checks that fail, those of one category at once."""
-    groups: dict[type[ModelWarning], dict[str, list[Remark]]] = {}
-    for remark in remarks:
-        category, text = remark.check.warning, remark.text
-        if category is not None:
-            groups.setdefault(category, {}).setdefault(text, []).append(remark)
-    for category, group in groups.items():
-        texts = [alike[0].subject(len(alike) - 1) + text for text, alike in group.items()]
+    texts_by_category: dict[type[ModelWarning], list[str]] = {}
+    for (check, text), numbers in grouped(remarks).items():
+        if check.warning is None:
+            continue
+        if numbers:
+            name, number = next(iter(numbers.items()))
+            others = f" and {len(numbers) - 1} more" if len(numbers) > 1 else ""
+            size = f" ({number:.3g} {check.unit})" if check.unit else ""
+            text = f"{check.kind} {short(name)}{others}{size}: {text}"
+        texts_by_category.setdefault(check.warning, []).append(f"{text}. {check.remedy}")
+    for category, texts in texts_by_category.items():
         if more := texts[MAX_MISTAKES:]:
             text = f"And {len(more)} more mistakes: diag-dynamics inspect lists them."
             texts[MAX_MISTAKES:] = [text]

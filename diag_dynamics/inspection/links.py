@@ -29,13 +29,13 @@ SLENDER = 4.0  # ratio of moments from which a shape is a bar
 def possible_inertias(urdf: Urdf) -> Found:
     """Find moments of inertia below zero or above the sum of the others, beyond rounding."""
     links = [link for link in urdf.links.values() if link.inertia is not None]
-    return unphysical((x.name, x.mass or 0.0, x.inertia, x.half_digit) for x in links)
+    return unphysical((x.name, x.mass, x.inertia, x.half_digit) for x in links)
 
 
 def negative_inertias(urdf: Urdf) -> Found:
     """Find negative principal moments, the cause of errors about D."""
     for link in urdf.links.values():
-        if link.inertia is not None and negative_moments(link.inertia, link.mass or 0.0):
+        if link.inertia is not None and negative_moments(link.inertia, link.mass):
             yield "negative D", link.name, np.linalg.eigvalsh(link.inertia)[0]
 
 
@@ -54,7 +54,7 @@ def missing_inertias(urdf: Urdf) -> Found:
             if link.mass == 0.0 and link.inertia is not None and link.inertia.any():
                 yield "no mass", link.name, 0.0
         points = [x for x in body.links if x.mass and x.inertia is not None and not x.inertia.any()]
-        mass, alone = sum(x.mass or 0.0 for x in points), len(points) == len(body.heavy)
+        mass, alone = sum(x.mass for x in points), len(points) == len(body.heavy)
         if not urdf.is_negligible(mass) and (alone or mass > SHARE * body.mass):
             yield from (("point" if alone else "attached", x.name, x.mass) for x in points)
 
@@ -110,7 +110,7 @@ def gyration(urdf: Urdf) -> Found:
             ratio, felt = np.sqrt(np.maximum(moments, 0.0) / link.mass) / reach
             if ratio > WIDE:
                 yield "large" if felt > WIDE else "idle", link.name, ratio
-            elif ratio < POINT and (link.mass or 0.0) > 1e-3 * urdf.total_mass:
+            elif ratio < POINT and link.mass > 1e-3 * urdf.total_mass:
                 yield "small", link.name, ratio
 
 
@@ -130,7 +130,7 @@ def inertia_axes(urdf: Urdf) -> Found:
     """Find bars and discs with the inertia of one along another axis."""
     for body in urdf.measured_bodies:
         for link in filter(urdf.has_inertia, body.links):
-            R, is_main = body.placements[link.name][:3, :3], (link.mass or 0.0) >= 0.8 * body.mass
+            R, is_main = body.placements[link.name][:3, :3], link.mass >= 0.8 * body.mass
             inertia = R @ link.inertia @ R.T
             if is_main and all(_is_turned(solid, inertia) for solid in body.solids.values()):
                 yield "turned", link.name, 0.0
@@ -151,10 +151,10 @@ def placeholders(urdf: Urdf) -> Found:
     groups: dict[tuple[float, ...], list[Link]] = {}
     for link in filter(urdf.has_inertia, urdf.links.values()):
         if np.allclose(link.inertia, np.eye(3), rtol=0.0, atol=1e-9):
-            yield "identity", link.name, 2.0 * np.sqrt(2.5 / (link.mass or np.inf))
+            yield "identity", link.name, 2.0 * np.sqrt(2.5 / link.mass)
         else:
             rounded = np.round(np.linalg.eigvalsh(link.inertia), 12)
-            groups.setdefault((link.mass or 0.0, *rounded), []).append(link)
+            groups.setdefault((link.mass, *rounded), []).append(link)
     for (mass, *moments), links in groups.items():
         solids = [link.solids.get("collision") or link.solids.get("visual") for link in links]
         volumes = np.sort([solid.volume for solid in solids if solid])

@@ -16,7 +16,7 @@ import numpy as np
 
 from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import Remark, handle_warnings
+from diag_dynamics.description.checks import Remark, grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -149,17 +149,11 @@ def inspect_robot(
 
 def _findings(check: str, found: Found) -> list[Finding]:
     """Return a finding for each row, with each choice of words, that a check yields."""
-    groups: dict[tuple[Any, ...], dict[str, float]] = {}
-    for fields in found:
-        remark = Remark(*fields)
-        group = groups.setdefault((remark.check, *remark.words), {})
-        group |= {} if remark.name is None else {remark.name: float(remark.number)}
     findings = []
-    for (row, *words), group in groups.items():
+    for (row, text), group in grouped(Remark(*fields) for fields in found).items():
         pairs = sorted(group.items(), key=lambda pair: pair[1] if row.ascending else -abs(pair[1]))
         named: dict[str, Any] = {f"{row.kind}s": tuple(dict(pairs))}
         named |= {"values": dict(pairs) if row.unit else {}, "unit": row.unit}
-        text = row.text.format(*words)
         findings.append(Finding(row.severity, check, text, remedy=row.remedy, **named))
     return findings
 

@@ -35,11 +35,11 @@ Found = Iterator[tuple[Any, ...]]
 
 @dataclass
 class Link:
-    """A link; mass [kg] and inertia (about the centre of mass, link's axes) may be None."""
+    """A link; mass [kg], and inertia about the centre of mass in the link's axes or None."""
 
     name: str
     has_inertial: bool = False
-    mass: float | None = None
+    mass: float = 0.0
     centre: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Any = None
     half_digit: float = 0.0  # half a unit of the inertia's last digit
@@ -84,11 +84,11 @@ class Body:
     def __init__(self, placed: list[tuple[Link, Array]], joint: Joint | None) -> None:
         self.joint = joint
         self.links = links = [link for link, _ in placed]
-        self.mass = sum(link.mass or 0.0 for link in links)
+        self.mass = sum(link.mass for link in links)
         self.heavy = [link.name for link in links if link.mass]
         self.placements = {link.name: X for link, X in placed}
         self.centres = {link.name: X[:3, :3] @ link.centre + X[:3, 3] for link, X in placed}
-        moment = sum(((link.mass or 0.0) * self.centres[link.name] for link in links), np.zeros(3))
+        moment = sum((link.mass * self.centres[link.name] for link in links), np.zeros(3))
         self.centre = moment / self.mass if self.mass > 0.0 else moment
         self.solids: dict[str, Solid] = {}
         self.is_measured = any(link.solids for link in links)
@@ -121,7 +121,7 @@ class Urdf:
             self.links |= {name: _described_link(link) for name, link in source.links.items()}
         else:
             self._read(parse_urdf(source), folder)
-        self.total_mass: float = sum(link.mass or 0.0 for link in self.links.values())
+        self.total_mass: float = sum(link.mass for link in self.links.values())
         attached = {joint.child for joint in self.joints if joint.type == "fixed"}
         roots, seen = [name for name in self.links if name not in attached], set[str]()
         moving = {joint.child: joint for joint in self.joints if joint.type != "fixed"}
@@ -154,7 +154,7 @@ class Urdf:
                 link.measure(element, role, folder, meshes)
             self.links[name] = link
 
-    def is_negligible(self, mass: float | None) -> bool:
+    def is_negligible(self, mass: float) -> bool:
         """Return whether a mass is too small to change results."""
         return not mass or mass < NEGLIGIBLE * self.total_mass
 
