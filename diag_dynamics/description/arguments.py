@@ -52,8 +52,7 @@ def with_payloads(description: Description, value: object) -> Description:
     """Return a description with exactly these payloads by link, those of mass zero left out."""
     checked = {}
     for name, entry in mapping("payloads", value).items():
-        if name not in description.links:
-            raise InputError(f"payloads: {name!r} is not a link of robot '{description.name}'.")
+        description.link("payloads", name)
         try:
             payload = Payload(*entry)
         except TypeError as error:
@@ -75,10 +74,6 @@ def _by_joint(
     """Return a number by name of joints of one degree of freedom."""
     values = {}
     for joint, x in mapping(name, value).items():
-        if joint not in description.joints:
-            raise InputError(f"{name}: {joint!r} is not a joint of robot '{description.name}'.")
-        kind = description.joints[joint].type
-        if kind not in SINGLE:
-            raise InputError(f"{name}: joint '{joint}' is {kind}, expected one degree of freedom.")
+        description.single_joint(name, joint)
         values[joint] = number(f"{name} of joint '{joint}'", x, expected, valid)
     return values

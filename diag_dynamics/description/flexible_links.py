@@ -245,9 +245,7 @@ def with_flexible_links(description: Description, couplings: Couplings) -> Descr
     """Return a description with links and joints for modes of flexible links."""
     entries = mapping("flexible_links", couplings.content.get("flexible_links") or {})
     for name, entry in entries.items():
-        if name not in description.links:
-            text = f"flexible_links: '{name}' is not a link of robot '{description.name}'."
-            raise InputError(text)
+        description.link("flexible_links", name)
         builder = _Builder(description)
         link = builder.divide(name, mapping(f"flexible link '{name}'", entry))
         modes = frozenset(builder.joints.keys() - description.joints.keys())

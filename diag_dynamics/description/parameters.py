@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -20,7 +20,6 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, positive
 from diag_dynamics.description.inertias import LARGEST, checked_body
 from diag_dynamics.description.records import (
-    SINGLE,
     Coupling,
     Description,
     FlexibleJoint,
@@ -31,7 +30,6 @@ from diag_dynamics.description.records import (
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
-from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_text, read_yaml, yaml_text
 
 NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding
@@ -297,17 +295,11 @@ name."""
 
 def with_parameters(description: Description, parameters: Parameters) -> Description:
     """Return a description with parameters; a spring takes the place of the joint's armature."""
-    named = {**parameters.flexible_joints, **parameters.joints}
-    _reject_unknown("joint", named, description.joints, description.name)
-    bodies = *parameters.links, *parameters.payloads
-    _reject_unknown("link", bodies, description.links, description.name)
     joints, links = dict(description.joints), dict(description.links)
-    for name in named:
-        if joints[name].type not in SINGLE:
-            raise InputError(
-                f"parameters: joint '{name}' is {joints[name].type}, "
-                "expected one degree of freedom."
-            )
+    for name in (*parameters.flexible_joints, *parameters.joints):
+        description.single_joint("parameters", name)
+    for name in (*parameters.links, *parameters.payloads):
+        description.link("parameters", name)
     for name, spring in parameters.flexible_joints.items():
         joints[name] = joints[name]._replace(spring=spring, armature=0.0)
     for name, entry in parameters.joints.items():
@@ -327,17 +319,6 @@ def with_parameters(description: Description, parameters: Parameters) -> Descrip
         motor_efforts=description.motor_efforts or parameters.motor_efforts,
         friction_velocity=description.friction_velocity if velocity is None else velocity,
     )
-
-
-def _reject_unknown(
-    kind: str, names: Iterable[str], elements: Mapping[str, object], robot: str
-) -> None:
-    for name in names:
-        if name not in elements:
-            raise InputError(
-                f"parameters: '{name}' is not a {kind} of robot '{robot}'. "
-                f"Its {kind}s are {listed(list(elements))}."
-            )
 
 
 def _plain(value: Any) -> Any:
@@ -385,27 +366,17 @@ def perturbed(description: Description, part: float, rng: np.random.Generator) -
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
-def numbers_text(values: Iterable[float]) -> str:
-    """Return numbers as the text of an attribute that has the same bits."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def set_inertia(inertial: Any, mass: float, centre: Array, inertia: Array) -> None:
-    """Add to an `<inertial>` the mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²]."""
-    etree.SubElement(inertial, "origin", xyz=numbers_text(centre), rpy="0 0 0")
-    etree.SubElement(inertial, "mass", value=repr(float(mass)))
-    etree.SubElement(
-        inertial,
-        "inertia",
-        {entry: repr(float(inertia[place])) for entry, place in ENTRIES.items()},
-    )
-
-
 def insert_inertia(link: Any, comment: str, mass: float, centre: Array, inertia: Array) -> None:
-    """Insert an `<inertial>` with a comment into a link, in the file's manner of indenting."""
+    """Insert an `<inertial>` with a comment into a link, in the file's manner of indenting.
+
+    Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²] have the same bits.
+    """
     inertial = etree.Element("inertial")
     inertial.append(_comment(comment))
-    set_inertia(inertial, mass, centre, inertia)
+    etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
+    etree.SubElement(inertial, "mass", value=repr(float(mass)))
+    entries = {name: repr(float(inertia[place])) for name, place in ENTRIES.items()}
+    etree.SubElement(inertial, "inertia", entries)
     _insert_first(link, inertial)
 
 

@@ -16,6 +16,7 @@ from diag_dynamics.description.checks import Remark
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.rotations import from_rpy
+from diag_dynamics.text import listed
 
 SINGLE = "revolute", "continuous", "prismatic"
 """Types of joints of one degree of freedom."""
@@ -362,6 +363,27 @@ class Description(NamedTuple):
     held: Mapping[str, float] = {}
     flexible: Flexible = Flexible()
     remarks: tuple[Remark, ...] = ()
+
+    def link(self, where: str, name: str) -> Link:
+        """Return a link by its name; `where` is for errors."""
+        if name not in self.links:
+            raise InputError(
+                f"{where}: '{name}' is not a link of robot '{self.name}'. "
+                f"Its links are {listed(list(self.links))}."
+            )
+        return self.links[name]
+
+    def single_joint(self, where: str, name: str) -> Joint:
+        """Return a joint of one degree of freedom by its name; `where` is for errors."""
+        if name not in self.joints:
+            raise InputError(
+                f"{where}: '{name}' is not a joint of robot '{self.name}'. "
+                f"Its joints are {listed(list(self.joints))}."
+            )
+        kind = self.joints[name].type
+        if kind not in SINGLE:
+            raise InputError(f"{where}: joint '{name}' is {kind}, expected one degree of freedom.")
+        return self.joints[name]
 
     def with_joints(self, *joints: Joint) -> Description:
         """Return this description with these joints in place of those of the same names."""

@@ -15,7 +15,6 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import warn
 from diag_dynamics.description.records import (
-    SINGLE,
     Curve,
     Description,
     Flexible,
@@ -23,15 +22,12 @@ from diag_dynamics.description.records import (
     Loop,
     Mimic,
 )
-from diag_dynamics.exceptions import InputError, LoopError, LoopWarning, MimicJointError
-from diag_dynamics.model.mimic import resolve_mimics
+from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
+from diag_dynamics.model.mimic import joints_between, path_to, resolve_mimics
 from diag_dynamics.model.tree import Tree
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.text import listed
-
-MAX_COUPLED = 1000
-"""Largest number of bodies in a coupled group."""
 
 DEPENDENT = 1e-7
 """Singular value of a loop's equations, by the largest, below which they depend on each other at
@@ -100,18 +96,10 @@ def resolve_curves(
     Followers of a joint that is locked are locked as well, and mimic joints of a follower leave
     `mimics`.
     """
-    joints, resolved = description.joints, dict[str, Curve]()
+    resolved: dict[str, Curve] = {}
     for name, curve in curves.items():
         for joint in (name, curve.source):
-            if joint not in joints:
-                raise InputError(
-                    f"mimics of '{name}': '{joint}' is not a joint of robot '{description.name}'."
-                )
-            if joints[joint].type not in SINGLE:
-                raise InputError(
-                    f"mimics of '{name}': joint '{joint}' is {joints[joint].type}, "
-                    "expected one degree of freedom."
-                )
+            description.single_joint(f"mimics of '{name}'", joint)
         if name in locked:
             continue
         if curve.source in curves:
@@ -150,16 +138,7 @@ def tree_of(description: Description) -> Tree:
         curves = resolve_curves(description, curves, mimics, locked)
         coupled = close(Tree(description, locked, {}), curves, mimics, flexible)
         mimics = coupled.mimics
-    tree = Tree(description, locked, mimics, coupled)
-    for group, size in zip(tree.groups, tree.group_sizes, strict=True):
-        if size > MAX_COUPLED:
-            raise MimicJointError(
-                f"robot '{description.name}' has a group of {len(group)} coupled joints, "
-                f"'{group[0]}' to '{group[-1]}', of {size} bodies, and no more than "
-                f"{MAX_COUPLED} are accepted. Take every joint as independent (mimic: free).",
-                group,
-            )
-    return tree
+    return Tree(description, locked, mimics, coupled)
 
 
 def close(
@@ -182,7 +161,7 @@ def close(
     }
     families = [(cut.members(loop), [loop]) for loop in loops]
     families += [
-        (cut.between(f, curve.source) | {f, curve.source}, [])
+        (joints_between((f, curve.source), cut.carriers), [])
         for f, curve in (curves | linear).items()
     ]
     for members, cuts in _merged(families):
@@ -348,23 +327,11 @@ class _Cut:
         bodies, _ = tree.records({})
         self._workspace = Workspace(bodies, np.zeros(3))
         self._places = {link.name: (body, place) for link, body, place in tree.links}
-        self._carriers = {name: joint.carrier for name, joint in tree.moving.items()}
+        self.carriers = {name: joint.carrier for name, joint in tree.moving.items()}
         self._of_body = {body: name for name, body in tree.last_body.items()}
         self.names = [joint.name for joint in tree.joints if len(joint.dof_names) == 1]
         self._q = {name: k for k, name in enumerate(tree.coordinate_names)}
         self._dof = {name: k for k, name in enumerate(tree.dof_names)}
-
-    def _carriers_of(self, name: str | None) -> set[str]:
-        """Return a joint and all that carry it."""
-        path = set()
-        while name is not None:
-            path.add(name)
-            name = self._carriers[name]
-        return path
-
-    def between(self, name: str | None, second: str | None) -> set[str]:
-        """Return the joints that carry one of two joints, and are it, but not the other."""
-        return self._carriers_of(name) ^ self._carriers_of(second)
 
     def members(self, loop: Loop) -> set[str]:
         """Return the joints between the ends of a loop."""
@@ -387,7 +354,9 @@ class _Cut:
                 raise LoopError(
                     f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π."
                 )
-        return self.between(*(self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b)))
+        ends = (self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b))
+        first, second = (path_to(joint, self.carriers) for joint in ends)
+        return first ^ second
 
     def reject_open(self, loops: Sequence[Loop], q: Array) -> None:
         """Raise an error of the first loop that is open at q."""

@@ -121,14 +121,11 @@ def coupled_groups(
     `closed` loop. Groups that share a joint are one group. `carriers` has the joint that carries
     each moving joint, or None.
     """
-    depth: dict[str | None, int] = {None: 0}
-    for name, carrier in carriers.items():
-        depth[name] = depth[carrier] + 1
     families: dict[str, list[str]] = {}
     for name, mimic in mimics.items():
         families.setdefault(mimic.leader, [mimic.leader]).append(name)
     groups: dict[str, set[str]] = {}
-    lowest = [_joints_between(family, depth, carriers) for family in families.values()]
+    lowest = [joints_between(family, carriers) for family in families.values()]
     for group in [*lowest, *map(set, closed)]:
         for joined in {id(groups[name]): groups[name] for name in group if name in groups}.values():
             group |= joined
@@ -136,23 +133,20 @@ def coupled_groups(
     return groups
 
 
-def _joints_between(
-    family: list[str], depth: Mapping[str | None, int], carriers: Mapping[str, str | None]
-) -> set[str]:
+def path_to(name: str | None, carriers: Mapping[str, str | None]) -> set[str]:
+    """Return a joint and all that carry it; no joint moves the world, None."""
+    path = set()
+    while name is not None:
+        path.add(name)
+        name = carriers[name]
+    return path
+
+
+def joints_between(family: Iterable[str], carriers: Mapping[str, str | None]) -> set[str]:
     """Return the joints of a family, and those up to the lowest joint that carries all of them."""
-    joints = {family[0]}
-    carrier = carriers[family[0]]  # of all these joints
-    for name in family[1:]:
-        joints.add(name)
-        branch = carriers[name]
-        while carrier != branch and branch not in joints:
-            if carrier is not None and depth[carrier] >= depth[branch]:
-                joints.add(carrier)
-                carrier = carriers[carrier]
-            elif branch is not None:  # the world alone, None, has depth 0
-                joints.add(branch)
-                branch = carriers[branch]
-    return joints
+    paths = {name: path_to(name, carriers) for name in family}
+    common = set.intersection(*(path - {name} for name, path in paths.items()))
+    return set().union(*paths.values()) - common
 
 
 # --- Values of mimic joints in messages

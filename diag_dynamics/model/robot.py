@@ -165,8 +165,8 @@ class RobotModel:
         self.root_link = description.root
         self.floating_base = description.floating_base
         self.gravity = np.array(description.gravity, float)
-        self.lower = tree.limits("lower")
-        self.upper = tree.limits("upper")
+        self.lower = tree.per_dof("lower", "coordinates")
+        self.upper = tree.per_dof("upper", "coordinates")
         self.velocity_limit = tree.per_dof("velocity")
         self.effort_limit = tree.per_dof("effort")
         self.damping = tree.reflected("damping", 2)

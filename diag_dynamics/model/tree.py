@@ -15,7 +15,7 @@ import numpy.typing as npt
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.records import Description, Joint, Mimic, Payload, translation
-from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.exceptions import MimicJointError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
@@ -24,6 +24,7 @@ from diag_dynamics.sweeps.records import BODY, LINK, VIRTUAL
 if TYPE_CHECKING:
     from diag_dynamics.model.loops import Coupled
 
+MAX_COUPLED = 1000  # largest number of bodies in a coupled group
 _UPPER = np.triu_indices(3)
 
 
@@ -44,8 +45,8 @@ class Tree:
     """A description walked from its root, with positions of locked joints and mimics.
 
     `mimics` has a :class:`Mimic` by name. `joints` are independent, base to tip. Those of a coupled
-    group come together, before what the group carries; `groups` has the names of all of its joints,
-    `group_sizes` its number of bodies. `links` has each :class:`Link` with its body, and its
+    group come together, before what the group carries; `groups` has the names of all of its joints.
+    `links` has each :class:`Link` with its body, and its
     placement (4, 4) in that body's frame.
     """
 
@@ -61,7 +62,6 @@ class Tree:
         self._followers = coupled.followers if coupled else {}
         self.joints: list[MovingJoint] = []
         self.groups: list[tuple[str, ...]] = []
-        self.group_sizes: list[int] = []
         self._coordinates = self._dofs = 0
         self._records = [np.zeros((), BODY)]
         self.last_body: dict[str | None, int] = {None: 0}  # of each moving joint, by name
@@ -79,8 +79,7 @@ class Tree:
             first = self.count
             self._add_block(block)
             if block[0] in groups:
-                self.groups.append(tuple(block))
-                self.group_sizes.append(self.count - first)
+                self._add_group(tuple(block), self.count - first)
         self.links = [
             (description.links[link], self.last_body[carrier], place)
             for link, (carrier, place) in places.items()
@@ -178,6 +177,17 @@ class Tree:
             for rank, leader in enumerate(self._followers.get(name, ())):
                 self._follow(self._records[self.first_body(name) + rank], leader)
 
+    def _add_group(self, group: tuple[str, ...], size: int) -> None:
+        """Add the joints of a group, whose number of bodies must not be too large."""
+        if size > MAX_COUPLED:
+            raise MimicJointError(
+                f"robot '{self.description.name}' has a group of {len(group)} coupled joints, "
+                f"'{group[0]}' to '{group[-1]}', of {size} bodies, and no more than "
+                f"{MAX_COUPLED} are accepted. Take every joint as independent (mimic: free).",
+                group,
+            )
+        self.groups.append(group)
+
     def _follow(self, record: npt.NDArray[np.void], leader: str) -> None:
         """Give a body the coordinate of another joint."""
         source = self._records[self.last_body[leader]]
@@ -207,14 +217,9 @@ class Tree:
             self._dofs += len(joint.type.freedoms)
             self.joints.append(joint)
 
-    def per_dof(self, field: str) -> Array:
-        """Return a field of joints for each degree of freedom; those of one joint share it."""
-        counts = [len(joint.type.freedoms) for joint in self.joints]
-        return np.repeat([float(getattr(x.joint, field)) for x in self.joints], counts)
-
-    def limits(self, field: str) -> Array:
-        """Return a position limit for each coordinate."""
-        counts = [len(joint.type.coordinates) for joint in self.joints]
+    def per_dof(self, field: str, part: str = "freedoms") -> Array:
+        """Return a field of joints for each degree of freedom, or for each of their coordinates."""
+        counts = [len(getattr(joint.type, part)) for joint in self.joints]
         return np.repeat([float(getattr(x.joint, field)) for x in self.joints], counts)
 
     def of_followers(self, field: str) -> Array:

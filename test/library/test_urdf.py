@@ -19,7 +19,7 @@ import diag_dynamics as dd
 from diag_dynamics.description import urdf
 from diag_dynamics.description.urdf import MAX_JOINTS
 from diag_dynamics.model import robot as loader
-from diag_dynamics.model.loops import MAX_COUPLED
+from diag_dynamics.model.tree import MAX_COUPLED
 from examples import shortened
 from robots import ARM, BOX, arm, changed, description, joint, link
 
