@@ -71,8 +71,7 @@ def is_xacro(element: Any) -> bool:
 
 def short(value: object) -> str:
     """Return a value as messages show it."""
-    text = repr(value)
-    return shortened(text, 80)
+    return shortened(repr(value), 80)
 
 
 def placement_of(element: Any, where: str) -> Array:

@@ -370,9 +370,9 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
         return Inertial(rest.mass, translation(rest.centre), rest.inertia)
     centre = RigidBody.union(*sections).centre
     if np.linalg.norm(centre - whole.centre) > FAR * length:
-        text = (
+        raise InputError(
             f"{where}: its centre of mass is at {whole.centre.tolist()} m, "
             f"that of its modes at {centre.tolist()} m."
+            " Give the mass of the beam; the rest stays at the origin."
         )
-        raise InputError(f"{text} Give the mass of the beam; the rest stays at the origin.")
     return None

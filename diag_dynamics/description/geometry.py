@@ -251,10 +251,8 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         except UrdfError as error:
             failed[name] = str(error)
             continue
-        source, body = (
-            f"{role} {' + '.join(solid.of)}",
-            (rho * solid.volume, solid.centre, rho * solid.inertia),
-        )
+        source = f"{role} {' + '.join(solid.of)}"
+        body = rho * solid.volume, solid.centre, rho * solid.inertia
         insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
         estimates.append(Estimate(name, *body, source))
     return Estimated(

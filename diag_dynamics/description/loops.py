@@ -107,10 +107,7 @@ def _end(where: str, entry: Any) -> LoopEnd:
 
 def _curve(where: str, entry: Any) -> Curve:
     entry = mapping(where, entry, ("source", "polynomial", "table"), ["source"])
-    source, expected = (
-        str(entry["source"]),
-        "two rows or more of the source's position, ascending, and the joint's",
-    )
+    source = str(entry["source"])
     if ("polynomial" in entry) == ("table" in entry):
         raise InputError(
             f"{where} has {listed(list(map(repr, entry)))}, expected source, "
@@ -118,13 +115,10 @@ def _curve(where: str, entry: Any) -> Curve:
         )
     if "polynomial" in entry:
         values = array_of(entry["polynomial"])
-        count, expected = (
-            1 if values is None else max(1, values.size),
-            "coefficients, the constant first",
-        )
-        return Curve(
-            source, np.array([[0.0, *numbers(f"{where}: polynomial", values, (count,), expected)]])
-        )
+        count = 1 if values is None else max(1, values.size)
+        expected = "coefficients, the constant first"
+        values = numbers(f"{where}: polynomial", values, (count,), expected)
+        return Curve(source, np.array([[0.0, *values]]))
     table = array_of(entry["table"])
     if (
         table is None
@@ -133,7 +127,10 @@ def _curve(where: str, entry: Any) -> Curve:
         or not np.isfinite(table).all()
         or not (np.diff(table[:, 0]) > 0.0).all()
     ):
-        raise InputError(f"{where}: table is {entry['table']!r}, expected {expected}.")
+        raise InputError(
+            f"{where}: table is {entry['table']!r}, expected two rows or more of the source's "
+            "position, ascending, and the joint's."
+        )
     return Curve(source, _spline(*table.T))
 
 

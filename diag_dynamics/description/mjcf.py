@@ -95,10 +95,9 @@ class _Compiled:
         self.single = [j for j in self.joints if self.joint_kinds[j] in ("hinge", "slide")]
         # nu counts controls since these may be several of one actuator.
         self.actuators = range(getattr(m, "nactuator", m.nu))
-        at_joint = [
-            kind in ("joint", "jointinparent") for kind in self.kinds("mjtTrn", "actuator_trntype")
-        ]
-        ends = {a: int(m.actuator_trnid[a, 0]) for a in self.actuators if at_joint[a]}
+        kinds = self.kinds("mjtTrn", "actuator_trntype")
+        at_joint = [a for a in self.actuators if kinds[a] in ("joint", "jointinparent")]
+        ends = {a: int(m.actuator_trnid[a, 0]) for a in at_joint}
         # The hinge or slide of an actuator
         self.actuated = {a: j for a, j in ends.items() if j in self.single}
         self.equality_kinds = self.kinds("mjtEq", "eq_type")

@@ -23,7 +23,6 @@ from diag_dynamics.description.records import (
     Coupling,
     Description,
     FlexibleJoint,
-    Joint,
     Link,
     Payload,
 )
@@ -86,7 +85,7 @@ class JointParameters(NamedTuple):
     effort_scale: float | None = None
 
     @property
-    def known(self) -> dict[str, float]:
+    def known(self) -> dict[str, Any]:
         """The numbers that are not None, by name."""
         return {name: float(value) for name, value in self._asdict().items() if value is not None}
 
@@ -303,7 +302,7 @@ def with_parameters(description: Description, parameters: Parameters) -> Descrip
     for name, spring in parameters.flexible_joints.items():
         joints[name] = joints[name]._replace(spring=spring, armature=0.0)
     for name, entry in parameters.joints.items():
-        joints[name] = Joint(**{**joints[name]._asdict(), **entry.known})
+        joints[name] = joints[name]._replace(**entry.known)
     for name, body in parameters.links.items():
         links[name] = Link(name, body.inertial)
     for name, payload in parameters.payloads.items():

@@ -209,11 +209,10 @@ def _choose(
         )
     chosen = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
     if foreign := chosen - group.joints:
-        text = (
+        raise LoopError(
             f"{title}: independent joint '{min(foreign)}' is not in it; "
             f"its joints are {listed(names)}."
         )
-        raise LoopError(text)
     for fixed, dependent in ((chosen, RANK), (set[str](), RANK), (set[str](), ROUNDED_RANK)):
         start = start_values.copy()
         J, gap = cut.close(start, names, group, fixed, dependent)
@@ -236,17 +235,16 @@ def _choose(
     if any(np.linalg.matrix_rank(J, 1e-3 * values[0]) > rank for J in poses):
         raise LoopError(f"{title}: the start is singular. Give other start values.")
     if free < 1:
-        text = (
+        raise LoopError(
             f"{title} leaves none of its joints free: {listed(names)}. Lock them, "
             "or cut the loop elsewhere."
         )
-        raise LoopError(text)
     if chosen and len(chosen) != free:
-        text = (
+        raise LoopError(
             f"{title}: {len(chosen)} independent joints are given, {listed(sorted(chosen))}; "
             f"it has {free}"
+            f" degree{'s' * (free > 1)} of freedom."
         )
-        raise LoopError(f"{text} degree{'s' * (free > 1)} of freedom.")
     independent = (
         [name for name in names if name in chosen]
         if chosen
@@ -254,8 +252,10 @@ def _choose(
     )
     followers = [name for name in names if name not in independent]
     if not _ratio(J, names, followers) > couplings.NEARLY_SINGULAR:
-        text = f"{title}: the start is singular for the independent joints {listed(independent)}."
-        raise LoopError(f"{text} Give other start values.")
+        raise LoopError(
+            f"{title}: the start is singular for the independent joints {listed(independent)}."
+            " Give other start values."
+        )
     group.closures.extend(closures)
     result.followers.update(dict.fromkeys(followers, tuple(independent)))
     result.start.update(cut.positions(start, names))
@@ -340,11 +340,10 @@ class _Cut:
                 raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
         for name in {*loop.independent, *loop.start} - self.tree.locked.keys():
             if name not in self._q:
-                text = (
+                raise LoopError(
                     f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that "
                     "moves."
                 )
-                raise LoopError(text)
         for name, x in loop.start.items():
             if (
                 name in self._q
@@ -421,10 +420,8 @@ class _Cut:
         phi, J = [], []
         for loop in group.loops:
             for a, b in loop.points:
-                (at_a, J_a), (at_b, J_b) = (
-                    self._point(q, loop.a.link, a),
-                    self._point(q, loop.b.link, b),
-                )
+                at_a, J_a = self._point(q, loop.a.link, a)
+                at_b, J_b = self._point(q, loop.b.link, b)
                 phi.append(at_a - at_b)
                 J.append(J_a - J_b)
         for name, curve in group.equations.items():

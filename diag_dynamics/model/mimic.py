@@ -71,10 +71,10 @@ def _end_of_chain(
         _require_single(joints[name], chain)
         leader = followers[name].leader
         if leader not in joints:
-            text = (
-                f"joint '{name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}"
+            raise MimicJointError(
+                f"joint '{name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}",
+                [name],
             )
-            raise MimicJointError(text, [name])
         if leader in chain:
             way = " → ".join(map(repr, [*chain, leader]))
             raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", chain)
@@ -89,11 +89,12 @@ def _end_of_chain(
 
 def _require_single(joint: Joint, chain: list[str]) -> None:
     if joint.type not in (*SINGLE, "fixed"):
-        text = (
+        raise MimicJointError(
             f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, "
             "where each mimics the next"
+            f"; expected one degree of freedom. {_CURE}",
+            chain,
         )
-        raise MimicJointError(f"{text}; expected one degree of freedom. {_CURE}", chain)
 
 
 def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
@@ -170,11 +171,8 @@ class Followers:
         continuous: Container[str] = (),
         motion: FollowerMotion | None = None,
     ) -> None:
-        self.names, self.tolerance, self.motion = (
-            tuple(motion.names if motion else mimics),
-            tolerance,
-            motion,
-        )
+        self.names = tuple(motion.names if motion else mimics)
+        self.tolerance, self.motion = tolerance, motion
         joints = tuple(joints)
         self._sources: dict[str, tuple[str, ...]] = {
             name: (mimic.leader,) for name, mimic in mimics.items()

@@ -438,11 +438,11 @@ class RobotModel:
         """
         parameters = read_parameters(parameters)
         if flexible := sorted(parameters.links.keys() & self.flexible_links.keys()):
-            text = (
+            raise InputError(
                 f"parameters: link '{flexible[0]}' is flexible, "
                 "and its inertia is divided among its modes."
+                " Give the parameters to load_urdf."
             )
-            raise InputError(f"{text} Give the parameters to load_urdf.")
         description = with_parameters(self.description, parameters)
         return build(description._replace(held={}), parameters)
 
