@@ -49,7 +49,7 @@ def model_of(description, values, recorded=None):
     if rest is not None and recorded is None:
         problem = "parameter 'locked_joints' has '*', the joints that a recording lacks"
         raise InputError(f"{problem}; expected names of joints, because no recording is read here.")
-    if described.gravity is not None and list(gravity) == PARAMETERS["gravity"].default:
+    if list(gravity) == PARAMETERS["gravity"].default:
         gravity = described.gravity
     model = load_urdf(
         described,
