@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tiers, the CPU budget of a test of the gate, kernels compiled once, and the peer of nodes under test."""
+"""Tiers, the CPU budget of a test of the gate, kernels compiled once, and the peer of nodes under
+test.
+"""
 
 import os
 import signal
@@ -21,10 +23,11 @@ WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
 """Folders of the files that import ROS 2 at their top; all their tests are marked `ros`."""
 
 MAX_CPU_TIME = 10.0
-"""CPU-seconds that a test of the gate may take, with the processes that it starts; wall time depends on the machine.
+"""CPU-seconds that a test of the gate may take, with the processes that it starts; wall time
+depends on the machine.
 
-Only workers fail a test for it, with few robots: before they start, the kernels are compiled. Live tests are exempt, because
-the test that ends a process would be charged for all of its life.
+Only workers fail a test for it, with few robots: before they start, the kernels are compiled. Live
+tests are exempt, because the test that ends a process would be charged for all of its life.
 """
 
 
@@ -54,7 +57,10 @@ def without_ros():
         import diag_dynamics.srv  # noqa: F401
         import rclpy  # noqa: F401
     except ImportError as error:
-        return f"no ROS 2 with diag_dynamics' interfaces ({error}): make setup, then source scripts/env.bash"
+        return (
+            f"no ROS 2 with diag_dynamics' interfaces ({error}): make setup, then source "
+            f"scripts/env.bash"
+        )
     return None
 
 
@@ -86,7 +92,8 @@ def pytest_make_parametrize_id(config, val):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config):
-    """Compile the largest kernels before there are workers, each of which would wait for the same, or do it again.
+    """Compile the largest kernels before there are workers, each of which would wait for the same,
+    or do it again.
 
     `make setup-tests` has compiled all of them; this is for those who call pytest.
     """
@@ -118,7 +125,8 @@ def pytest_runtest_call(item):
     exempt = item.get_closest_marker("full") or item.get_closest_marker("live")
     if limited and taken > MAX_CPU_TIME and not exempt:
         pytest.fail(
-            f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the gate. Mark it `full`."
+            f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the "
+            f"gate. Mark it `full`."
         )
     return result
 
@@ -139,10 +147,11 @@ def pytest_runtest_makereport(item):
 
 @pytest.fixture(scope="module")
 def ros_domain(tmp_path_factory, compiled):
-    """Return a ROS domain that no other test run on this machine has, in this process and in those that it starts.
+    """Return a ROS domain that no other test run on this machine has, in this process and in those
+    that it starts.
 
-    All go by UDP: a process that is killed while it holds a lock of Fast DDS's shared memory leaves it locked, and the
-    others wait for ever, https://github.com/eProsima/Fast-DDS/issues/5469.
+    All go by UDP: a process that is killed while it holds a lock of Fast DDS's shared memory leaves
+    it locked, and the others wait for ever, https://github.com/eProsima/Fast-DDS/issues/5469.
     """
     from processes import Process, locked_domain
 
@@ -158,7 +167,9 @@ def ros_domain(tmp_path_factory, compiled):
 
 @pytest.fixture(scope="session")
 def no_discovery(compiled, tmp_path_factory):
-    """Keep DDS from looking for other participants: nodes in the test's process meet on a graph of the test's."""
+    """Keep DDS from looking for other participants: nodes in the test's process meet on a graph of
+    the test's.
+    """
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
         environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
@@ -169,7 +180,9 @@ def no_discovery(compiled, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def peer(request):
-    """Return a node of the test's own, to talk to the nodes under test; by DDS where the file is marked `live`."""
+    """Return a node of the test's own, to talk to the nodes under test; by DDS where the file is
+    marked `live`.
+    """
     if request.node.get_closest_marker("live"):
         from processes import LivePeer
 
@@ -193,7 +206,9 @@ def panda():
 
 @pytest.fixture
 def monitor(running, panda):
-    """Return the monitor that the file keeps running, all joints fresh; afterwards it must give right numbers again."""
+    """Return the monitor that the file keeps running, all joints fresh; afterwards it must give
+    right numbers again.
+    """
     running.serves(panda)
     running.forget()
     yield running

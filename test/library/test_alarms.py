@@ -85,7 +85,9 @@ def test_norms_without_a_joint():
 
 
 def test_release_and_hold_off():
-    """Above 0.7 of a threshold the alarm stays on; a rise within half a second belongs to it, a later one does not."""
+    """Above 0.7 of a threshold the alarm stays on; a rise within half a second belongs to it, a
+    later one does not.
+    """
     pushes = [
         (1.0, 1.1, 0, 11.0),
         (1.1, 1.4, 0, 7.5),
@@ -107,7 +109,9 @@ def test_release_and_hold_off():
 
 
 def test_states_without_a_result():
-    """No alarm is on there, and it continues afterwards; a restart, or stamps that go back, ends it."""
+    """No alarm is on there, and it continues afterwards; a restart, or stamps that go back, ends
+    it.
+    """
     stamps, r, torque = columns(4.0, [(1.0, 2.0, 0, 11.0)])
     valid = ~between(stamps, 1.4, 1.5)
     torque[~valid] = np.nan
@@ -122,7 +126,9 @@ def test_states_without_a_result():
 
 
 def test_a_standing_torque_ends_its_alarm():
-    """A torque of 2.5 times the threshold stands for a minute: the alarm ends after seconds, once."""
+    """A torque of 2.5 times the threshold stands for a minute: the alarm ends after seconds,
+    once.
+    """
     stamps, r, torque = columns(70.0, [(5.0, 65.0, 1, 12.5)])
     ((start, end),) = spans(detect(THRESHOLDS, stamps, r, torque)[0])
     assert 2.0 < end - start < 5.0
@@ -155,7 +161,9 @@ def test_a_push_upon_a_standing_torque_is_an_alarm():
 
 
 def test_a_push_within_an_alarm_is_a_further_event():
-    """A rise by a whole threshold is one, also at another joint; a smaller rise, and the first one, is none."""
+    """A rise by a whole threshold is one, also at another joint; a smaller rise, and the first one,
+    is none.
+    """
     pushes = [
         (1.0, 2.5, 0, 11.0),
         (1.2, 1.25, 0, 25.0),  # belongs to the begin
@@ -211,7 +219,9 @@ def arm():
 
 
 def stopping(seed=2, count=2000):
-    """Return stamps, q, q̇, r and m r of an arm whose joints stop at different times, and sometimes all."""
+    """Return stamps, q, q̇, r and m r of an arm whose joints stop at different times, and sometimes
+    all.
+    """
     rng = np.random.default_rng(seed)
     stamps = np.cumsum(rng.integers(1, 20, count)) * MS
     moves = np.repeat(rng.random((count // 50, 6)) < 0.4, 50, axis=0)
@@ -225,7 +235,9 @@ def stopping(seed=2, count=2000):
 
 
 def test_standing_joints_have_a_dead_zone(arm):
-    """Of a fraction of Coulomb and load friction, from 30 ms below 5 mrad/s, by the observer's filter; r follows."""
+    """Of a fraction of Coulomb and load friction, from 30 ms below 5 mrad/s, by the observer's
+    filter; r follows.
+    """
     oracle = subject(robots.robot("ur_description/urdf/ur5_robot.urdf")).oracle
     stamps, q, rates, torque = stopping()
     rates[5:100:10] *= 2.0
@@ -250,7 +262,9 @@ def test_standing_joints_have_a_dead_zone(arm):
 
 
 def test_a_dead_zone_in_parts(arm):
-    """Parts of any size are the whole. Stamps that go back, and a reset, begin anew; unknown torques stay so."""
+    """Parts of any size are the whole. Stamps that go back, and a reset, begin anew; unknown
+    torques stay so.
+    """
     stamps, q, rates, torque = stopping(3, 500)
     torque[100:150, 2] = np.nan
     r = arm.epsilon_from_tau(q, np.nan_to_num(torque))
@@ -297,7 +311,9 @@ R_SPREAD, TORQUE_SPREAD = np.array([1.0, 2.0, 0.3, 0.05]), np.array([3.0, 2.0, 0
 
 
 def noise(rng, seconds, heavy=False, jerks=()):
-    """Return stamps, r and m r of coloured noise (autoregressive, 50 ms), normal or with heavy tails, and jerks."""
+    """Return stamps, r and m r of coloured noise (autoregressive, 50 ms), normal or with heavy
+    tails, and jerks.
+    """
     count, keeps = int(seconds * HZ), math.exp(-1.0 / (HZ * 0.05))
     new = rng.standard_t(4, (count, 4)) if heavy else rng.normal(size=(count, 4))
     response = math.sqrt(1.0 - keeps**2) * keeps ** np.arange(HZ)
@@ -329,7 +345,9 @@ def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=
     [(200, 1 / 60, "tail", True), (600, 0.1, "counted", False)],
 )
 def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
-    """Of unseen noise, on average over eight calibrations; each of them is near, and its interval contains the rate."""
+    """Of unseen noise, on average over eight calibrations; each of them is near, and its interval
+    contains the rate.
+    """
     ratios, inside = [], 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -346,7 +364,9 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
 
 
 def test_one_jerk_is_one_alarm():
-    """A jerk of 25 times the spread moves no threshold by an eighth, and joints have thresholds by their own spread."""
+    """A jerk of 25 times the spread moves no threshold by an eighth, and joints have thresholds by
+    their own spread.
+    """
     with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]))
     without = calibrate(*noise(np.random.default_rng(2), 200))
     limits, expected = (found.of_names(FOUR).tolist() for found in (with_jerk, without))
@@ -359,7 +379,9 @@ def test_one_jerk_is_one_alarm():
 
 
 def test_each_part_is_held_out():
-    """Alarms are those by thresholds from the other parts: of fifths of one recording, or of whole recordings."""
+    """Alarms are those by thresholds from the other parts: of fifths of one recording, or of whole
+    recordings.
+    """
     columns = noise(np.random.default_rng(5), 200)
     for number, parts in ((1, 5), (4, 4)):
         part, held_out = np.arange(20_000) * parts // 20_000, 0
@@ -382,7 +404,9 @@ def test_each_part_is_held_out():
 
 
 def test_recordings_that_differ_raise_the_thresholds():
-    """Of recordings that are rough by chance, other ones have the requested rate; by counts of the same, more than that."""
+    """Of recordings that are rough by chance, other ones have the requested rate; by counts of the
+    same, more than that.
+    """
     rates, rng = {True: [], False: []}, np.random.default_rng(3)
 
     def recording(seconds):
@@ -410,7 +434,9 @@ def test_recordings_that_differ_raise_the_thresholds():
 
 
 def test_warnings_of_the_recording():
-    """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds other thresholds."""
+    """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds
+    other thresholds.
+    """
     found = calibrate(*noise(np.random.default_rng(3), 60))
     assert found.demonstrable_rate == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
     assert any(
@@ -432,7 +458,9 @@ def test_warnings_of_the_recording():
 
 @pytest.mark.parametrize("max_numbers", [10**6, 20_000])
 def test_residuals_in_parts(max_numbers, monkeypatch):
-    """Thresholds depend on the states, not on their parts; cells of 20 ms in place of states move none by 3 %."""
+    """Thresholds depend on the states, not on their parts; cells of 20 ms in place of states move
+    none by 3 %.
+    """
     stamps, r, torque = noise(np.random.default_rng(11), 60)
     stamps[3000:] += 5 * 10**8
     expected = calibrate(stamps, r, torque, part=len(stamps))
@@ -448,7 +476,9 @@ def test_residuals_in_parts(max_numbers, monkeypatch):
 
 
 def test_peaks_before_motions_are_in_the_thresholds():
-    """Peaks in the 0.3 s before each motion are alarms by thresholds without them, and at the rate by those with them."""
+    """Peaks in the 0.3 s before each motion are alarms by thresholds without them, and at the rate
+    by those with them.
+    """
     stamps, r, torque = noise(np.random.default_rng(6), 600)
     quiet, phase = calibrate(stamps, r, torque, rate=0.1), 1e-9 * stamps % 6.0
     start = (phase > 2.7) & (phase < 3.0)
@@ -477,7 +507,9 @@ def test_extrapolated_thresholds_are_a_warning():
 
 
 def test_contact_has_lower_thresholds():
-    """Those of its own rate, by default ten times that of false alarms; each with alarms of held-out parts."""
+    """Those of its own rate, by default ten times that of false alarms; each with alarms of
+    held-out parts.
+    """
     stamps, r, torque = noise(np.random.default_rng(3), 300)
     found, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
     contact = found.contact
@@ -559,7 +591,8 @@ def test_parameters_of_noise_and_contact(values, key):
 
 
 def test_the_file_is_the_monitors(tmp_path):
-    """The monitor reads the file: thresholds no lower than the calibration's, and the covariance in any order of joints.
+    """The monitor reads the file: thresholds no lower than the calibration's, and the covariance in
+    any order of joints.
 
     A joint without residuals has no threshold, and then the file has no covariance.
     """
@@ -607,7 +640,9 @@ def ur5():
 
 @pytest.fixture(scope="module")
 def tables(ur5, tmp_path_factory):
-    """Half a minute of a UR5 with noise on efforts and rates; and the same with a push of 12 N m at the elbow at 20 s."""
+    """Half a minute of a UR5 with noise on efforts and rates; and the same with a push of 12 N m at
+    the elbow at 20 s.
+    """
     folder, rng, dyn = (
         tmp_path_factory.mktemp("tables"),
         np.random.default_rng(8),

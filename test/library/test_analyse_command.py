@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`diag-dynamics analyse`: files that others can read, exit status, and errors that say what to do."""
+"""`diag-dynamics analyse`: files that others can read, exit status, and errors that say what to
+do.
+"""
 
 import json
 import os
@@ -104,7 +106,9 @@ def written(tmp_path_factory, states):
 
 
 def test_tables_that_were_written_are_recordings(written, panda, driven):
-    """Parquet has no nulls, and statistics of what is no joint's or link's; test_report.py has the values."""
+    """Parquet has no nulls, and statistics of what is no joint's or link's; test_report.py has the
+    values.
+    """
     file = pyarrow.parquet.ParquetFile(written / "out.parquet")
     group, schema = file.metadata.row_group(0), file.schema_arrow
     statistics = {
@@ -204,7 +208,9 @@ def reading(path, size, then):
     [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")],
 )
 def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
-    """What was there stays as it was, and what is not written is named. The signal comes while the CSV is written."""
+    """What was there stays as it was, and what is not written is named. The signal comes while the
+    CSV is written.
+    """
     pipe, older = tmp_path / "out.csv", tmp_path / "out.json"
     os.mkfifo(pipe)
     older.write_text("of yesterday")
@@ -258,7 +264,9 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
 
 @pytest.mark.parametrize("option", [*OUTPUTS, "--report"])
 def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option, monkeypatch):
-    """Over what is read, and where nothing can be written, which is named before anything is analysed."""
+    """Over what is read, and where nothing can be written, which is named before anything is
+    analysed.
+    """
     monkeypatch.setattr("diag_dynamics.recordings.recording.Reading.pieces", None)  # unused
     urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
@@ -397,7 +405,9 @@ def test_collisions_of_several_recordings(tmp_path, table, analyse):
 
 
 def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analyse):
-    """A star locks them, in tables and bags, by the robot's names; others in the same list keep their positions."""
+    """A star locks them, in tables and bags, by the robot's names; others in the same list keep
+    their positions.
+    """
     names, stamps, *values = driven
     own = [name.replace("panda", "fer") for name in names]
     sent = [
@@ -445,7 +455,9 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
 
 
 def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
-    """An arm and its hand on two topics make the same summary as one topic with the robot's names."""
+    """An arm and its hand on two topics make the same summary as one topic with the robot's
+    names.
+    """
     names, stamps, *values = driven
     bags = []
     for path, topics, prefix in (
@@ -472,10 +484,13 @@ def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
 
 
 def test_parameters_in_files(tmp_path, bag, panda, analyse):
-    """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its joint's rate squared."""
+    """The monitor's, the packaged one, and the robot's: a rotor inertia adds half of it times its
+    joint's rate squared.
+    """
     file, arm = tmp_path / "monitor.yaml", tmp_path / "arm.yaml"
     file.write_text(
-        "/**:\n  ros__parameters:\n    external_torque: {gain: 10}\n    collision: {threshold: [norm=0.5]}\n    max_age: 2\n"
+        "/**:\n  ros__parameters:\n    external_torque: {gain: 10}\n    collision: "
+        "{threshold: [norm=0.5]}\n    max_age: 2\n"
     )
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
     known = {

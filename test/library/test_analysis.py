@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Analysis of recordings: figures are those of single calls, of NumPy and of motions whose truth is known."""
+"""Analysis of recordings: figures are those of single calls, of NumPy and of motions whose truth is
+known.
+"""
 
 import json
 from itertools import pairwise
@@ -45,7 +47,9 @@ def gravity(ur5, motion):
 
 
 def simulated(model, push=None, seconds=4.0):
-    """Return times, positions, velocities and efforts under gravity compensation, damping and sines."""
+    """Return times, positions, velocities and efforts under gravity compensation, damping and
+    sines.
+    """
     rng = np.random.default_rng(4)
     dynamics, n = dd.DiagonalDynamics(model), model.nv
     phase, period = rng.uniform(0.0, 6.0, n), 0.002
@@ -65,7 +69,9 @@ def simulated(model, push=None, seconds=4.0):
 
 
 def broken(motion):
-    """Return the motion with a gap, efforts that are missing for a time and at one state, a jump and repeated states."""
+    """Return the motion with a gap, efforts that are missing for a time and at one state, a jump
+    and repeated states.
+    """
     t, q, qd, tau = (x.copy() for x in motion)
     t = np.arange(len(t)) / 512.0  # differences of these are exact in nanoseconds
     t[700:] += 0.5
@@ -85,7 +91,9 @@ def write_columns(path, t, q, qd, tau=None):
 
 @pytest.fixture
 def analysed(tmp_path, capsys):
-    """Run `analyse` on columns of a UR5; return the summary, all that is printed, and the exit status."""
+    """Run `analyse` on columns of a UR5; return the summary, all that is printed, and the exit
+    status.
+    """
 
     def run(*columns, parameters=()):
         path, out = write_columns(tmp_path / "x.npz", *columns), tmp_path / "summary.json"
@@ -143,7 +151,9 @@ def test_why_there_is_no_balance(analysed, motion, gravity):
 
 
 def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
-    """Pushes move it by up to 0.04 rad, and their power is in no effort: this is no fault of its model."""
+    """Pushes move it by up to 0.04 rad, and their power is in no effort: this is no fault of its
+    model.
+    """
     t, q = motion[0], motion[1]
     bump = np.sin(2.0 * t[:, None]) ** 8 * np.linspace(0.02, 0.04, 6)
     rate = np.gradient(bump, t, axis=0)
@@ -225,7 +235,9 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
 
 
 def windows_by_numpy(model, t, q, qd, tau):
-    """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of the total rates."""
+    """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of
+    the total rates.
+    """
     s = dd.DiagonalDynamics(model).evaluate(q, qd, np.nan_to_num(tau), friction=True)
     known = np.isfinite(tau).all(axis=1)
     power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[
@@ -284,7 +296,9 @@ def leaves(value):
 
 @pytest.mark.parametrize("size", [1, 100])
 def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, size):
-    """Windows, observer, neighbours, collisions and the worst contacts go on from batch to batch."""
+    """Windows, observer, neighbours, collisions and the worst contacts go on from batch to
+    batch.
+    """
     columns = [x if size > 1 else x[np.r_[600:920, 1450:1600]] for x in broken(motion)]
     (tmp_path / "limits.yaml").write_text("regions: {any: {energy: 0.5}}")
     options = [
@@ -372,7 +386,9 @@ def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
 
 @pytest.mark.parametrize("value", [np.nan, 2.5])
 def test_joints_are_observed_one_by_one(tmp_path, ur5, motion, value):
-    """Torques of the others are those with all efforts; r is unknown from the joint with an unknown effort to the base."""
+    """Torques of the others are those with all efforts; r is unknown from the joint with an unknown
+    effort to the base.
+    """
     t, q, qd, tau = motion
     pushed = tau - np.where(t[:, None] > 0.5 * t[-1], [0.0, 4.0, 0.0, 0.0, 1.0, 0.0], 0.0)
     part = np.where(np.arange(6) == 3, value, pushed)
@@ -605,7 +621,9 @@ def test_late_velocities(analysed, motion, delay):
 
 
 def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
-    """An arm and its gripper, with the same stamps in messages of their own: velocities are those of the positions."""
+    """An arm and its gripper, with the same stamps in messages of their own: velocities are those
+    of the positions.
+    """
     once, last = motion, ur5.nv - 1
     t, q, qd, tau = (np.repeat(x, 2, axis=0) for x in once)
     for values, sent in ((q, once[1]), (qd, once[2])):

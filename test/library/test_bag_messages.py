@@ -79,7 +79,10 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
     2.
     """
     stamps = [START + k * MS for k in range(20)]
-    inertial = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    inertial = (
+        '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial>"
+    )
     sent = [
         description(
             urdf_of("a").replace('<link name="base"/>', f'<link name="base">{inertial}</link>')
@@ -235,7 +238,10 @@ def test_topics_that_are_not_read_are_named(tmp_path):
     ]
     what = "joint states of /joint_states are read, not those of /gripper (--topic reads several)."
     assert notes == [f"'{path}': {what}"]
-    what = r"no topic '/robot_description' of sensor_msgs/msg/JointState: .*/robot_description \(std_msgs/msg/String\)"
+    what = (
+        r"no topic '/robot_description' of sensor_msgs/msg/JointState: .*/robot_description "
+        r"\(std_msgs/msg/String\)"
+    )
     refused(what, path, arm("a"), topic=["/joint_states", "/robot_description"])
     for topic in ("", 3, ["/joint_states", None]):
         refused(

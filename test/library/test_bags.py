@@ -58,7 +58,10 @@ def in_one_folder(count):
 
 # --- Whole files ---
 
-FLAGS = "use_chunking repeat_channels repeat_schemas use_statistics use_summary_offsets enable_crcs enable_data_crcs"
+FLAGS = (
+    "use_chunking repeat_channels repeat_schemas use_statistics use_summary_offsets "
+    "enable_crcs enable_data_crcs"
+)
 
 
 @in_one_folder(60)
@@ -132,7 +135,8 @@ def test_older_sqlite(tmp_path, profiles):
     path, rows = tmp_path / "x.db3", [(one.log_time, one.data) for one in numbered(100)]
     with sqlite3.connect(path) as database:
         database.execute(
-            f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format{profiles})"
+            f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, "
+            f"serialization_format{profiles})"
         )
         database.execute(
             "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data BLOB)"
@@ -476,7 +480,9 @@ def test_damaged_sqlite(tmp_path, database):
 
 @pytest.mark.parametrize("mode", ["WAL", "DELETE"])
 def test_the_journal_of_a_killed_recorder(tmp_path, database, mode):
-    """What was committed is read, in a copy; what was not is taken back. The files do not change."""
+    """What was committed is read, in a copy; what was not is taken back. The files do not
+    change.
+    """
     live, left = tmp_path / "live.db3", tmp_path / "left"
     left.mkdir()
     live.write_bytes(database)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contact: mobilities, transferable energy and impacts against Pinocchio and MuJoCo, by their definitions."""
+"""Contact: mobilities, transferable energy and impacts against Pinocchio and MuJoCo, by their
+definitions.
+"""
 
 import math
 import pickle
@@ -37,7 +39,8 @@ def close(found, expected, tolerance, scale=None):
     assert np.abs(np.asarray(found) - expected).max(initial=0.0) <= tolerance * scale
 
 
-# --- Mobilities --------------------------------------------------------------------------------------------
+# --- Mobilities
+# --------------------------------------------------------------------------------------------
 
 
 COUPLED = [
@@ -69,13 +72,16 @@ def test_mobilities_refuse_what_is_wrong():
         dyn.mobilities([0, 0, math.nan, 0, 0, 0])
 
 
-# --- Contact at points -------------------------------------------------------------------------------------
+# --- Contact at points
+# -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, *random_robots()[5:8]])
 @pytest.mark.parametrize("worst_by", ["energy", "force", "limit"])
 def test_worst_point_of_every_link(one, worst_by):
-    """Of many points of a link the worst is found, and all that is said of it is what its definition gives."""
+    """Of many points of a link the worst is found, and all that is said of it is what its
+    definition gives.
+    """
     model = dd.load_urdf(one.urdf, **one.options)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(5)
     links = [name for name in model.link_names if model.placement_in_body(name)[0]]
@@ -135,7 +141,9 @@ def test_worst_point_of_every_link(one, worst_by):
 
 
 def test_directions_that_are_given():
-    """In the axes of the link; against the direction nothing is transferred, and none that a point cannot go."""
+    """In the axes of the link; against the direction nothing is transferred, and none that a point
+    cannot go.
+    """
     model = dd.load_urdf(robot(UR5).urdf)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(2)
     q, qd = model.random(rng), rng.normal(size=model.nv)
@@ -163,7 +171,9 @@ def test_directions_that_are_given():
 
 
 def test_a_robot_at_rest_has_no_worst_point():
-    """Nothing moves, so there is no direction along the motion, no mass, and nothing is exceeded; no number is NaN."""
+    """Nothing moves, so there is no direction along the motion, no mass, and nothing is exceeded;
+    no number is NaN.
+    """
     model = dd.load_urdf(robot(PANDA).urdf)
     points = dd.ContactPoints(
         model, [("tip", "panda_hand")], dd.ContactLimits({"any": {"energy": 1.0}})
@@ -238,7 +248,8 @@ def test_points_of_another_robot_are_refused():
         dyn.contact_limits(np.zeros(8), np.zeros(8), points)
 
 
-# --- Impacts -----------------------------------------------------------------------------------------------
+# --- Impacts
+# -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("one", [robot(PANDA), robot(TALOS).floating, robot(UR5)])
@@ -278,7 +289,9 @@ def test_impact_with_what_is_clamped(one, restitution):
 
 
 def test_impact_with_a_free_mass():
-    """Both masses part with e times the speed they met with; energy and momentum are accounted for; the rest of ν stays."""
+    """Both masses part with e times the speed they met with; energy and momentum are accounted for;
+    the rest of ν stays.
+    """
     model = dd.load_urdf(robot(PANDA).urdf, armature=0.1)
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(8)
     q, qd, r = model.random(rng), rng.normal(size=model.nv), (0.0, 0.02, 0.1)
@@ -303,7 +316,8 @@ def test_impact_with_a_free_mass():
         dyn.impact(q, "panda_hand", qd, u, mass=0.0)
 
 
-# --- The transient model and limits ------------------------------------------------------------------------
+# --- The transient model and limits
+# ------------------------------------------------------------------------
 
 
 def test_masses_of_a_contact():
@@ -376,7 +390,8 @@ def test_limits_of_a_link_that_there_is_not():
         dd.ContactPoints(dd.load_urdf(robot(PANDA).urdf), [], limits)
 
 
-# --- Geometry ----------------------------------------------------------------------------------------------
+# --- Geometry
+# ----------------------------------------------------------------------------------------------
 
 
 OUTSIDE = 0.1
@@ -399,9 +414,12 @@ REACH = {
 
 
 def with_shapes(*shapes):
-    """Return an arm of one link with collision shapes a little away from its origin, and one behind it without any."""
+    """Return an arm of one link with collision shapes a little away from its origin, and one behind
+    it without any.
+    """
     collision = "".join(
-        f'<collision><origin xyz="0.1 {0.3 * k} 0" rpy="0.3 -0.2 1.1"/><geometry>{SHAPES[shape]}</geometry></collision>'
+        f'<collision><origin xyz="0.1 {0.3 * k} 0" rpy="0.3 -0.2 1.1"/>'
+        f"<geometry>{SHAPES[shape]}</geometry></collision>"
         for k, shape in enumerate(shapes)
     )
     inertia = {"mass": 1.0, "com": (0.1, 0, 0), "inertia": (0.01, 0, 0, 0.01, 0, 0.01)}
@@ -439,7 +457,9 @@ def test_points_of_primitives_hold_them(shapes):
 
 
 def test_points_of_meshes(tmp_path):
-    """The hulls of a real robot's meshes: at most as many points as are wanted, and all vertices within them."""
+    """The hulls of a real robot's meshes: at most as many points as are wanted, and all vertices
+    within them.
+    """
     import trimesh  # which reads the meshes of the library, too
 
     path = robots.robot_path(PANDA)
@@ -462,7 +482,8 @@ def test_points_of_meshes(tmp_path):
     assert not any(origins[link].any() for link in frames.left_out)  # frames of the link
 
 
-# --- The worked example ------------------------------------------------------------------------------------
+# --- The worked example
+# ------------------------------------------------------------------------------------
 
 
 def test_example_limits_load_and_are_placeholders():

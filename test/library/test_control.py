@@ -98,7 +98,8 @@ def test_pose_commands(robot):
 def test_tracking_commands(robot, closing):
     """τ = M q̈_r + C_s q̇_r + g − mKmᵀ(q̇ − q̇_r), which is m(ν̇_r + Bν_r + ε_g − Ks).
 
-    The part of q̇_r that reduces the position error is at most `closing`; a bound ρ of disturbances adds ρ sat(s/φ) to Ks.
+    The part of q̇_r that reduces the position error is at most `closing`; a bound ρ of disturbances
+    adds ρ sat(s/φ) to Ks.
     """
     s = subject(robot)
     for rng, t in states(robot, 3):
@@ -126,7 +127,9 @@ def test_tracking_commands(robot, closing):
 
 
 def test_documented_example_runs(tmp_path, monkeypatch):
-    """The program of docs/control.md reaches its target, K within its bound, without a false alarm."""
+    """The program of docs/control.md reaches its target, K within its bound, without a false
+    alarm.
+    """
     text = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"<!-- test: run -->\n```python\n(.*?)```", text, re.DOTALL)
     (tmp_path / "panda.urdf").write_text(PANDA.urdf)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Controllers with default parameters arrive: arms with friction and loads, sampled at 125 to 1000 Hz, by Pinocchio."""
+"""Controllers with default parameters arrive: arms with friction and loads, sampled at 125 to 1000
+Hz, by Pinocchio.
+"""
 
 import numpy as np
 import pytest

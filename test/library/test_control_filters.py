@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Filters of commands on the Panda's arm: limits of energy, contact, effort and its rate; springs at position limits."""
+"""Filters of commands on the Panda's arm: limits of energy, contact, effort and its rate; springs
+at position limits.
+"""
 
 from functools import cache
 
@@ -45,7 +47,8 @@ def commands(count, gain=20.0):
 
 @pytest.mark.parametrize("pushed", [False, True])
 def test_energies_are_limited_at_the_end_of_a_cycle(pushed):
-    """ν + h(ε − C + ε_ext) is clipped to the shares' box, then scaled to the ball, by Pinocchio's C and m.
+    """ν + h(ε − C + ε_ext) is clipped to the shares' box, then scaled to the ball, by Pinocchio's C
+    and m.
 
     Both are those of the energies that a cycle allows.
     """
@@ -101,7 +104,8 @@ def test_a_sampled_loop_keeps_the_limit(robot, stiffness, period):
 
 
 def test_saturation_scales_what_moves_and_not_what_holds():
-    """Within the limits, τ − g is scaled by the largest factor in [0, 1] that suffices; the sign of the power stays.
+    """Within the limits, τ − g is scaled by the largest factor in [0, 1] that suffices; the sign of
+    the power stays.
 
     A clip of each joint alone would turn the braking of some commands into driving.
     """
@@ -134,7 +138,9 @@ def test_saturation_scales_what_moves_and_not_what_holds():
 
 @pytest.mark.parametrize("compensated", [False, True])
 def test_efforts_move_at_their_rates(compensated):
-    """Each joint moves to its effort at its rate and reaches it, from gravity compensation or the given effort on."""
+    """Each joint moves to its effort at its rate and reaches it, from gravity compensation or the
+    given effort on.
+    """
     s, rng = arm(), np.random.default_rng(4)
     rate, gravity = rng.uniform(100, 1000, N), s.oracle.gravity_torque(READY)
     limits = dd.Limits(s.dyn, effort_rate=rate, compensated=compensated)
@@ -158,7 +164,8 @@ def test_efforts_move_at_their_rates(compensated):
 
 
 def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **options):
-    """Return K [J] of a sampled loop released at rest and away from its set-point, and the last distance from it.
+    """Return K [J] of a sampled loop released at rest and away from its set-point, and the last
+    distance from it.
 
     Efforts begin at gravity compensation, or at a law's command.
     """
@@ -233,7 +240,9 @@ def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, sta
     ],
 )
 def test_a_rate_limit_alone_comes_to_rest(robot, stiffness, period, away, start):
-    """A law that demands faster efforts than the limit's is scaled: no energy remains, and the target is reached."""
+    """A law that demands faster efforts than the limit's is scaled: no energy remains, and the
+    target is reached.
+    """
     energies, distance = released(robot, stiffness, period, away, start, 2.0)
     assert energies.max() > 0.2 and energies[-1] < 1e-3 and distance < 0.01
 
@@ -279,7 +288,9 @@ def test_repulsion_is_the_gradient_of_its_potential():
 
 
 def test_repulsion_does_not_drive_a_light_joint():
-    """A wrist of 0.8 g m² in the margin at 250 Hz, under gravity compensation: K remains below the energy of the spring."""
+    """A wrist of 0.8 g m² in the margin at 250 Hz, under gravity compensation: K remains below the
+    energy of the spring.
+    """
     s, q, largest = subject(Z1), START[Z1.id].copy(), 0.0
     q[5] = s.model.upper[5] - 0.05
     limits, law = dd.Limits(s.dyn, margin=0.1, effort_rate=1e6), dd.GravityCompensation(s.dyn)
@@ -292,7 +303,9 @@ def test_repulsion_does_not_drive_a_light_joint():
 
 
 def test_springs_are_not_scaled_with_a_fast_law():
-    """A law whose efforts change too fast is scaled; springs before position limits stay as stiff as they are."""
+    """A law whose efforts change too fast is scaled; springs before position limits stay as stiff
+    as they are.
+    """
     s, q, rest = arm(), READY.copy(), np.zeros(N)
     q[3] = s.model.upper[3] - 0.05
     command = dd.GravityCompensation(s.dyn).command(q, rest)
@@ -307,7 +320,9 @@ def test_springs_are_not_scaled_with_a_fast_law():
 
 
 def test_repulsion_where_there_is_little_or_no_range():
-    """Continuous joints have no springs, a margin is at most half of a range, and a joint without one is an error."""
+    """Continuous joints have no springs, a margin is at most half of a range, and a joint without
+    one is an error.
+    """
     model = dd.load_urdf(TREE.source, **TREE.options)
     springs = dd.PositionRepulsion(dd.DiagonalDynamics(model), 50.0, 1.0)
     turns = ~np.isfinite(model.upper)
@@ -335,7 +350,9 @@ def contact_points():
 
 
 class Swing:
-    """A tracked motion of all joints at speeds that exceed the limits; `limiter` filters its commands."""
+    """A tracked motion of all joints at speeds that exceed the limits; `limiter` filters its
+    commands.
+    """
 
     def __init__(self, seed, h, limiter=None):
         s, rng = arm(), np.random.default_rng(seed)
@@ -350,7 +367,9 @@ class Swing:
         self.k, self.limited = 0, 0
 
     def step(self):
-        """Run one cycle; return the largest ratio of speed to limit, and the command after and before the filter."""
+        """Run one cycle; return the largest ratio of speed to limit, and the command after and
+        before the filter.
+        """
         angle = self.pace * self.k * self.h + self.phase
         q, qd = self.plant.q, self.plant.qd
         sine, cosine = self.size * np.sin(angle), self.size * np.cos(angle)
@@ -401,7 +420,9 @@ def test_no_contact_limit_is_exceeded(h):
 
 
 def test_a_push_adds_to_the_contact_energy():
-    """The energy of a push exceeds the bound and is reported; with a known push nothing exceeds the bound."""
+    """The energy of a push exceeds the bound and is reported; with a known push nothing exceeds the
+    bound.
+    """
     dyn = arm().dyn
     law = dd.JointTracking(dyn, 20.0, 10.0)
     push = dyn.jacobian(READY, "panda_hand", frame="world")[:3].T @ np.array([60.0, 40.0, 0.0])

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tolerances and outcomes of trajectories: a decision table, the conventions of the message, and the loop."""
+"""Tolerances and outcomes of trajectories: a decision table, the conventions of the message, and
+the loop.
+"""
 
 from types import SimpleNamespace
 
@@ -83,7 +85,9 @@ def test_decisions(time, position, velocity, code, reason):
 
 
 def test_continuous_joints_and_no_tolerances():
-    """A whole turn is no error of a continuous joint; without tolerances the end succeeds, and no goal time fails."""
+    """A whole turn is no error of a continuous joint; without tolerances the end succeeds, and no
+    goal time fails.
+    """
     turn = (2.0 * np.pi, 0.0)
     followed = following(continuous=(True, False))
     check(followed, END, turn)

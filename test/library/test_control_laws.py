@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Laws with one damping ratio, bounded robust tracking and adaptation to a payload, against Pinocchio's quantities."""
+"""Laws with one damping ratio, bounded robust tracking and adaptation to a payload, against
+Pinocchio's quantities.
+"""
 
 import numpy as np
 import pytest
@@ -33,21 +35,27 @@ RATIO = 0.7
 
 
 def joint_damping(law, t, *target):
-    """Return the damping matrix of a law for efforts and rates, column by column, which is linear in the rates at q."""
+    """Return the damping matrix of a law for efforts and rates, column by column, which is linear
+    in the rates at q.
+    """
     nv = len(t.q)
     rest = law.command(t.q, np.zeros(nv), *target).tau
     return np.column_stack([rest - law.command(t.q, unit, *target).tau for unit in np.eye(nv)])
 
 
 def modal(M, K, damping):
-    """Return frequencies [rad/s] of M z'' + K z and the damping in their modes, which is 2ζω on its diagonal."""
+    """Return frequencies [rad/s] of M z'' + K z and the damping in their modes, which is 2ζω on its
+    diagonal.
+    """
     squares, modes = scipy.linalg.eigh(K, M)
     return np.sqrt(squares.clip(0.0)), modes.T @ damping @ modes
 
 
 @ROBOTS
 def test_every_mode_of_joint_springs_has_the_damping_ratio(robot):
-    """Over 300 poses: modes of Pinocchio's M and of the stiffness, and the damping of the law's commands in them."""
+    """Over 300 poses: modes of Pinocchio's M and of the stiffness, and the damping of the law's
+    commands in them.
+    """
     s, rng = subject(robot), np.random.default_rng(3)
     stiffness = rng.uniform(50, 500, s.model.nv)
     law, errors = dd.JointRegulation(s.dyn, stiffness, RATIO), []
@@ -62,7 +70,9 @@ def test_every_mode_of_joint_springs_has_the_damping_ratio(robot):
 
 @ROBOTS
 def test_every_mode_of_a_frame_has_the_damping_ratio(robot):
-    """The same about a pose, in modes faster than null_frequency; slower ones and the null space are damped as this one."""
+    """The same about a pose, in modes faster than null_frequency; slower ones and the null space
+    are damped as this one.
+    """
     s, rng, k_p, k_o = (
         subject(robot),
         np.random.default_rng(4),
@@ -109,7 +119,9 @@ def test_regulation_commands(robot):
 
 
 def growth(law, period, q, qd, *target, cycles=800):
-    """Return by what V grows in the second half of cycles of a period [s] with torques held; 0 where it has vanished."""
+    """Return by what V grows in the second half of cycles of a period [s] with torques held; 0
+    where it has vanished.
+    """
     robot, values = frictionless(subject(ARM).model, q, qd, period / 4), []
     for _ in range(cycles):
         command = law.command(robot.q, robot.qd, *target)
@@ -154,7 +166,9 @@ def pose_law(dyn, stiffness, **damping):
     ],
 )
 def test_gains_that_a_period_makes_unstable_are_refused(make, key):
-    """The gain that the error names is accepted and stable; 4 % above the bound of the same loop V grows."""
+    """The gain that the error names is accepted and stable; 4 % above the bound of the same loop V
+    grows.
+    """
     dyn, period = subject(ARM).dyn, 0.01
     with pytest.raises(InputError, match=rf"{key}.* is .*expected at most .* at 100 Hz") as message:
         make(dyn, 1e6).require_stable(READY, period)
@@ -176,7 +190,9 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
 
 
 def test_laws_without_a_check_of_their_gains_are_refused():
-    """A subclass that does not define require_stable has no instances; a law without gains accepts every period."""
+    """A subclass that does not define require_stable has no instances; a law without gains accepts
+    every period.
+    """
     dyn = subject(ARM).dyn
     with pytest.raises(TypeError, match="require_stable"):
         type("Unchecked", (Law,), {})(dyn)
@@ -213,7 +229,9 @@ def pseudo(mass, center, inertia):
 
 
 def payload_torque(robot, link, payload, q, x, y, acceleration):
-    """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by polarization."""
+    """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by
+    polarization.
+    """
     with_it, without = loaded_oracle(robot, link, payload), subject(robot).oracle
     bias = (
         with_it.coriolis_torque(q, x + y)
@@ -231,7 +249,9 @@ ON = {**FRAMES, PANDA.id: "panda_leftfinger"}
 
 @ALL
 def test_adaptive_commands(robot):
-    """Those of JointTracking and Y(q, q̇, q̇_r, q̈_r)π of the payload by Pinocchio; the estimate follows −γP̂LP̂."""
+    """Those of JointTracking and Y(q, q̇, q̇_r, q̈_r)π of the payload by Pinocchio; the estimate
+    follows −γP̂LP̂.
+    """
     s, link = subject(robot), ON[robot.id]
     law, known = (
         dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0),
@@ -266,7 +286,9 @@ def test_adaptive_commands(robot):
 
 
 def test_estimates_stay_physical_in_any_step():
-    """However long a step and however wrong the motion; a fixed link and an estimate that is no body are rejected by name."""
+    """However long a step and however wrong the motion; a fixed link and an estimate that is no
+    body are rejected by name.
+    """
     dyn, rng = subject(ARM).dyn, np.random.default_rng(2)
     law = dd.AdaptiveTracking(dyn, "panda_hand", 20.0, 10.0, rate=100.0)
     for _ in range(200):

@@ -109,7 +109,9 @@ def settle(loop, q=Q, qd=None, stamp=S, cycles=1000):
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("mode", MODES)
 def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
-    """From the first command on, across switches of mode, holds and ramps: never faster than the rate."""
+    """From the first command on, across switches of mode, holds and ramps: never faster than the
+    rate.
+    """
     loop, rng = slow_loop_of(strong, compensated, initial_mode=mode), np.random.default_rng(3)
     first = loop.step(state_at(S, Q), S)
     assert not first.effort.any()
@@ -133,7 +135,9 @@ def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
 
 @pytest.mark.parametrize("compensated", [False, True])
 def test_beginning_anew_goes_on_as_far_as_that_carries(strong, compensated):
-    """Where the arm was moved meanwhile, it begins with the torques that carry it in both places, and no others."""
+    """Where the arm was moved meanwhile, it begins with the torques that carry it in both places,
+    and no others.
+    """
     loop = slow_loop_of(
         strong,
         compensated,
@@ -155,7 +159,9 @@ def test_beginning_anew_goes_on_as_far_as_that_carries(strong, compensated):
 
 
 def test_states_without_stamps_or_with_an_old_joint_are_rejected(strong):
-    """The age of such a state is unknown; a joint that is older than the others makes its state late."""
+    """The age of such a state is unknown; a joint that is older than the others makes its state
+    late.
+    """
     loop = slow_loop_of(strong)
     assert loop.step(state_at(S, Q)._replace(stamp_is_receive_time=True), S) is None
     assert "without stamps" in loop.supervisor.reason
@@ -234,7 +240,9 @@ def test_targets_end_with_a_stall_longer_than_the_hold(strong):
     ],
 )
 def test_a_target_that_is_not_reached_is_named(strong, mode, text):
-    """Friction holds the arm. It is named two seconds after the target has come to rest, until it arrives."""
+    """Friction holds the arm. It is named two seconds after the target has come to rest, until it
+    arrives.
+    """
     loop = slow_loop_of(strong, following_energy=0.0, controlled_link="tool0", initial_mode=mode)
     _, stamp = settle(loop)
     goal, (position, axes) = Q + 0.1 * np.eye(6)[2], pose_of(Q)
@@ -276,7 +284,9 @@ def test_a_law_that_fails_does_not_hold_for_ever(strong, monkeypatch):
 
 
 def test_a_robot_that_carries_itself_is_controlled_as_far_as_its_limits_go(strong):
-    """While a limit shrinks below the weight efforts stay continuous, and an effort that reduces the load passes."""
+    """While a limit shrinks below the weight efforts stay continuous, and an effort that reduces
+    the load passes.
+    """
     gravity = gravity_of(Q)
     lift = int(np.argmax(np.abs(gravity)))
     for direction in (1.0, -1.0):  # upward, which is braked downward, and the other way round
@@ -391,14 +401,20 @@ from diag_dynamics.numerics import kernel
 from diag_dynamics.parameters.controller import PARAMETERS
 
 def compiled():
-    entries = {entry.__name__ for entry in kernel._entries if hasattr(getattr(entry, "run", None), "signatures")}
-    return entries | {entry.__name__ for entry in kernel._entries if "_compiled" in vars(entry)}  # callbacks
+    entries = {
+        entry.__name__
+        for entry in kernel._entries
+        if hasattr(getattr(entry, "run", None), "signatures")
+    }
+    callbacks = {entry.__name__ for entry in kernel._entries if "_compiled" in vars(entry)}
+    return entries | callbacks
 
 arm = dd.load_urdf(sys.argv[1])
 points = dd.ContactPoints(arm, [("tool", "tool0")], dd.ContactLimits({"hand": {"energy": 1e-3}}))
 values = {name: spec.default for name, spec in PARAMETERS.items()} | {"controlled_link": "tool0"}
 values |= {"effort_rate": ["*=1e9"], "observer_gain": 20.0}
-values |= {"energy_limit": 1e-3, "energy_rate": 1.0, "joint_energy_limit": ["*=1"], "tank_energy": 1.0}
+values |= {"energy_limit": 1e-3, "energy_rate": 1.0}
+values |= {"joint_energy_limit": ["*=1"], "tank_energy": 1.0}
 loop, time, limited = ControlLoop(arm, values, False, points), 10**9, set()
 q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 q[2] = arm.upper[2] - 0.099  # in the margin of a limit
@@ -427,7 +443,9 @@ print(*sorted(compiled() - first))
 
 
 def test_no_cycle_compiles():
-    """The constructor has compiled all that cycles and targets call: no cycle waits for the compiler."""
+    """The constructor has compiled all that cycles and targets call: no cycle waits for the
+    compiler.
+    """
     command = [sys.executable, "-c", CYCLES, str(robot(UR5).path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, done.stderr
@@ -444,7 +462,9 @@ def test_without_velocity_limits_trajectories_are_slow():
 
 
 def test_a_pose_in_the_axes_of_a_moving_link(strong):
-    """The frame is taken where it is when the target comes: a step of the tool along its own axes, computed by Pinocchio."""
+    """The frame is taken where it is when the target comes: a step of the tool along its own axes,
+    computed by Pinocchio.
+    """
     loop = slow_loop_of(strong, initial_mode=POSE)
     _, stamp = settle(loop)
     loop.take_pose("tool0", np.array([0.1, 0.0, -0.2]), (0.0, 0.0, 0.0, 1.0))
@@ -462,7 +482,9 @@ GOALS = [0.3, -1.5, 1.04, -0.6, 0.5, 0.2], [0.3, -2.2, 0.2, -0.6, 0.5, 0.2], Q +
 
 @pytest.mark.parametrize("goal", list(some_of(GOALS, 2)))
 def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
-    """With the defaults, whose effort rate is slower than the law: a quarter of the speed limit, and no overshoot."""
+    """With the defaults, whose effort rate is slower than the law: a quarter of the speed limit,
+    and no overshoot.
+    """
     closed, goal = Closed(arm, Q).go(0.1), np.array(goal)
     closed.loop.take_set_point(goal)
     closed.go(7.0)
@@ -473,7 +495,9 @@ def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
 
 
 def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
-    """Efforts of a held arm grow only to the bound of V; after its release it goes to the target."""
+    """Efforts of a held arm grow only to the bound of V; after its release it goes to the
+    target.
+    """
     loop, goal, stamp = loop_of(arm), Q + np.array([0.4, 0.3, -0.4, 0, 0, 0]), S
     for k in range(6000):
         stamp += MS
@@ -496,7 +520,9 @@ AWAY = (0.0, 0.1, -0.1), (-0.2, 0.1, 0.1), (2.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize("away", list(some_of(AWAY, 2)))
 def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
-    """With the defaults, turned by a radian as well: within a half of the speed limits; out of reach it comes to rest."""
+    """With the defaults, turned by a radian as well: within a half of the speed limits; out of
+    reach it comes to rest.
+    """
     closed = Closed(arm, Q, initial_mode="pose", controlled_link="tool0").go(0.1)
     placed = closed.loop.dynamics.placement(Q, "tool0")
     axes = placed[:3, :3] @ rotation_of([np.sin(0.5), 0.0, 0.0, np.cos(0.5)])

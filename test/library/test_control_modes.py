@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Modes of the control loop on a UR5: regulation, payloads, energies of joints, gains that the rate of states allows."""
+"""Modes of the control loop on a UR5: regulation, payloads, energies of joints, gains that the rate
+of states allows.
+"""
 
 import re
 
@@ -33,7 +35,9 @@ def arm():
 
 
 class Closed(Cycles):
-    """A loop that holds a simulated arm at Q, with efforts that change at once unless `values` limit them."""
+    """A loop that holds a simulated arm at Q, with efforts that change at once unless `values`
+    limit them.
+    """
 
     def __init__(self, arm, rate=500, **values):
         loop = control_loop(arm, **{"effort_rate": ["*=1e9"]} | values)
@@ -67,7 +71,9 @@ def largest(error):
     ],
 )
 def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, rate):
-    """A switch is rejected with the largest gain; a loop that starts in the mode leaves it; the named gain is accepted."""
+    """A switch is rejected with the largest gain; a loop that starts in the mode leaves it; the
+    named gain is accepted.
+    """
     start = {"initial_mode": GRAVITY_COMPENSATION, "controlled_link": "tool0"}
     closed = Closed(arm, rate, **start, **values(1e6))
     closed.go(9)
@@ -89,7 +95,9 @@ def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, 
 
 
 def test_energies_of_joints_stay_below_their_limits(arm):
-    """At 500 Hz, pushed, with an observer: 1 % above at most; without limits the same push gives some tenfold the energy."""
+    """At 500 Hz, pushed, with an observer: 1 % above at most; without limits the same push gives
+    some tenfold the energy.
+    """
     names, push = arm.dof_names, {"tool0": (20.0, 30.0, 20.0, 1.0, 1.0, 1.0)}
     limits, peaks = np.array([0.05, 0.05, 0.04, 0.02, 0.02, 0.01]), []
     entries = [f"{name}={limit}" for name, limit in zip(names, limits, strict=True)]

@@ -22,7 +22,9 @@ NAMES = ("shoulder", "elbow", "wrist")
 
 @pytest.mark.parametrize("given", [1, 2, 3], ids=["linear", "cubic", "quintic"])
 def test_polynomials_are_reproduced(given):
-    """Positions alone define a polynomial of degree 1 between points, with velocities 3, with accelerations 5."""
+    """Positions alone define a polynomial of degree 1 between points, with velocities 3, with
+    accelerations 5.
+    """
     rng = np.random.default_rng(given)
     curves = [np.polynomial.Polynomial(rng.normal(size=2 * given)) for _ in NAMES]
 
@@ -99,7 +101,9 @@ def test_a_trajectory_with_a_stamp():
 
 
 def test_a_moving_robot_is_not_carried_far_off_the_way():
-    """Towards a point ten seconds ahead a cubic that keeps the velocity of 1 rad/s would turn back after 1.5 rad."""
+    """Towards a point ten seconds ahead a cubic that keeps the velocity of 1 rad/s would turn back
+    after 1.5 rad.
+    """
     followed = Trajectory(waypoints([(10.0, [0, 0, 0], [0, 0, 0])]), NAMES)
     followed.begin(S, np.zeros(3), np.array([1.0, -0.01, 0.0]))
     way = np.array([followed.sample(S + round(t * S)).position for t in np.linspace(0, 10, 1001)])

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Decision table of the control loop: next state and command for every state and event; its clocks and timeouts."""
+"""Decision table of the control loop: next state and command for every state and event; its clocks
+and timeouts.
+"""
 
 import re
 
@@ -123,7 +125,9 @@ def test_states_and_events(strong, name, event, after):
 @pytest.mark.parametrize("compensated", [False, True])
 @pytest.mark.parametrize("name", [row[0] for row in ROWS])
 def test_commands_of_states(strong, name, compensated):
-    """Each state sends nothing, damping, the law, gravity compensation or zero; efforts go there at their rate."""
+    """Each state sends nothing, damping, the law, gravity compensation or zero; efforts go there at
+    their rate.
+    """
     compensated = compensated and "START" not in name  # such an arm needs no start
     one = driven(strong, name, compensated=compensated, mode=GRAVITY_COMPENSATION, hold=3000)
     gravity, law = gravity_of(Q), name in ("STARTING", "ACTIVE")
@@ -152,7 +156,9 @@ def test_commands_of_states(strong, name, compensated):
 
 
 def test_a_start_lasts_until_the_efforts_carry_a_slow_arm(strong):
-    """Not before they carry it; then until no joint is faster than a twentieth of its limit, at most for a second."""
+    """Not before they carry it; then until no joint is faster than a twentieth of its limit, at
+    most for a second.
+    """
     limit = strong.velocity_limit
     for factor, after in (
         (0.049, "ACTIVE"),
@@ -173,7 +179,9 @@ def test_a_start_lasts_until_the_efforts_carry_a_slow_arm(strong):
 
 
 def test_a_start_takes_the_rate_of_efforts(strong):
-    """From zero on, the law begins when one step reaches gravity compensation; the arm that needs none is not damped."""
+    """From zero on, the law begins when one step reaches gravity compensation; the arm that needs
+    none is not damped.
+    """
     one, cycles = Driven(strong, mode=GRAVITY_COMPENSATION), 0
     while not cycles or one.state == "STARTING":
         one.step()
@@ -186,7 +194,9 @@ def test_a_start_takes_the_rate_of_efforts(strong):
 
 
 def test_a_start_goes_on_after_a_hold(strong):
-    """The time for which the efforts carry the arm goes on, too; targets are refused until it is over."""
+    """The time for which the efforts carry the arm goes on, too; targets are refused until it is
+    over.
+    """
     one, fast = Driven(strong, mode=TRACKING), 0.2 * strong.velocity_limit
     one.carry()
     one.step(qd=fast)
@@ -234,7 +244,9 @@ def test_a_start_after_the_ramp_is_a_new_one(strong):
 
 @pytest.mark.parametrize("name", ["WAITING", "RAMPING_DOWN"])
 def test_no_start_outside_of_limits(strong, name):
-    """A position beyond its limit counts as no valid state where a law would begin, and there alone."""
+    """A position beyond its limit counts as no valid state where a law would begin, and there
+    alone.
+    """
     for end, side in ((strong.upper, 1.0), (strong.lower, -1.0)):
         at_stop, beyond = Q.copy(), Q.copy()
         at_stop[2], beyond[2] = end[2] + side * 0.049, end[2] + side * 0.051
@@ -255,7 +267,9 @@ def test_no_start_outside_of_limits(strong, name):
 
 @pytest.mark.parametrize("name", ["HOLDING", "HOLDING_START"])
 def test_a_mode_chosen_without_a_state(strong, name):
-    """It is in force from the next state on, which is its target; without one it changes no effort."""
+    """It is in force from the next state on, which is its target; without one it changes no
+    effort.
+    """
     one = driven(strong, name)
     before = one.loop.limits.sent.copy()
     one.loop.switch(TRACKING)
@@ -272,7 +286,9 @@ def test_a_mode_chosen_without_a_state(strong, name):
 
 
 def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
-    """The arm stays where it is, also where the mode had another target when it was last in force."""
+    """The arm stays where it is, also where the mode had another target when it was last in
+    force.
+    """
     one = driven(strong, "ACTIVE", mode=TRACKING)
     one.loop.take_set_point(Q + 0.2)
     for _ in range(50):
@@ -383,7 +399,9 @@ def test_a_whole_hold_after_the_ramp():
 
 @pytest.mark.parametrize(("hold", "timeout"), [(0.3, 1.0), (2.5, 2.5)])
 def test_a_clock_that_stands_still(hold, timeout):
-    """The hold ends by the time of the machine: after the hold time, and no less than a second; a tick begins it anew."""
+    """The hold ends by the time of the machine: after the hold time, and no less than a second; a
+    tick begins it anew.
+    """
     machine = [0.0]
     one = Supervisor(0.02, hold, machine_time=lambda: machine[0])
     one.valid(S)
@@ -465,7 +483,9 @@ def test_the_last_effort(strong, name, carries, compensated):
 
 
 def test_the_clock_of_efforts(strong):
-    """A step back within the longest cycle is ignored; after a longer one the rate counts from there."""
+    """A step back within the longest cycle is ignored; after a longer one the rate counts from
+    there.
+    """
     one = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION)
     one.loop.limits.reset(np.zeros(6))
     for period, expected in ((-10, 0.0), (11, 0.4), (-101, 0.4), (1, 0.8)):

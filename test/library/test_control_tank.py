@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Energy tank: a ledger of the port's work bounds the energy that a person or a remote device extracts from an arm."""
+"""Energy tank: a ledger of the port's work bounds the energy that a person or a remote device
+extracts from an arm.
+"""
 
 import numpy as np
 import pytest
@@ -35,7 +37,8 @@ def plant_of(robot, q, qd=0.0, gravity=True):
 @pytest.mark.parametrize("robot", (ARM, UR5, TREE))
 @pytest.mark.parametrize("gravity", [True, False])
 def test_the_measured_energy_is_exact(robot, gravity):
-    """K + x changes by the work of external torques alone, for any held efforts, and positions that begin another turn.
+    """K + x changes by the work of external torques alone, for any held efforts, and positions that
+    begin another turn.
 
     A robot that compensates gravity itself moves as if it weighed nothing.
     """
@@ -58,7 +61,9 @@ def test_the_measured_energy_is_exact(robot, gravity):
 
 
 def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back():
-    """Decision table of half a radian: x before, torque on the hand's joint, whether it was held, x after."""
+    """Decision table of half a radian: x before, torque on the hand's joint, whether it was held, x
+    after.
+    """
     weightless = dd.DiagonalDynamics(subject(ARM).model.with_gravity((0.0, 0.0, 0.0)))
     tank, q = dd.EnergyTank(weightless, 2.0, RATE), READY
     assert tank.energy == 2.0
@@ -97,7 +102,9 @@ def commands(count):
 
 @pytest.mark.parametrize("pushed", [False, True])
 def test_commands_of_the_filter(pushed):
-    """Power and predicted work by Pinocchio's m, C and M: ε loses only power, then τ − g is scaled no more than needed."""
+    """Power and predicted work by Pinocchio's m, C and M: ε loses only power, then τ − g is scaled
+    no more than needed.
+    """
     h, tank, seen = 2e-3, tank_of(), np.zeros(3, int)
     for rng, q, qd, command in commands(300):
         t, nu = subject(ARM).oracle.at(q, qd), command.nu
@@ -135,7 +142,9 @@ def test_commands_of_the_filter(pushed):
 
 @pytest.mark.parametrize("energy", [0.0, -0.2])
 def test_an_empty_tank_brakes_and_holds(energy):
-    """Damping and gravity compensation are unchanged; a far target moves a resting arm by no more than rounding and dt."""
+    """Damping and gravity compensation are unchanged; a far target moves a resting arm by no more
+    than rounding and dt.
+    """
     dyn, tank, h = subject(ARM).dyn, tank_of(), 1e-3
     tank.energy = energy
     for _, q, qd, command in commands(20):
@@ -254,7 +263,9 @@ def test_the_loop_measures_what_it_sends(compensated):
 
 
 def test_a_hold_gives_nothing_back():
-    """While states are missing, the last effort may have been replaced: only its positive work counts. A start fills x."""
+    """While states are missing, the last effort may have been replaced: only its positive work
+    counts. A start fills x.
+    """
     driven = Driven(loop_of(tank_energy=CAPACITY))
     tank = driven.loop.limits.tank
     for k in range(200):

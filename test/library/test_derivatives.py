@@ -91,7 +91,9 @@ OUTBOARD = NAMED["leader outboard of its follower"]._replace(mimic="embed")
 
 @pytest.fixture(scope="module", params=(*robots.robots_to_test(), OUTBOARD))
 def cases(request):
-    """Return the cases of each robot in turn; module scope, so that all laws share one evaluation."""
+    """Return the cases of each robot in turn; module scope, so that all laws share one
+    evaluation.
+    """
     return load(request.param)
 
 
@@ -145,7 +147,9 @@ def coriolis_bracket_times(c):
 
 
 def bracket_is_skew(c):
-    """B + Bᵀ = 0, entry by entry: B is the bracket of Identity 7.1, and Lemma 7.1 is its νᵀBν = 0."""
+    """B + Bᵀ = 0, entry by entry: B is the bracket of Identity 7.1, and Lemma 7.1 is its νᵀBν =
+    0.
+    """
     B = bracket_columns(c)
     assert_close(B + B.T, np.zeros_like(B), max(1e-12, EPS * c.t.scaled_condition), c.size)
     for x in (c.x * c.unit, c.t.nu):

@@ -248,15 +248,18 @@ BARE = """<robot name="bare">
     <visual><geometry><mesh filename="b--ox.stl"/></geometry></visual>
   </link>
   <link name="given">
-    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+      </inertial>
     <collision><geometry><box size="1 1 1"/></geometry></collision>
   </link>
   <link name="frame"/>
   <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
     <limit effort="9" velocity="1"/></joint>
-  <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+  <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
     <limit effort="9" velocity="1"/></joint>
-  <joint name="c" type="fixed"><parent link="lower"/><child link="given"/><origin xyz="0 0 -0.3"/></joint>
+  <joint name="c" type="fixed"><parent link="lower"/><child link="given"/><origin xyz="0 0 -0.3"/>
+    </joint>
   <joint name="d" type="fixed"><parent link="given"/><child link="frame"/></joint>
 </robot>
 """

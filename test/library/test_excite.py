@@ -80,7 +80,8 @@ def test_joints_ranges_and_seeds(arm):
 PIECE = (
     '<link name="{0}"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>'
     '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    '<joint name="{0}_joint" type="{1}"><parent link="{2}"/><child link="{0}"/><axis xyz="0 1 0"/>{3}</joint>'
+    '<joint name="{0}_joint" type="{1}"><parent link="{2}"/><child link="{0}"/>'
+    '<axis xyz="0 1 0"/>{3}</joint>'
 )
 
 
@@ -162,7 +163,9 @@ def test_limits_above_those_of_the_robot_and_standstill(options, key):
 
 
 def test_no_plan_exceeds_limits_between_its_points():
-    """The points are coarse; a plan of the same seed with a hundred times as many shows the motion between them."""
+    """The points are coarse; a plan of the same seed with a hundred times as many shows the motion
+    between them.
+    """
     model = dd.load_urdf(two_joints(FILLED, FILLED))
     options = {"trials": 1, "velocity": 1.0}
     coarse, fine = (excite(model, "friction", rate=rate, **options) for rate in (2.0, 200.0))
@@ -171,7 +174,9 @@ def test_no_plan_exceeds_limits_between_its_points():
 
 
 def test_command(arm, tmp_path, capsys):
-    """The command writes the trajectory, and a message that the controller follows within the limits of velocity."""
+    """The command writes the trajectory, and a message that the controller follows within the
+    limits of velocity.
+    """
     out, message = tmp_path / "out.json", tmp_path / "out.yaml"
     locks = "locked_joints=[panda_finger_joint1=0, panda_finger_joint2=0]"
     options = [

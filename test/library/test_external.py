@@ -42,7 +42,9 @@ WIDE = (1e4, 1e4)  # [N, N m]: all directions that move a joint are observed
 
 
 class Case:
-    """A robot, its oracle, one state, a random Σ, and links from the first moving one to the tips."""
+    """A robot, its oracle, one state, a random Σ, and links from the first moving one to the
+    tips.
+    """
 
     def __init__(self, one, seed=0):
         self.model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
@@ -352,7 +354,9 @@ def test_the_confidence_is_the_share_that_is_right(robot, near_origin):
 
 
 def test_noise_alone_touches_no_link():
-    """Below the quantile of χ² there is no link: of normal noise in all but 0.13 % of the samples."""
+    """Below the quantile of χ² there is no link: of normal noise in all but 0.13 % of the
+    samples.
+    """
     case, rng, count = Case(ARM), np.random.default_rng(8), 40_000
     noise = rng.normal(size=(count, 7)) @ np.linalg.cholesky(case.covariance).T
     Q = np.tile(case.q, (count, 1))

@@ -88,7 +88,9 @@ def test_a_truncated_file_of_parameters_is_rejected(tmp_path):
 
 
 def test_a_truncated_file_of_thresholds_is_rejected(tmp_path):
-    """At any length but without the last newline: it lacks thresholds or a gain, or has an open brace."""
+    """At any length but without the last newline: it lacks thresholds or a gain, or has an open
+    brace.
+    """
     path, trust = tmp_path / "alarms.yaml", {"requested": 1.0, "duration": 9.0, "alarms": 0}
     trust |= {"held_out": 0, "method": "tail", "peaks": 9, "gain": 30.0, "friction": False}
     noise = {"names": ("a", "b"), "covariance": np.diag([2.5, 12.5])}

@@ -3,7 +3,8 @@
 
 """A fleet's archive: each recording is analysed as by itself, once, whatever fails meanwhile.
 
-Tasks run in threads of the test's process; those in processes, of which one is killed, are of the full tier.
+Tasks run in threads of the test's process; those in processes, of which one is killed, are of the
+full tier.
 """
 
 import csv
@@ -52,7 +53,9 @@ def few(names, topics=("/joint_states",)):
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
-    """Folder of recordings of two robots, one hostile; without messages of its joints, and of garbage."""
+    """Folder of recordings of two robots, one hostile; without messages of its joints, and of
+    garbage.
+    """
     folder = tmp_path_factory.mktemp("archive")
     panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
     elsewhere = [(serialized(START, ["elsewhere"], [0.0]), START)]
@@ -101,7 +104,9 @@ def summaries_of(out):
 
 
 def check(rows, out, expected, archive):
-    """Assert that recordings are analysed as by themselves, and that damage is a row with an error."""
+    """Assert that recordings are analysed as by themselves, and that damage is a row with an
+    error.
+    """
     errors = {row["recording"] for row in rows if "error" in row}
     assert errors == {str(archive / name) for name in BAD}
     summaries = summaries_of(out)
@@ -231,7 +236,9 @@ def test_exit_status(monkeypatch, rows, status):
 
 
 def page_of(folder):
-    """Return the text of a fleet's page, the files of its links, and the texts of its cells by row."""
+    """Return the text of a fleet's page, the files of its links, and the texts of its cells by
+    row.
+    """
     page = (folder / "fleet.html").read_text(encoding="utf-8")
     links = [folder / link for link in re.findall('href="([^"]*)"', page)]
     assert all(link.exists() for link in links)

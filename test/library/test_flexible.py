@@ -92,7 +92,9 @@ def inertias(dynamics):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_terms_against_pinocchio(panda, seed):
-    """ν, C = ℓc − ṁᵀq̇, ε_g, ε and q̈ of the robot with its rotors; the spring's torque acts on both."""
+    """ν, C = ℓc − ṁᵀq̇, ε_g, ε and q̈ of the robot with its rotors; the spring's torque acts on
+    both.
+    """
     q, theta, qd, thetad, tau = state(panda, seed)
     oracle = Oracle(
         with_rotors(URDF, NAMES),
@@ -282,7 +284,9 @@ def plant(flexible, **values):
 
 @pytest.mark.parametrize("motion", ["free", "wave"])
 def test_simulated_joint_states(motion):
-    """The simulator measures what the file says; the links' positions follow from motor and spring."""
+    """The simulator measures what the file says; the links' positions follow from motor and
+    spring.
+    """
     kinds = [
         ("motor", "spring"),
         ("link", "spring"),
@@ -387,7 +391,8 @@ def test_armature():
     """
     entry = {"stiffness": 100.0, "rotor_inertia": 1e-4, "gear": 30.0}
     gear = (
-        '<transmission name="t"><joint name="hinge"/><actuator name="a"><mechanicalReduction>9</mechanicalReduction>'
+        '<transmission name="t"><joint name="hinge"/><actuator name="a">'
+        "<mechanicalReduction>9</mechanicalReduction>"
         "<motorInertia>0.1</motorInertia></actuator></transmission></robot>"
     )
     urdf = PENDULUM.replace("</robot>", gear)

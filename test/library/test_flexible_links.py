@@ -29,7 +29,8 @@ G = np.array([0.3, -0.5, -9.81])
 
 
 class CutTree:
-    """A robot in Pinocchio whose flexible links are chains of joints: x = L q + ½ qᵀ Q q, q of `model`.
+    """A robot in Pinocchio whose flexible links are chains of joints: x = L q + ½ qᵀ Q q, q of
+    `model`.
 
     `joints` has name, parent, child, origin and type of each joint, and rigid points of its child.
     """
@@ -66,7 +67,9 @@ class CutTree:
         return self.tree.addJoint(parent, kind, placement, f"joint {len(self.L)}")
 
     def add_chain(self, joint, link, station):
-        """Add the joints between the origin of a link and one of its stations; return the last one."""
+        """Add the joints between the origin of a link and one of its stations; return the last
+        one.
+        """
         X, Y, Z = pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ()
         placement = pin.SE3(link.axes, link.axes @ station.at)
         for kind, row, bent in zip(
@@ -145,7 +148,10 @@ def inertial(points, rod=0.0, vector=(0.0, 0.0, 0.0), polar=0.0):
         f'i{"xyz"[i]}{"xyz"[j]}="{float(moment[i, j])!r}"' for i in range(3) for j in range(i, 3)
     )
     xyz = " ".join(map(repr, centre.tolist()))
-    return f'<inertial><origin xyz="{xyz}"/><mass value="{float(mass)!r}"/><inertia {entries}/></inertial>'
+    return (
+        f'<inertial><origin xyz="{xyz}"/><mass value="{float(mass)!r}"/><inertia {entries}/>'
+        f"</inertial>"
+    )
 
 
 def joint(name, parent, child, xyz="0 0 0", axis="0 0 1", kind="continuous"):
@@ -218,7 +224,8 @@ def test_nodes():
     ]
     tip = {"shape": rng.normal(size=(3, 3)) * 0.5, "slope": rng.normal(size=(3, 3))}
     text = (
-        f'<robot name="arm"><link name="base"/><link name="a">{inertial(np.array([[0.9, 0.4, 0, 0.05]]))}</link>'
+        f'<robot name="arm"><link name="base"/><link '
+        f'name="a">{inertial(np.array([[0.9, 0.4, 0, 0.05]]))}</link>'
         f'<link name="tip">{inertial(TIP)}</link>'
         + joint("j1", "base", "a", axis="0 1 0")
         + joint("j2", "a", "tip", "0.8 0 0", "0 1 0")
@@ -366,7 +373,7 @@ def test_large_bending():
 
 
 # --- Motion
-# ---------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 
 def test_energy_in_motion(arm):
@@ -396,7 +403,9 @@ def test_energy_in_motion(arm):
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 0.9])
 def test_decay(ratio):
-    """A small mode moves as a damped oscillator through zero and back, and the audit has its loss."""
+    """A small mode moves as a damped oscillator through zero and back, and the audit has its
+    loss.
+    """
     model = beam([1, 0, 0], damping_ratio=ratio)
     [link] = model.flexible_links.values()
     [omega] = link.frequencies
@@ -434,7 +443,7 @@ def test_steep_tip(arm):
 
 
 # --- Input
-# ----------------------------------------------------------------------------------------------------------
+# --------------------------------------------------------------------------------------------------
 
 NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
 

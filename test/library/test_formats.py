@@ -66,7 +66,8 @@ def robot_descriptions(tmp_path, monkeypatch):
     package.mkdir()
     (package / "__init__.py").touch()  # DESCRIPTIONS is not in it in older versions
     (package / "_descriptions.py").write_text(
-        f"class Entry:\n    def __init__(self, has_urdf): self.has_urdf = has_urdf\n\nDESCRIPTIONS = {{{entries}}}\n"
+        f"class Entry:\n    def __init__(self, has_urdf): self.has_urdf = "
+        f"has_urdf\n\nDESCRIPTIONS = {{{entries}}}\n"
     )
     (package / "arm_description.py").write_text(f"URDF_PATH = {str(UR5)!r}")
     (package / "xacro_description.py").write_text(f"XACRO_PATH = {str(urdf)!r}")
@@ -102,10 +103,12 @@ XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
   </xacro:macro>
   <link name="base"/>
   <xacro:part name="upper"/>
-  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/></joint>
   <xacro:if value="$(arg hand)">
     <xacro:part name="hand"/>
-    <joint name="wrist" type="continuous"><parent link="upper"/><child link="hand"/><axis xyz="1 0 0"/></joint>
+    <joint name="wrist" type="continuous"><parent link="upper"/><child link="hand"/>
+      <axis xyz="1 0 0"/></joint>
   </xacro:if>
 </robot>"""
 
@@ -183,11 +186,13 @@ ARM = f"""<mujoco model="arm">
       <joint name="turn" type="hinge" axis="0.2 1 0.4" pos="0.05 -0.1 0.02" ref="0.4" range="-2 2"/>
       <inertial pos="0.1 0 0.05" quat="0.8 0.3 -0.2 0.1" mass="2.5" diaginertia="0.05 0.04 0.03"/>
       <body name="b" pos="0 0.3 0.1" euler="0.4 -0.3 1.2">
-        <joint name="shift" type="slide" axis="1 0 0.5" pos="0.3 0 0" ref="-0.1" range="-1 1" frictionloss="0.7"/>
+        <joint name="shift" type="slide" axis="1 0 0.5" pos="0.3 0 0" ref="-0.1" range="-1 1"
+        frictionloss="0.7"/>
         <joint name="about x" type="hinge" axis="1 0 0" pos="0 0.2 0"/>
         <joint type="hinge" axis="0 0 1" pos="0.1 0 0.1" armature="0.3"/>
         <geom type="capsule" size="0.04" fromto="0 0 0 0.2 0.1 0.3"/>
-        <body pos="0.2 0.1 0.3" name="tool"><site name="tip"/><geom type="box" size="0.05 0.03 0.1" mass="0.8"/></body>
+        <body pos="0.2 0.1 0.3" name="tool"><site name="tip"/>
+          <geom type="box" size="0.05 0.03 0.1" mass="0.8"/></body>
       </body>
     </body>
     <body name="c" pos="-0.5 0 0"><joint name="other"/><geom size="0.1"/></body>
@@ -200,12 +205,16 @@ FREE_JOINT = '<freejoint name="flight"/>'
 FREE = f"""<mujoco model="drone">
   <worldbody>
     <body name="hull" pos="1 2 3">{FREE_JOINT}<geom type="box" size="0.3 0.2 0.1"/>
-      <body name="arm" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" pos="0 0 0.05"/><geom size="0.05" pos="0.2 0 0"/></body>
+      <body name="arm" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" pos="0 0 0.05"/>
+        <geom size="0.05" pos="0.2 0 0"/></body>
     </body>
   </worldbody>
 </mujoco>"""
 
-BALL = '<body name="ball" pos="0 0 5"><freejoint name="roll"/><geom size="0.1" pos="0.02 0 0"/></body></worldbody>'
+BALL = (
+    '<body name="ball" pos="0 0 5"><freejoint name="roll"/><geom size="0.1" pos="0.02 0 0"/>'
+    "</body></worldbody>"
+)
 TWO_FREE = FREE.replace("</worldbody>", BALL)
 END = "</mujoco>"
 
@@ -420,7 +429,8 @@ UNSUPPORTED = {
     "armature of a tendon": (END, with_tendon('armature="0.1"'), "tendon 'wire' has armature"),
     "mocap body that holds": (
         "</worldbody>",
-        '<body name="hand" mocap="true"/></worldbody><equality><weld name="hold" body1="hand" body2="tool"/></equality>',
+        '<body name="hand" mocap="true"/></worldbody><equality>'
+        '<weld name="hold" body1="hand" body2="tool"/></equality>',
         "equality 'hold'",
     ),
 }
@@ -458,7 +468,10 @@ def test_rigid_weld(mujoco, ends):
         dd.load_mjcf(changed(END, f'<equality><weld name="glue" {ends}/></equality>{END}'))
 
 
-MARKER = '<body name="target" mocap="true" pos="1 0 1"><geom size="0.1"/><body name="arrow"><geom size="0.02"/></body></body>'
+MARKER = (
+    '<body name="target" mocap="true" pos="1 0 1"><geom size="0.1"/><body name="arrow">'
+    '<geom size="0.02"/></body></body>'
+)
 OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
     "spring": (
         OTHER,
@@ -490,12 +503,14 @@ OMITTED = {  # what is replaced in ARM, by what, and what model.omitted then has
     "marker": ("</worldbody>", MARKER + "</worldbody>", ["mocap body 'target'"]),
     "welded marker": (
         "</worldbody>",
-        f'{MARKER}</worldbody><equality><weld body1="target"/><weld body1="c" body2="tool" active="false"/></equality>',
+        f'{MARKER}</worldbody><equality><weld body1="target"/>'
+        f'<weld body1="c" body2="tool" active="false"/></equality>',
         ["mocap body 'target'"],
     ),
     "mocap body with a robot": (
         BODY_C,
-        f'<body name="base" mocap="true" pos="0.1 0 1" euler="0.3 0 0.2"><geom size="0.2"/>{BODY_C}</body>',
+        f'<body name="base" mocap="true" pos="0.1 0 1" euler="0.3 0 0.2">'
+        f'<geom size="0.2"/>{BODY_C}</body>',
         ["mocap body 'base'"],
     ),
 }
@@ -577,7 +592,8 @@ def test_flexible_bodies(mujoco):
     """Their points are bodies with mass, which passive forces hold together, or else equalities."""
     inside = '<elasticity young="9" poisson="0" thickness="0.01" elastic2d="both"/>'
     flex = (
-        '<flexcomp name="sheet" type="grid" count="3 2 1" spacing="0.1 0.1 0.1" mass="1" radius="0.01">'
+        '<flexcomp name="sheet" type="grid" count="3 2 1" spacing="0.1 0.1 0.1" mass="1" '
+        'radius="0.01">'
         f"{inside}</flexcomp></worldbody>"
     )
     arm = changed('<default><joint armature="0.02" damping="0.5"/></default>', "")
@@ -625,7 +641,10 @@ PID = '<pid joint="{}" input="pos vel ff" kp="1" kv="1" gear="7"/>'
 
 GEARED = {
     "joint": '<motor joint="turn" gear="3" armature="0.1" damping="0.2"/>',
-    "two": '<motor joint="turn" gear="3" armature="0.1"/><motor joint="turn" gear="2" armature="0.3" damping="0.4"/>',
+    "two": (
+        '<motor joint="turn" gear="3" armature="0.1"/>'
+        '<motor joint="turn" gear="2" armature="0.3" damping="0.4"/>'
+    ),
     "several controls": PID.format("turn") + '<motor joint="shift" gear="2" armature="0.3"/>',
     "no gear": '<motor joint="turn" gear="0" armature="0.1" damping="0.2"/>',
 }

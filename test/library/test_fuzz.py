@@ -21,17 +21,25 @@ import robots
 from examples import shortened
 
 DIALECT = (
-    '<robot version="1.2" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:drake="http://drake.mit.edu" name="d">'
-    '<xacro:property name="a" value="${1}"/><xacro:macro name="m"><link name="${a}"/></xacro:macro><link name="base"/>'
+    '<robot version="1.2" xmlns:xacro="http://www.ros.org/wiki/xacro" '
+    'xmlns:drake="http://drake.mit.edu" name="d">'
+    '<xacro:property name="a" value="${1}"/><xacro:macro name="m"><link name="${a}"/>'
+    '</xacro:macro><link name="base"/>'
     '<link name="a"><inertial><origin xyz="0 0 1" quat_xyzw="0 0.6 0 0.8"/><mass value="1"/>'
     '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
-    '<collision><origin quat_xyzw="1 0 0 0"/><geometry><box size="1 1 1"/></geometry></collision></link>'
-    '<joint name="j" type="revolute"><parent link="base"/><child link="a"/><origin quat_xyzw="1 2 3 4"/><axis xyz="0 0 1"/>'
-    '<limit lower="-1" upper="1" effort="1" velocity="1" jerk="1"/><dynamics damping="0" armature="1"/></joint>'
+    '<collision><origin quat_xyzw="1 0 0 0"/><geometry><box size="1 1 1"/></geometry>'
+    "</collision></link>"
+    '<joint name="j" type="revolute"><parent link="base"/><child link="a"/>'
+    '<origin quat_xyzw="1 2 3 4"/><axis xyz="0 0 1"/>'
+    '<limit lower="-1" upper="1" effort="1" velocity="1" jerk="1"/>'
+    '<dynamics damping="0" armature="1"/></joint>'
     '<transmission name="t"><joint name="j"/><actuator name="m"><drake:rotor_inertia value="1e-4"/>'
-    '<mechanicalReduction value="-50"/></actuator></transmission><gazebo><joint name="g"><child>a</child></joint></gazebo>'
-    '<ros2_control><transmission name="t"><actuator name="n"><param name="rotor_inertia">1e-4</param></actuator>'
-    '<joint name="j"><mechanical_reduction>2</mechanical_reduction></joint></transmission></ros2_control></robot>'
+    '<mechanicalReduction value="-50"/></actuator></transmission><gazebo><joint name="g">'
+    "<child>a</child></joint></gazebo>"
+    '<ros2_control><transmission name="t"><actuator name="n">'
+    '<param name="rotor_inertia">1e-4</param></actuator>'
+    '<joint name="j"><mechanical_reduction>2</mechanical_reduction></joint></transmission>'
+    "</ros2_control></robot>"
 )
 """Quaternions, transmissions, definitions of xacro, attributes that URDF has not."""
 

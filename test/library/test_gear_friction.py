@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Friction of gears, by the torque of gravity and by the root of the rate: dynamics, parameter file and simulation."""
+"""Friction of gears, by the torque of gravity and by the root of the rate: dynamics, parameter file
+and simulation.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -25,7 +27,9 @@ def with_gears(source, load, root):
 
 @pytest.mark.parametrize("v0", [5e-3, 0.0])
 def test_friction_is_that_of_its_equation(v0, tmp_path):
-    """τ_fric = d q̇ + (f + μ|g|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o with Pinocchio's g, in all terms that contain it."""
+    """τ_fric = d q̇ + (f + μ|g|) tanh(q̇/v₀) + s q̇/√max(|q̇|, v₀) + o with Pinocchio's g, in all
+    terms that contain it.
+    """
     pairs = zip(dd.load_urdf(UR5).dof_names, LOAD, ROOT, strict=True)
     joints = {name: dd.JointParameters(0.5, 1.5, -0.1, None, *pair) for name, *pair in pairs}
     dd.Parameters(joints, friction_velocity=v0).save(tmp_path / "arm.yaml")
@@ -65,13 +69,17 @@ def test_friction_of_gears_cannot_be_negative():
         with_gears(UR5, [-0.1] * 6, ROOT)
 
 
-PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 -0.5"/><mass value="2"/>
-<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="swing" type="continuous">
+PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial>
+<origin xyz="0 0 -0.5"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="swing" type="continuous">
 <axis xyz="0 1 0"/><parent link="base"/><child link="rod"/></joint></robot>"""
 
 
 def test_a_falling_pendulum_with_gears():
-    """Until its rate reverses, against scipy's solution of its equation: I q̈ = −m g l sin q − μ|m g l sin q| − s √q̇."""
+    """Until its rate reverses, against scipy's solution of its equation: I q̈ = −m g l sin q − μ|m
+    g l sin q| − s √q̇.
+    """
     mu, s, inertia, weight = 0.2, 1.5, 0.1 + 2.0 * 0.25, 2.0 * 9.81 * 0.5
     model = with_gears(PENDULUM, [mu], [s])
 

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Identification on simulated motions whose efforts are Pinocchio's: results, rejected recordings, warnings."""
+"""Identification on simulated motions whose efforts are Pinocchio's: results, rejected recordings,
+warnings.
+"""
 
 import json
 import re
@@ -54,7 +56,9 @@ def motion(model, seed, duration, rate):
 def recording(
     model, oracle, seed, duration=20.0, rate=250.0, noise=0.0, rotors=0.0, resist=friction
 ):
-    """Return a motion with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s, 0.5 and 0.15 N m."""
+    """Return a motion with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s, 0.5 and 0.15 N
+    m.
+    """
     t, q, qd, qdd = motion(model, seed, duration, rate)
     tau, rng = (
         efforts(oracle, q, qd, qdd) + rotors * qdd + resist(qd),
@@ -65,7 +69,9 @@ def recording(
 
 
 def residual(model, truth, oracle, seed=77):
-    """Root mean square of |ℓ(τ̂ − τ)| on another motion [J^½/s], τ Pinocchio's, and the largest error [N m]."""
+    """Root mean square of |ℓ(τ̂ − τ)| on another motion [J^½/s], τ Pinocchio's, and the largest
+    error [N m].
+    """
     _, q, qd, qdd = motion(truth, seed, 10.0, 50.0)
     dynamics = dd.DiagonalDynamics(model)
     error = dynamics.inverse_dynamics(q, qd, qdd) + dynamics.friction_torque(qd)
@@ -82,7 +88,9 @@ def refuse_unphysical(model):
 
 
 def test_inertias_and_friction_predict_another_motion_exactly(panda):
-    """From inertias wrong by a third: not each mass comes out, for no motion tells it, but every effort does."""
+    """From inertias wrong by a third: not each mass comes out, for no motion tells it, but every
+    effort does.
+    """
     model, oracle = panda
     start = model.perturbed(0.35, 3)
     assert residual(start, model, oracle, seed=78)[0] > 4.0
@@ -115,7 +123,9 @@ def test_rotors_and_friction_are_recovered(panda):
     ("what", "felt"), [("friction", 0.0), ("friction", 1.0), (("friction", "rotors"), 0.0)]
 )
 def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
-    """Torque sensors behind the gears do not feel the rotors of a URDF: no effort is left with armature 0."""
+    """Torque sensors behind the gears do not feel the rotors of a URDF: no effort is left with
+    armature 0.
+    """
     model, oracle = panda
     joints = {
         name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)
@@ -140,7 +150,9 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
 
 
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
-    """Beside rotors of 3 kg m² friction alone explains next to nothing; once they are known, it does."""
+    """Beside rotors of 3 kg m² friction alone explains next to nothing; once they are known, it
+    does.
+    """
     model, oracle = panda
     found = dd.identify(
         recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0),
@@ -179,7 +191,8 @@ def loaded(oracle):
     ("known", "seed"), list(some_of([(True, 11), (True, 12), (False, 12), (False, 11)], 2))
 )
 def test_payload(panda, known, seed):
-    """Ten seconds of noise: mass and centre, within their standard deviations; against a wrong robot by a reference run.
+    """Ten seconds of noise: mass and centre, within their standard deviations; against a wrong
+    robot by a reference run.
 
     Gains, here exact, are uncertain by 5 %: no mass is more certain than the mean of seven joints.
     """
@@ -254,7 +267,9 @@ def test_recordings_of_different_payloads_are_named(panda):
 
 
 def test_a_negative_payload(panda):
-    """The model has a hand that the robot lacks: its mass is found, and the links that are left are physical."""
+    """The model has a hand that the robot lacks: its mass is found, and the links that are left are
+    physical.
+    """
     model, _ = panda
     bare = without_hand(PANDA)
     missing = model.total_mass - dd.load_urdf(bare, locked_joints=HELD).total_mass
@@ -403,7 +418,9 @@ def test_a_part_whose_fit_does_not_converge_is_left_out(panda, noisy, monkeypatc
 
 @pytest.fixture(scope="module")
 def eventful(panda):
-    """Two runs of 45 s at 1 kHz: late velocities, states without effort, stamps that go back, gaps, jumps."""
+    """Two runs of 45 s at 1 kHz: late velocities, states without effort, stamps that go back, gaps,
+    jumps.
+    """
     model, oracle = panda
     t, q, qd, qdd = motion(model, 31, 45.0, 100.0)
     columns = [q, qd, efforts(oracle, q, qd, qdd) + friction(qd)]
@@ -427,7 +444,9 @@ def eventful(panda):
 
 @pytest.mark.full
 def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
-    """Motions after a restart of time stamps are fitted, too; pieces of a recording give the same."""
+    """Motions after a restart of time stamps are fitted, too; pieces of a recording give the
+    same.
+    """
     model, oracle = panda
     whole = dd.identify(eventful, model, "friction")
     texts = " ".join(whole.quality["findings"])

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Confidence in an identification: intervals on simulated recordings with known parameters, and base parameters.
+"""Confidence in an identification: intervals on simulated recordings with known parameters, and
+base parameters.
 
-Efforts are Pinocchio's, friction that of its equation, on motions of a UR5 with noise of positions, velocities and efforts.
+Efforts are Pinocchio's, friction that of its equation, on motions of a UR5 with noise of positions,
+velocities and efforts.
 """
 
 import numpy as np
@@ -75,7 +77,9 @@ def errors(found):
 
 
 def require_hidden(described):
-    """Fail unless the data do not show the inertia about the first axis, but most other base parameters."""
+    """Fail unless the data do not show the inertia about the first axis, but most other base
+    parameters.
+    """
     names = [one["name"] for one in described["parameters"]]
     hidden = [one["name"] for one in described["parameters"] if one["from_data"] is None]
     about_axis = [name for name in names if "Izz(shoulder_link)" in name]
@@ -92,13 +96,16 @@ def require_coverage(errors, count, share, largest):
         and np.median(errors) > 0.2
         and errors.max() < largest
     ), (
-        f"{within:.1%} of {len(errors)} within 2 σ, median {np.median(errors):.2f}, largest {errors.max():.1f}"
+        f"{within:.1%} of {len(errors)} within 2 σ, median {np.median(errors):.2f}, "
+        f"largest {errors.max():.1f}"
     )
 
 
 @SEEDS
 def test_intervals_contain_the_parameters(arm, seeds):
-    """Load and root friction, late velocities, no efforts of the last joint. Joints without a rejected step."""
+    """Load and root friction, late velocities, no efforts of the last joint. Joints without a
+    rejected step.
+    """
     found = [
         dd.identify(recording(arm, seed, missing=[5]), arm[0], ("friction", "rotors", "gears"))
         for seed in seeds
@@ -162,7 +169,9 @@ FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
     [("ur_description/urdf/ur5_robot.urdf", {}, 36), (PANDA, FINGERS, 43)],
 )
 def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
-    """As many as its rank at random states; with the columns of their first symbols they give its torques."""
+    """As many as its rank at random states; with the columns of their first symbols they give its
+    torques.
+    """
     text, rng = robot(path).urdf, np.random.default_rng(1)
     model = dd.load_urdf(text, locked_joints=locked)
     oracle, layout = (

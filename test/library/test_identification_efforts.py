@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Efforts that are judged before anything is fitted to them: unit, sign, gravity, order of joints, at any size of a robot."""
+"""Efforts that are judged before anything is fitted to them: unit, sign, gravity, order of joints,
+at any size of a robot.
+"""
 
 import functools
 import json
@@ -139,7 +141,9 @@ def test_efforts_of_a_desk_arm_that_are_right(arm, wear):
 
 
 def test_residuals_of_neighbours_in_time_are_alike(arm):
-    """A slow drift as large as the arm's torque, at 1 kHz: 12 s hold few errors, though many states. Nothing is refused."""
+    """A slow drift as large as the arm's torque, at 1 kHz: 12 s hold few errors, though many
+    states. Nothing is refused.
+    """
     t, q, qd, tau = motion(rate=1000.0)
     knots = np.random.default_rng(0).normal(size=(13, 3)) * tau.std(axis=0).max()
     drift = np.column_stack([np.interp(t, np.arange(13.0), one) for one in knots.T])
@@ -174,7 +178,9 @@ ARMS = {
 
 @functools.cache
 def large_arm(name):
-    """Model, motion and Pinocchio's efforts of an arm, with friction of each joint and noise of 1 % of its largest torque."""
+    """Model, motion and Pinocchio's efforts of an arm, with friction of each joint and noise of 1 %
+    of its largest torque.
+    """
     name, locked = ARMS[name]
     text = re.sub("<dynamics[^>]*>", "", robot(name).urdf)
     model = dd.load_urdf(text, locked_joints=locked)
@@ -205,7 +211,9 @@ LIGHT_JOINTS = {
     [*(("ur5", case) for case in LIGHT_JOINTS), ("panda", "right"), ("panda", "signs and unit")],
 )
 def test_light_joints_are_judged_by_their_own_errors(name, case):
-    """What a model may miss at a large joint hides no sign and no unit of a wrist; parameters are found all the same."""
+    """What a model may miss at a large joint hides no sign and no unit of a wrist; parameters are
+    found all the same.
+    """
     model, t, q, qd, tau = large_arm(name)
     factors, key = LIGHT_JOINTS[case]
     scale = np.ones(model.nv)
@@ -222,7 +230,9 @@ def test_light_joints_are_judged_by_their_own_errors(name, case):
 
 
 def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
-    """Of a joint with less than half the torque of another one; another sign of it is no fault of the model."""
+    """Of a joint with less than half the torque of another one; another sign of it is no fault of
+    the model.
+    """
     t, q, qd, tau = motion(seed=4)
     found = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
     assert any(
@@ -237,12 +247,16 @@ MASSES = 5.0, 3.0, 1.0
 
 
 def axes_alone(kind):
-    """Return the URDF of linear axes that stand on one another, or of a turntable: no joint has gravity that changes."""
+    """Return the URDF of linear axes that stand on one another, or of a turntable: no joint has
+    gravity that changes.
+    """
     parts = ["<robot name='axes'><link name='l0'/>"]
     for k, (axis, mass) in enumerate(zip(AXES[kind], MASSES, strict=False)):
         parts.append(
-            f"<link name='l{k + 1}'><inertial><mass value='{mass}'/><inertia ixx='0.2' iyy='0.2' izz='0.2' ixy='0' ixz='0' "
-            f"iyz='0'/></inertial></link><joint name='j{k + 1}' type='{kind}'><parent link='l{k}'/><child link='l{k + 1}'/>"
+            f"<link name='l{k + 1}'><inertial><mass value='{mass}'/>"
+            f"<inertia ixx='0.2' iyy='0.2' izz='0.2' ixy='0' ixz='0' "
+            f"iyz='0'/></inertial></link><joint name='j{k + 1}' type='{kind}'>"
+            f"<parent link='l{k}'/><child link='l{k + 1}'/>"
             f"<axis xyz='{axis}'/><limit lower='-9' upper='9' effort='0' velocity='0'/></joint>"
         )
     return "".join([*parts, "</robot>"])
@@ -259,7 +273,9 @@ def axes_alone(kind):
     ],
 )
 def test_axes_whose_gravity_does_not_change(kind, factor, key):
-    """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass or inertia times q̈."""
+    """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass
+    or inertia times q̈.
+    """
     model, (t, q, qd, tau) = dd.load_urdf(axes_alone(kind)), motion()
     count, weight = model.nv, (0.0, 0.0, 9.81 * MASSES[2])[: model.nv]
     carried = np.cumsum(MASSES[::-1])[::-1] if kind == "prismatic" else np.array([0.2])
@@ -370,7 +386,9 @@ def test_refusals_name_file_and_joint_or_remedy(tmp_path, capsys, case):
 
 
 def test_findings_of_several_recordings(tmp_path, capsys):
-    """A finding that all share stands once; another one names its recording. Names of steps may have spaces."""
+    """A finding that all share stands once; another one names its recording. Names of steps may
+    have spaces.
+    """
     t, q, qd, tau = motion()
     (tmp_path / "desk.urdf").write_text(URDF)
     paths = []
@@ -398,7 +416,9 @@ def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
 
 
 def test_each_parameter_has_its_own_motion(arm):
-    """The elbow moves over 0.3 rad, the pan only forward: an offset requires neither range nor both directions."""
+    """The elbow moves over 0.3 rad, the pan only forward: an offset requires neither range nor both
+    directions.
+    """
     t, q, qd, _ = motion()
     q[:, 2], qd[:, 2] = 0.3 * q[:, 2] / np.ptp(q[:, 2]), 0.3 * qd[:, 2] / np.ptp(q[:, 2])
     q[:, 0], qd[:, 0] = 0.1 * t, 0.1
@@ -414,7 +434,9 @@ def test_each_parameter_has_its_own_motion(arm):
 
 
 def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
-    """Stiction of standing joints carries any torque. A fault of a joint that moves names its file."""
+    """Stiction of standing joints carries any torque. A fault of a joint that moves names its
+    file.
+    """
     t, q, qd, tau = motion()
     standing = q.copy(), 0.0 * qd
     standing[0][:, :2] = q[0, :2]
@@ -435,7 +457,9 @@ def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
 
 
 def test_the_balance_of_a_desk_arm(tmp_path, capsys):
-    """It has one in motion, though its dK/dt is less than 1 mW; efforts beyond what can be have none."""
+    """It has one in motion, though its dK/dt is less than 1 mW; efforts beyond what can be have
+    none.
+    """
     t, q, qd, tau = motion()
     status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)

@@ -55,7 +55,9 @@ def test_parameters_are_pinocchios():
 
 
 def test_positive_numbers_have_a_closed_form():
-    """min ½ a x² − b x + γ' (x/x₀ − ln x), also where least squares is negative, and beside an offset of the same rows."""
+    """min ½ a x² − b x + γ' (x/x₀ − ln x), also where least squares is negative, and beside an
+    offset of the same rows.
+    """
     for a, b in ((4.0, 8.0), (4.0, -8.0), (1e6, -1e3)):
         problem = Problem(np.array([[a]]), np.array([b]), [], np.array([0]))
         slope = b - 0.01 / START
@@ -70,7 +72,9 @@ def test_positive_numbers_have_a_closed_form():
     ("count", "payload"), [(0, False), (2, False), (4, False), (6, False), (9, True), (40, True)]
 )
 def test_every_solution_is_physical(count, payload):
-    """Rows of an impossible body, also a thousand times more certain than the prior; without rows, the prior."""
+    """Rows of an impossible body, also a thousand times more certain than the prior; without rows,
+    the prior.
+    """
     rng = np.random.default_rng(count)
     a = rng.normal(size=(4, 4))
     prior = inertias.floored(BALL) if payload else a @ a.T + 0.01 * np.eye(4)
@@ -88,7 +92,9 @@ def test_every_solution_is_physical(count, payload):
 
 
 def choose_inertias(model, oracle, rng):
-    """Give Pinocchio's bodies random inertias, and return the ten parameters of each of the model's."""
+    """Give Pinocchio's bodies random inertias, and return the ten parameters of each of the
+    model's.
+    """
     x = np.zeros((len(model.bodies) - 1, 10))
     for body, record in enumerate(model.bodies[1:]):
         if record["rank"] == record["dofs"] - 1:  # others have no inertia
@@ -110,7 +116,9 @@ def choose_inertias(model, oracle, rng):
     ids=lambda one: f"{one[0].id}-{one[1]}",
 )
 def test_rows_are_pinocchios(one):
-    """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G are Gᵀ times these."""
+    """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G
+    are Gᵀ times these.
+    """
     (given, mimic), rng = one, np.random.default_rng(2)
     model, free = (dd.load_urdf(given.urdf, mimic=how, **given.options) for how in (mimic, "free"))
     oracle = Oracle(given.urdf, free.dof_names, floating_base=free.floating_base)
@@ -152,7 +160,8 @@ def test_rows_are_pinocchios(one):
 
 
 def test_filtered_rows_hold_for_the_true_parameters():
-    """Rows times parameters are Pinocchio's filtered efforts, with an error of second order in the interval.
+    """Rows times parameters are Pinocchio's filtered efforts, with an error of second order in the
+    interval.
 
     The stamps are irregular; rotors and friction are included.
     """

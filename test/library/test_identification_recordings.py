@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings in degrees, and identification on recordings of real arms: errors of effort on the other half.
+"""Recordings in degrees, and identification on recordings of real arms: errors of effort on the
+other half.
 
 Real recordings are no part of the package, so their tests are in the full tier.
 """
@@ -100,7 +101,9 @@ def without_friction(model):
     [("kuka", 12.57, (0.9, 1.1), 0.60, 0.27), ("panda", 10.5, (0.36, 0.42), 0.20, 0.12)],
 )
 def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias):
-    """Torque error on the second half: of the URDF, with friction and offset, by default, fitted to the first half."""
+    """Torque error on the second half: of the URDF, with friction and offset, by default, fitted to
+    the first half.
+    """
     model, read = request.getfixturevalue(arm)
     first, second = read(None, middle), read(middle, None)
     assert urdf[0] < torque_error(without_friction(model), second) < urdf[1]
@@ -117,7 +120,9 @@ def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias
 
 @FULL
 def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
-    """Its error is a curve over its position, which friction of its own would take for an offset: 0.155 to 0.28 N m."""
+    """Its error is a curve over its position, which friction of its own would take for an offset:
+    0.155 to 0.28 N m.
+    """
     model, read = kuka
     found = dd.identify(read(None, None), model, ("friction", "inertias"))
     assert list(found.quality["kept"]["friction"]) == ["lwr_6_joint"]
@@ -137,7 +142,9 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
 
 @FULL
 def test_the_hand_that_the_panda_lacks(measured):
-    """A payload of minus the hand's mass: the efforts then explain the change of energy, and with friction nearly all."""
+    """A payload of minus the hand's mass: the efforts then explain the change of energy, and with
+    friction nearly all.
+    """
     model = dd.load_robot("panda", locked_joints=HELD)
     data = dd.read_recording(measured, model)
     for what, least in (("payload:panda_hand", 0.94), (("payload:panda_hand", "friction"), 0.97)):
@@ -194,7 +201,9 @@ DEGREES = 180.0 / np.pi
 
 @pytest.fixture(scope="module")
 def arm():
-    """Return a model, times, positions, velocities and efforts of 10 s, of an arm that moves about a bent pose."""
+    """Return a model, times, positions, velocities and efforts of 10 s, of an arm that moves about
+    a bent pose.
+    """
     model = dd.load_urdf(UR5)
     t = np.arange(0.0, 10.0, 0.01)
     q, qd, _ = fourier(np.random.default_rng(3), t, np.full(6, 0.2), np.full(6, 1.5))

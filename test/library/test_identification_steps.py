@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Steps of identification on simulated motions of a UR5, whose efforts are Pinocchio's: which are taken, and by what."""
+"""Steps of identification on simulated motions of a UR5, whose efforts are Pinocchio's: which are
+taken, and by what.
+"""
 
 import json
 
@@ -34,7 +36,9 @@ def arm():
 
 
 def recording(model, oracle, seed, duration=15.0, noise=0.3, resist=lambda qd, g: 0.0 * qd):
-    """Return a motion at 100 Hz with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s and 3 N m."""
+    """Return a motion at 100 Hz with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s and 3 N
+    m.
+    """
     t, rng = np.arange(0.0, duration, 0.01), np.random.default_rng(seed)
     q, qd, qdd = fourier(rng, t, np.full(model.nv, -2.0), np.full(model.nv, 2.0))
     tau = efforts(oracle, q, qd, qdd) + resist(qd, efforts(oracle, q, 0.0 * qd, 0.0 * qd))
@@ -51,7 +55,9 @@ def friction(qd, g):
     "resist", [lambda qd, g: 0.0 * qd, friction], ids=["a perfect model", "friction alone"]
 )
 def test_steps_that_do_not_help_are_not_taken(arm, seed, resist):
-    """Columns of efforts that are not there are random ones: rotors, inertias, and friction of a robot without any."""
+    """Columns of efforts that are not there are random ones: rotors, inertias, and friction of a
+    robot without any.
+    """
     model, oracle = arm
     quality = dd.identify(
         recording(model, oracle, seed, noise=1.0, resist=resist), model, LADDER
@@ -61,7 +67,9 @@ def test_steps_that_do_not_help_are_not_taken(arm, seed, resist):
 
 
 def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
-    """The wrist loses a fifth of its error, the other five nothing: 3 % of the geometric mean over joints."""
+    """The wrist loses a fifth of its error, the other five nothing: 3 % of the geometric mean over
+    joints.
+    """
     model, oracle = arm
     start = model.with_parameters(
         {"links": {"wrist_3_link": {"mass": 0.19, "com": [0.02, 0.0, 0.0]}}}
@@ -86,14 +94,18 @@ def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
     np.testing.assert_array_equal(other.model.bodies, one.model.bodies)
 
 
-PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 -0.3"/><mass value="1.2"/>
-<inertia ixx="{0}" iyy="{0}" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="swing" type="continuous">
+PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial>
+<origin xyz="0 0 -0.3"/><mass value="1.2"/>
+<inertia ixx="{0}" iyy="{0}" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="swing" type="continuous">
 <axis xyz="0 1 0"/><parent link="base"/><child link="rod"/></joint></robot>"""
 
 
 @pytest.mark.parametrize("seed", some_of(range(5), 2))
 def test_a_pendulum_takes_the_few_parameters_that_it_has(seed):
-    """Its URDF counts the parallel axis twice: inertia about the joint 0.226 kg m² in place of 0.118."""
+    """Its URDF counts the parallel axis twice: inertia about the joint 0.226 kg m² in place of
+    0.118.
+    """
     true, wrong = (PENDULUM.format(inertia) for inertia in (0.01, 0.118))
     model, rng, t = dd.load_urdf(wrong), np.random.default_rng(seed), np.arange(0.0, 15.0, 0.01)
     q, qd, qdd = fourier(rng, t, np.array([-2.0]), np.array([2.0]), fastest=5.0)
@@ -111,7 +123,9 @@ SEEDS = some_of(range(5), 2)
 
 @pytest.fixture(scope="module")
 def geared(arm):
-    """Declared truth and results of identifications of an arm whose gears have friction of all kinds, by seed."""
+    """Declared truth and results of identifications of an arm whose gears have friction of all
+    kinds, by seed.
+    """
     model, oracle = arm
     truth = {"damping": DAMPING, "friction": FRICTION, "load_friction": LOAD, "root_friction": ROOT}
 
@@ -124,7 +138,9 @@ def geared(arm):
 
 
 def test_friction_of_gears(geared):
-    """Load and root friction are taken, and all are within 2σ of the truth as often as normal errors are."""
+    """Load and root friction are taken, and all are within 2σ of the truth as often as normal
+    errors are.
+    """
     truth, results = geared
     names, errors = results[0].model.dof_names, []
     for found in results:
@@ -147,7 +163,9 @@ def test_friction_of_gears(geared):
 
 @pytest.fixture(scope="module")
 def worn(arm):
-    """A recording with friction of all joints; without noise of velocities, so that delays are exact."""
+    """A recording with friction of all joints; without noise of velocities, so that delays are
+    exact.
+    """
     model, oracle = arm
     return recording(model, oracle, 3, 15.0, noise=0.1, resist=friction)
 
@@ -160,7 +178,9 @@ def changed(data, **columns):
 
 @pytest.mark.parametrize("kind", ["missing", "constant"])
 def test_efforts_of_some_joints_only(worn, kind):
-    """Nothing is fitted to an effort that no sensor measured; the others are identified, and the joint is named."""
+    """Nothing is fitted to an effort that no sensor measured; the others are identified, and the
+    joint is named.
+    """
     tau, model = worn.tau.copy(), worn.model
     tau[:, 3] = {"missing": np.nan, "constant": 2.5}[kind]
     found = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
@@ -277,7 +297,9 @@ def test_the_end_of_the_search_is_no_delay(worn):
 
 @pytest.mark.parametrize("seed", some_of(range(5), 2))
 def test_friction_of_joints_that_stick(seed):
-    """A simulated desk arm stands a quarter of the time, where stiction holds it: its friction is within 2σ of the truth."""
+    """A simulated desk arm stands a quarter of the time, where stiction holds it: its friction is
+    within 2σ of the truth.
+    """
     model, true = (
         dd.load_urdf(desk_arm.URDF),
         {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]},
@@ -310,7 +332,9 @@ COUPLING = {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": RATIO}}}
 
 @pytest.fixture(scope="module")
 def wrist(arm):
-    """Recordings of an arm whose last motor turns two joints: 0.4 N m s/rad and 0.9 N m at its rate."""
+    """Recordings of an arm whose last motor turns two joints: 0.4 N m s/rad and 0.9 N m at its
+    rate.
+    """
     model, oracle = arm
 
     def resist(qd, g):
@@ -322,7 +346,9 @@ def wrist(arm):
 
 
 def test_friction_of_a_coupled_wrist(wrist):
-    """It is within 3σ of the truth, beside that of the joints, and part of the friction of the model."""
+    """It is within 3σ of the truth, beside that of the joints, and part of the friction of the
+    model.
+    """
     for data in wrist[1:]:  # the gate has 10 CPU-s
         model = data.model.with_parameters(COUPLING)
         found = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
@@ -347,7 +373,9 @@ def test_friction_of_a_coupled_wrist(wrist):
 
 
 def test_efforts_of_coupled_motors(wrist, tmp_path):
-    """Motors at rates q̇₅ and R q̇₅ + q̇₆: torques of joints are u₅ + R u₆ and u₆, by file, unknown if one of them is."""
+    """Motors at rates q̇₅ and R q̇₅ + q̇₆: torques of joints are u₅ + R u₆ and u₆, by file, unknown
+    if one of them is.
+    """
     data = wrist[0]
     path, table = tmp_path / "wrist.yaml", tmp_path / "x.npz"
     dd.Parameters.from_dict(COUPLING | {"motor_efforts": True}).save(path)
@@ -432,7 +460,9 @@ def test_masses_of_payloads_that_cannot_be_used(worn, what, expected):
 
 
 def test_gains_of_the_file_are_applied_once(tmp_path):
-    """Readers multiply by them, options have precedence, efforts of other joints are unknown, and gains of gains are 1."""
+    """Readers multiply by them, options have precedence, efforts of other joints are unknown, and
+    gains of gains are 1.
+    """
     names, gains = ("pan", "lift", "elbow"), np.array([0.5, 0.02, 0.05])
     t, q, qd, tau = desk_arm.motion(20.0)
     table = desk_arm.write_table(tmp_path / "raw.csv", t, q, qd, tau / gains)

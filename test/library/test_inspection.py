@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inspection of a robot: every check on an arm with the mistake and on one without, and on real robots."""
+"""Inspection of a robot: every check on an arm with the mistake and on one without, and on real
+robots.
+"""
 
 import json
 import re
@@ -21,19 +23,25 @@ LOWER_SHAPE = """<collision><origin xyz="0.15 0 0" rpy="0 1.5707963 0"/>
     <geometry><cylinder radius="0.03" length="0.3"/></geometry></collision>"""
 
 ARM = f"""<robot name="arm">
-<link name="base"><inertial><mass value="10"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+<link name="base"><inertial><mass value="10"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
   <collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision></link>
 <link name="left_upper"><inertial><origin xyz="0.2 0 0"/><mass value="3.2"/>
   <inertia ixx="0.0042" iyy="0.0448" izz="0.0448" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.09 0.09"/></geometry></collision></link>
+  <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.09 0.09"/></geometry></collision>
+    </link>
 <link name="left_lower"><inertial><origin xyz="0.15 0 0"/><mass value="1.2"/>
-  <inertia ixx="0.0006" iyy="0.0093" izz="0.0093" ixy="0" ixz="0" iyz="0"/></inertial>{LOWER_SHAPE}</link>
+  <inertia ixx="0.0006" iyy="0.0093" izz="0.0093" ixy="0" ixz="0" iyz="0"/>
+    </inertial>{LOWER_SHAPE}</link>
 <link name="tool"/>
-<joint name="shoulder" type="revolute"><parent link="base"/><child link="left_upper"/><axis xyz="0 1 0"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="left_upper"/>
+<axis xyz="0 1 0"/>
   <limit lower="-2" upper="2" effort="24" velocity="2"/></joint>
 <joint name="elbow" type="revolute"><parent link="left_upper"/><child link="left_lower"/>
-  <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="20" velocity="3"/></joint>
-<joint name="flange" type="fixed"><parent link="left_lower"/><child link="tool"/><origin xyz="0.3 0 0"/></joint>
+<origin xyz="0.4 0 0"/><axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="20" velocity="3"/>
+</joint>
+<joint name="flange" type="fixed"><parent link="left_lower"/><child link="tool"/>
+<origin xyz="0.3 0 0"/></joint>
 </robot>
 """
 
@@ -89,7 +97,8 @@ def welded(name, *numbers):
 def mimic(attributes, lower, upper, velocity):
     """Return the arm with a joint that mimics the elbow."""
     return more(
-        f'{ball("finger", 0.5, 0.005, 0.2)}<joint name="follows" type="revolute"><parent link="base"/>'
+        f'{ball("finger", 0.5, 0.005, 0.2)}<joint name="follows" type="revolute">'
+        f'<parent link="base"/>'
         f'<child link="finger"/><axis xyz="0 1 0"/><mimic joint="elbow" {attributes}/>'
         f'<limit lower="{lower}" upper="{upper}" effort="5" velocity="{velocity}"/></joint>'
     )
@@ -101,7 +110,8 @@ def bare(name):
 
 
 ROTOR = (
-    '<transmission name="t"><joint name="elbow"/><actuator name="m"><drake:rotor_inertia value="2e-6"/>'
+    '<transmission name="t"><joint name="elbow"/><actuator name="m">'
+    '<drake:rotor_inertia value="2e-6"/>'
     '<drake:gear_ratio value="100"/></actuator></transmission>'
 )
 BALLS = "".join(welded(f"ball{k}", 0.5, 0.001, 0.05 + 0.01 * k) for k in range(3))
@@ -112,7 +122,8 @@ ELBOW = 'elbow" type="revolute"'
 ALL = "base left_upper left_lower"
 LIGHT = arm(LOWER, 'ixx="0" iyy="1e-11" izz="1e-11"', '"1.2"', '"1e-9"')
 
-# check, severity, links or joints, number of the first (None: there is none), the arm with the mistake
+# check, severity, links or joints, number of the first (None: there is none), the arm with the
+# mistake
 MISTAKES = (
     (
         "possible_inertias",
@@ -239,7 +250,9 @@ def test_mistakes(mistake):
 
 
 def test_facts_against_pinocchio():
-    """Condition of M, energy at the velocity limits and mass at the tip over the same poses; the largest gravity torque."""
+    """Condition of M, energy at the velocity limits and mass at the tip over the same poses; the
+    largest gravity torque.
+    """
     path = robot_path("ur_description/urdf/ur5_robot.urdf")
     model, facts = dd.load_urdf(path), inspect_robot(path).facts
     reference = pin.buildModelFromUrdf(str(path))
@@ -284,7 +297,9 @@ def test_rejected_robot_has_a_report():
 
 
 def test_rejected_joints_are_left_out():
-    """Massless joints are locked and mimic joints without their source free for the checks that follow."""
+    """Massless joints are locked and mimic joints without their source free for the checks that
+    follow.
+    """
     report = inspect_robot(bare("left_lower"))
     (finding,) = findings_of(report, "loading", "error")
     assert finding.joints == ("elbow",) and finding.values == {"elbow": 0.0}
@@ -364,7 +379,9 @@ ILL_MADE = {
 
 @pytest.mark.parametrize("name", [*some_of(WELL_MADE, 9), *some_of(ILL_MADE, 4)])
 def test_real_robots(name):
-    """Well-made ones have notes at most; each mistake of others is found where it is known to be."""
+    """Well-made ones have notes at most; each mistake of others is found where it is known to
+    be.
+    """
     report, expected = inspect_robot(find_urdf(name)), ILL_MADE.get(name, {})
     assert report.status == bool(expected) and set(report.checks.values()) <= {
         "ok",

@@ -127,7 +127,9 @@ TURNED = ("time jumped back", "positions jumped")
 """Counters of messages that confirm this."""
 
 NAMED = ("received", "odometry received")
-"""Counters that rejected messages may raise, or keep from being raised, for themselves and others."""
+"""Counters that rejected messages may raise, or keep from being raised, for themselves and
+others.
+"""
 
 
 def rejections(robot, parameters, messages):
@@ -181,7 +183,9 @@ def test_rejected_messages_leave_no_trace():
 
 
 def test_parameters_that_change():
-    """They count from the next message on; estimates are forgotten where they are no longer made."""
+    """They count from the next message on; estimates are forgotten where they are no longer
+    made.
+    """
     reader = Reader(model("arm"), {"missing_velocity": "estimate", "velocity_filter_time": 0.0})
 
     def outcome(k, velocity=(), position=(0, 0, 0), names=NAMES, **parameters):

@@ -30,7 +30,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 @pytest.fixture(scope="module", params=robots.robots_to_test())
 def robot(request):
-    """Return each robot in turn; module scope, so that all tests of one robot share one evaluation."""
+    """Return each robot in turn; module scope, so that all tests of one robot share one
+    evaluation.
+    """
     return load(request.param)
 
 

@@ -57,7 +57,9 @@ def columns(number, values, features):
 
 
 def write_dataset(root, version, episodes, features, fps=FPS):
-    """Write episodes, each a list of arrays (n, k) for the features, in a published version of the format."""
+    """Write episodes, each a list of arrays (n, k) for the features, in a published version of the
+    format.
+    """
     is_new = version == "v3.0"
     path = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     path = path if is_new else "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
@@ -162,16 +164,20 @@ DESK = ("shoulder_pan", "elbow_flex", "gripper")
 
 
 def test_units_and_names_are_never_guessed(tmp_path):
-    """Degrees and units of the range need a scale; names that are no joints of the robot need a map."""
+    """Degrees and units of the range need a scale; names that are no joints of the robot need a
+    map.
+    """
     q = np.column_stack(
         [np.linspace(5, 40, 60), np.linspace(0, -30, 60), np.linspace(0, 100, 60)]
     ).astype(np.float32)
     names = feature([f"{name}.pos" for name in DESK])
     root = write_dataset(tmp_path / "desk", "v3.0", [[q]], {"observation.state": names})
     text = "".join(
-        f"<joint name='{name}' type='{kind}'><parent link='l{k}'/><child link='l{k + 1}'/><axis xyz='0 1 0'/>"
+        f"<joint name='{name}' type='{kind}'><parent link='l{k}'/><child link='l{k + 1}'/>"
+        f"<axis xyz='0 1 0'/>"
         "<limit lower='-9' upper='9' effort='9' velocity='900'/></joint>"
-        f"<link name='l{k + 1}'><inertial><mass value='1'/><origin xyz='0 0 .1'/><inertia ixx='.1' iyy='.1' izz='.1' "
+        f"<link name='l{k + 1}'><inertial><mass value='1'/><origin xyz='0 0 .1'/>"
+        f"<inertia ixx='.1' iyy='.1' izz='.1' "
         "ixy='0' ixz='0' iyz='0'/></inertial></link>"
         for k, (name, kind) in enumerate(
             (("a1", "revolute"), ("a2", "revolute"), ("jaw", "prismatic"))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The estimator of loads: on external torques of Pinocchio's bodies and forces, low-passed with noise."""
+"""The estimator of loads: on external torques of Pinocchio's bodies and forces, low-passed with
+noise.
+"""
 
 import numpy as np
 import pytest
@@ -21,7 +23,9 @@ TILTED = (3.0, -2.0, -9.0)
 
 
 def no_inertia(mass, center=CENTER):
-    """Inertia about the centre of a body that has none about the link's origin, as the estimator assumes."""
+    """Inertia about the centre of a body that has none about the link's origin, as the estimator
+    assumes.
+    """
     c = np.array(center)
     return mass * (np.outer(c, c) - c @ c * np.eye(3))
 
@@ -40,7 +44,9 @@ def estimator_of(arm, **options):
 
 
 def check_counts(count, seed=0):
-    """Of loads and pushes of both arms, 95 % of the loads and no push of 0.3 s are recognized as loads in time."""
+    """Of loads and pushes of both arms, 95 % of the loads and no push of 0.3 s are recognized as
+    loads in time.
+    """
     for name in ("panda", "ur5"):
         arm, rng = Arm(name), np.random.default_rng(seed)
         moving = [
@@ -143,7 +149,9 @@ def test_load_ends_when_it_is_put_down():
 
 
 def test_accepted_payload_takes_the_load_off():
-    """The estimate and the payload that was there are one payload; the model with it needs no external torque."""
+    """The estimate and the payload that was there are one payload; the model with it needs no
+    external torque.
+    """
     arm, rng = Arm("ur5"), np.random.default_rng(5)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = low_pass(arm.load_torque(motion, 2.0, CENTER, no_inertia(2.0)))

@@ -433,10 +433,15 @@ def test_wrong_files(name):
     assert text in str(caught.value)
 
 
-START = '<start joint="j1" position="0.5"/><start joint="j2" position="-0.8"/><start joint="j3" position="-1.5"/>'
+START = (
+    '<start joint="j1" position="0.5"/><start joint="j2" position="-0.8"/>'
+    '<start joint="j3" position="-1.5"/>'
+)
 LOOP_JOINT = f"""<loop_joint name="bar" type="revolute"><link1 link="coupler" xyz="0.5 0 0"/>
-<link2 link="rocker" xyz="0.4 0 0"/><axis xyz="0 1 0"/><independent joint="j1"/>{START}</loop_joint>"""
-CONSTRAINT = f'''<constraint name="bar" type="TYPE"><parent link="coupler"/><parent_origin xyz="0.5 0 0"/>
+<link2 link="rocker" xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+<independent joint="j1"/>{START}</loop_joint>"""
+CONSTRAINT = f'''<constraint name="bar" type="TYPE"><parent link="coupler"/>
+<parent_origin xyz="0.5 0 0"/>
 <parent_axis xyz="0 1 0"/><child link="rocker"/><child_origin xyz="0.4 0 0" rpy="0 0 0.3"/>
 <child_axis xyz="{float(np.sin(0.3))!r} {float(np.cos(0.3))!r} 0"/>{START}</constraint>'''
 

@@ -80,8 +80,10 @@ def test_followers_of_mimic_joints():
     """Mimic joints come first, by their multipliers and offsets."""
     urdf = five_bar().replace(
         '<link name="base"/>',
-        '<link name="base"/><link name="f"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
-        'iyz="0"/></inertial></link><joint name="m" type="continuous"><parent link="base"/><child link="f"/>'
+        '<link name="base"/><link name="f"><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+        'iyz="0"/></inertial></link><joint name="m" type="continuous"><parent link="base"/>'
+        '<child link="f"/>'
         '<mimic joint="c" multiplier="2" offset="0.5"/></joint>',
     )
     model = dd.load_urdf(urdf, loops=[FIVE_BAR])
@@ -277,7 +279,9 @@ def test_limits_by_the_loop():
 
 
 def test_friction_of_followers():
-    """Friction of followers acts at their own rates, so its power is that of the joints themselves."""
+    """Friction of followers acts at their own rates, so its power is that of the joints
+    themselves.
+    """
     model = dd.load_urdf(four_bar(RUBBING, RUBBING), loops=[FOUR_BAR])
     dynamics, v0 = dd.DiagonalDynamics(model), model.friction_velocity
 
@@ -310,7 +314,9 @@ def test_friction_of_followers():
 
 
 def test_simulated_friction():
-    """The audit of a rubbing four-bar closes, and its rate is that of the equations at small steps."""
+    """The audit of a rubbing four-bar closes, and its rate is that of the equations at small
+    steps.
+    """
     model = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR])
     q, qd = model.start, np.array([3.0, 0.5])
     simulation = dd.Simulation(model, q=q, qd=qd, step=1e-6)
@@ -406,7 +412,9 @@ def test_joint_states_with_followers(bar):
 
 
 def test_joint_states_of_an_open_loop():
-    """A state in which a loop cannot be closed is rejected by its name, and the next one accepted."""
+    """A state in which a loop cannot be closed is rejected by its name, and the next one
+    accepted.
+    """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
     assembler, found = StateAssembler(joints_of(model), Options()), []
     for k, position in enumerate(((0.1, -0.3, 0.4), (0.1, -1.5, 1.5), (0.1, -0.31, 0.41)), 1):

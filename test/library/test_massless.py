@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joints that move no inertia: which ones the error names and what cures them; the robots that no law runs over."""
+"""Joints that move no inertia: which ones the error names and what cures them; the robots that no
+law runs over.
+"""
 
 import numpy as np
 import pytest
@@ -150,7 +152,9 @@ def articulated_inertias(M):
 @pytest.mark.parametrize("floating", [False, True], ids=["fixed", "floating"])
 @pytest.mark.parametrize("id", SINGULAR)
 def test_singular_robots_of_the_wheel(id, floating):
-    """The error names the joints whose D vanishes in Pinocchio's M, and locking them is locking just them."""
+    """The error names the joints whose D vanishes in Pinocchio's M, and locking them is locking
+    just them.
+    """
     source, names = robots.robot_path(id), robots.EXCLUDED[id].joints
     oracle = Oracle(robots.robot(id).urdf)
     for sample in robots.samples(id, oracle):
@@ -223,8 +227,8 @@ ICUB = "icub_description/robots/icub.urdf"
 def test_singular_at_one_configuration(turn):
     """M is regular but for one configuration, where the error names the joint.
 
-    Rings without mass have roll and yaw about one axis at a pitch of 90°. iCub's head is point masses, and D of its
-    neck_roll vanishes at q = 0.
+    Rings without mass have roll and yaw about one axis at a pitch of 90°. iCub's head is point
+    masses, and D of its neck_roll vanishes at q = 0.
     """
     source = robots.robot_path(ICUB) if turn is None else GIMBAL
     dyn = dd.DiagonalDynamics(dd.load_urdf(source, mimic="free"))
@@ -266,7 +270,9 @@ def concurrent_wrist(joints):
 
 @pytest.mark.parametrize("joints", [5, 6, 7])
 def test_rounding_that_joints_outboard_leave_is_no_inertia(joints):
-    """Three axes take up all inertia of the tip; what is left for those inboard is noise, be there a rotor between or not."""
+    """Three axes take up all inertia of the tip; what is left for those inboard is noise, be there
+    a rotor between or not.
+    """
     urdf = concurrent_wrist(joints)
     with pytest.raises(dd.MasslessLinkError) as caught:
         dd.load_urdf(urdf, armature={"j2": 0.1})
@@ -299,7 +305,9 @@ def test_robots_of_the_wheel():
 
 @pytest.mark.parametrize("id", MOTIONLESS)
 def test_motionless(id):
-    """Where nothing moves answers are empty, ln det M is that of the empty matrix, and masses are infinite."""
+    """Where nothing moves answers are empty, ln det M is that of the empty matrix, and masses are
+    infinite.
+    """
     assert Oracle(robots.robot(id).urdf).nv == 0
     model = dd.load_urdf(robots.robot_path(id), mimic="free")
     assert (model.nv, model.nq, model.dof_names, model.joint_names) == (0, 0, (), ())
@@ -356,7 +364,9 @@ def test_negative_moments_are_named(options):
 
 
 def test_negative_moments_of_other_links_are_no_cause():
-    """A gripper that moves no inertia is named for itself, whatever the inertia of the link that it is on."""
+    """A gripper that moves no inertia is named for itself, whatever the inertia of the link that it
+    is on.
+    """
     arm = (link("base", 1.0), link("a", 5.0, inertia=(-0.01, 0, 0, 1, 0, 1)), link("finger", 0.0))
     joints = joint("j", "revolute", "base", "a"), joint("grip", "revolute", "a", "finger")
     with pytest.raises(dd.MasslessLinkError, match="move no inertia") as caught:

@@ -203,7 +203,9 @@ def test_massless_followers_need_no_cure():
 
 
 def tip(follower, massless=()):
-    """Return a robot of two joints, a and b, which follows a; those of `massless` move no inertia."""
+    """Return a robot of two joints, a and b, which follows a; those of `massless` move no
+    inertia.
+    """
     inertial = {"mass": 1.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0, 0, 0.1, 0, 0.1)}
     second = joint("b", "revolute", "base", "b_link", axis=(0, 1, 0))
     return description(

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A model is immutable: payloads, gravity, locks and parameters give a new one; the old one keeps every byte."""
+"""A model is immutable: payloads, gravity, locks and parameters give a new one; the old one keeps
+every byte.
+"""
 
 import copy
 import gc

@@ -20,13 +20,16 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 MJCF = """<mujoco><compiler angle="radian"/><option jacobian="dense"/><worldbody>
 <body name="crank"><joint name="j1" axis="0 1 0" ref="0.1"/>
-<geom size="0.02" type="capsule" fromto="0 0 0 0.2 0 0"/><body name="coupler" pos="0.2 0 0" euler="0 -0.8 0">
+<geom size="0.02" type="capsule" fromto="0 0 0 0.2 0 0"/>
+<body name="coupler" pos="0.2 0 0" euler="0 -0.8 0">
 <joint name="j2" axis="0 1 0"/><geom size="0.02" type="capsule" fromto="0 0 0 0.5 0.05 0"/>
 <site name="a" pos="0.5 0 0"/></body></body>
 <body name="rocker" pos="0.5 0 0" euler="0 -1.4 0"><joint name="j3" axis="0 1 0"/>
 <geom size="0.02" type="capsule" fromto="0 0 0 0.4 0 0"/>
-<body name="extra" pos="0 0 0.2"><joint name="j4" axis="1 0 0" ref="-0.2"/><geom size="0.05" pos="0.1 0.2 0"/></body>
-<body name="end" pos="0.3 0 0"><joint name="j5" axis="0 1 0"/><geom size="0.03" pos="0 0 0.1"/></body></body></worldbody>
+<body name="extra" pos="0 0 0.2"><joint name="j4" axis="1 0 0" ref="-0.2"/>
+<geom size="0.05" pos="0.1 0.2 0"/></body>
+<body name="end" pos="0.3 0 0"><joint name="j5" axis="0 1 0"/><geom size="0.03" pos="0 0 0.1"/>
+</body></body></worldbody>
 <equality>EQUALITY</equality><actuator><motor joint="j3"/></actuator></mujoco>"""
 
 
@@ -35,7 +38,8 @@ EQUALITIES = {  # and the degrees of freedom
     "weld": ('<weld name="e" body1="end" body2="coupler" anchor="0.5 0 0.1"/>', 2),
     "polynomial": ('<joint joint1="j4" joint2="j1" polycoef="0.1 0.5 0.2 0.1 -0.3"/>', 4),
     "both": (
-        '<connect body1="coupler" body2="rocker" anchor="0.5 0 0"/><joint joint1="j4" joint2="j1" polycoef="0 0.5 0.2 0 0"/>',
+        '<connect body1="coupler" body2="rocker" anchor="0.5 0 0"/>'
+        '<joint joint1="j4" joint2="j1" polycoef="0 0.5 0.2 0 0"/>',
         2,
     ),
 }
@@ -61,10 +65,13 @@ def test_equalities(name):
         )
 
 
-RODS = """<mujoco><compiler angle="radian"/><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/>
+RODS = """<mujoco><compiler angle="radian"/><worldbody><body name="crank">
+<joint name="motor" axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 .2 0 0"/><body name="rod" pos=".2 0 0">
-<joint name="rod" type="ball" pos=".01 0 0"/><geom type="capsule" size=".01" fromto="0 0 0 .4 .05 0"/></body></body>
-<body name="rocker" pos=".6 0 .1"><joint name="rocker" axis="0 1 .2"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>
+<joint name="rod" type="ball" pos=".01 0 0"/>
+<geom type="capsule" size=".01" fromto="0 0 0 .4 .05 0"/></body></body>
+<body name="rocker" pos=".6 0 .1"><joint name="rocker" axis="0 1 .2"/>
+<geom type="capsule" size=".02" fromto="0 0 0 0 0 .3"/>
 </body></worldbody>EQUALITY</mujoco>"""
 
 
@@ -107,9 +114,12 @@ def test_ball_joints(equality, count):
         assert dynamics.gravity_torque(q) @ qd == pytest.approx(power, rel=1e-7, abs=1e-7)
 
 
-PARALLEL = """<mujoco><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/><geom type="capsule" size=".02"
-fromto="0 0 0 0 0 .2"/><body name="rod" pos="0 0 .2"><joint name="rod" type="ball"/><geom type="capsule" size=".01"
-fromto="0 0 0 .4 0 0"/></body></body><body name="rocker" pos=".4 0 0"><joint name="rocker" axis="0 1 0"/>
+PARALLEL = """<mujoco><worldbody><body name="crank"><joint name="motor" axis="0 1 0"/>
+<geom type="capsule" size=".02"
+fromto="0 0 0 0 0 .2"/><body name="rod" pos="0 0 .2"><joint name="rod" type="ball"/>
+<geom type="capsule" size=".01"
+fromto="0 0 0 .4 0 0"/></body></body><body name="rocker" pos=".4 0 0">
+<joint name="rocker" axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 0 0 .2"/></body></worldbody>
 <equality><connect name="bar" body1="rod" body2="rocker" anchor=".4 0 0"/></equality></mujoco>"""
 
@@ -130,7 +140,9 @@ def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near, tmp_path)
 
 
 def test_recording_near_the_singularity_of_hinges():
-    """The crank turns from 0.3 to 1.5 rad at constant rate, and the rod is 10° from 90° at 1.396 rad."""
+    """The crank turns from 0.3 to 1.5 rad at constant rate, and the rod is 10° from 90° at 1.396
+    rad.
+    """
     start = {"motor": -0.3, "rod_y": 0.3, "rocker": -0.3}
     model = dd.load_mjcf(PARALLEL, loops=[{"name": "bar", "start": start}])
     t = np.linspace(0.0, 1.2, 121)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names of the public surface: how many there are, those of other libraries, and one line of repr."""
+"""Names of the public surface: how many there are, those of other libraries, and one line of
+repr.
+"""
 
 import copy
 import inspect

@@ -382,7 +382,9 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
 
 
 def test_messages_while_compiling(monkeypatch, capsys):
-    """The first one after 2 s, with the rule, at most one in 5 s; kernels in a row share the 2 s."""
+    """The first one after 2 s, with the rule, at most one in 5 s; kernels in a row share the 2
+    s.
+    """
     sender, messages = progress.Progress(), []
     assert sender.begin(0.0) == 2.0
     sender.end(1.5)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The disturbance observer: on prescribed motions, with efforts of Pinocchio less a known external torque."""
+"""The disturbance observer: on prescribed motions, with efforts of Pinocchio less a known external
+torque.
+"""
 
 import numpy as np
 import pytest
@@ -92,7 +94,9 @@ def test_residual_is_the_filtered_disturbance(id):
 
 
 def test_the_torque_is_that_of_the_momentum_observer():
-    """Of p = M q̇ with Pinocchio's M, C_s and g and a gain of each joint, on uneven steps and with the last efforts held."""
+    """Of p = M q̇ with Pinocchio's M, C_s and g and a gain of each joint, on uneven steps and with
+    the last efforts held.
+    """
     motion, rng = Motion("panda_arm"), np.random.default_rng(5)
     o, times = motion.s.oracle, np.cumsum(rng.uniform(1e-3, 2e-2, 40))
     for effort in ("sampled", "held"):
@@ -112,7 +116,9 @@ def test_the_torque_is_that_of_the_momentum_observer():
 
 @pytest.mark.parametrize("options", [{}, {"friction": True}, {"friction": False}], ids=str)
 def test_friction(options):
-    """Without friction in the observer r follows −ε_fric; Coulomb friction and damping are those of the description."""
+    """Without friction in the observer r follows −ε_fric; Coulomb friction and damping are those of
+    the description.
+    """
     urdf = PANDA.urdf.replace('damping="0.003" friction="0.0"', 'damping="2.0" friction="1.5"')
     model, motion = dd.load_urdf(urdf, **ARM.options), Motion("panda_arm")
     motion.push[:] = 0.0

@@ -60,7 +60,9 @@ def require_same(found, expected, where="fixture"):
 
 
 def unpacked(text):
-    """Return the bytes of a text without their compression, which depends on the version of zlib."""
+    """Return the bytes of a text without their compression, which depends on the version of
+    zlib.
+    """
     data = base64.b64decode(text)
     return gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
 
@@ -240,7 +242,9 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
 
 
 def test_unknown_values_are_nan_and_flagged(panda):
-    """A state without efforts, of a receive time and with an estimated velocity; its stamp is late."""
+    """A state without efforts, of a receive time and with an estimated velocity; its stamp is
+    late.
+    """
     q, qd, _ = (rows[0] for rows in some(panda))
     maker = FrameMaker(dd.DiagonalDynamics(panda), [("tool", "panda_hand")])
     evaluation = dd.DiagonalDynamics(panda).evaluate(q, qd)
@@ -555,7 +559,9 @@ def test_collision_shapes_of_a_link_without_visual_ones():
 
 
 def test_an_ellipsoid_has_the_inertia_of_its_link():
-    """Centre and moments of an ellipsoid of even density are the link's; a payload is part of it."""
+    """Centre and moments of an ellipsoid of even density are the link's; a payload is part of
+    it.
+    """
     text = page_fixture.ARM
     about = np.array([[0.1, 0.0, 0.02], [0.0, 0.1, 0.0], [0.02, 0.0, 0.1]])
     model = dd.load_urdf(text).with_payload("lower", 0.5, (0.4, 0.3, 0.1), 0.1 * about)

@@ -18,7 +18,9 @@ TOUCHED, FRAME = "wrist_2_link", "wrist_3_link"
 
 
 class Pushed:
-    """A UR5 with noisy external torque of a force, and the estimates that Pinocchio's Jacobians give."""
+    """A UR5 with noisy external torque of a force, and the estimates that Pinocchio's Jacobians
+    give.
+    """
 
     def __init__(self):
         rng = np.random.default_rng(3)

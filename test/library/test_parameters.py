@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters beside a URDF: equal to the same numbers in the URDF, equal to Pinocchio, and named in every error."""
+"""Parameters beside a URDF: equal to the same numbers in the URDF, equal to Pinocchio, and named in
+every error.
+"""
 
 import math
 import pickle

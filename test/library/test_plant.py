@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parts of the simulator without a node: drives, sensors, pace, pushes, lockstep, and the plant of them."""
+"""Parts of the simulator without a node: drives, sensors, pace, pushes, lockstep, and the plant of
+them.
+"""
 
 import math
 
@@ -33,7 +35,9 @@ NAMES = ("shoulder", "elbow", "wrist")
 
 @pytest.mark.parametrize("without", [ZERO, BRAKE])
 def test_a_command_holds_until_the_next_one_or_its_timeout(without):
-    """Each entry acts on its joint; a joint without an entry has no effort; after the timeout no joint has one."""
+    """Each entry acts on its joint; a joint without an entry has no effort; after the timeout no
+    joint has one.
+    """
     drives = Drives(NAMES, ("wrist", "shoulder"), 0.0, without)
     assert (
         drives.phase == WAITING
@@ -87,7 +91,9 @@ def test_noise():
     gaps=st.lists(st.floats(1e-5, 0.05) | st.floats(0.05, 2.0), min_size=1, max_size=60),
 )
 def test_pace(factor, gaps):
-    """Simulated time is never ahead of the clock, and at most a step behind except for skipped whole steps."""
+    """Simulated time is never ahead of the clock, and at most a step behind except for skipped
+    whole steps.
+    """
     period, step = 0.004, 0.001
     pace, now, steps = Pace(factor, period, step), 100.0, 0
     pace.resume(now, 7.0)
@@ -119,7 +125,9 @@ def test_clock_that_jumps_back():
 
 
 def test_pushes():
-    """Each link's last wrench holds for its time; zeros end it; a rejected wrench changes nothing."""
+    """Each link's last wrench holds for its time; zeros end it; a rejected wrench changes
+    nothing.
+    """
     pushes = Pushes(("hand", "arm"), 0.5)
     assert pushes.at(0.0) == {}
     pushes.push("hand", (1, 2, 3, 4, 5, 6), 1.0)
@@ -150,7 +158,9 @@ def plant(id=PANDA, floating=False, **values):
     ("compensated", "commanded", "falls"), [(True, 0, False), (False, 0, True), (True, 1, True)]
 )
 def test_held_by_gravity_compensation(compensated, commanded, falls):
-    """Drives that compensate gravity hold the robot; it moves without them, and with gravity commanded as well."""
+    """Drives that compensate gravity hold the robot; it moves without them, and with gravity
+    commanded as well.
+    """
     own = plant(compensates_gravity=compensated)
     q = own.simulation.q
     own.drives.command(commanded * own.simulation.dynamics.gravity_torque(q), 0.0)
@@ -218,7 +228,9 @@ def test_efforts_of_motors_are_not_simulated():
 
 
 def test_measured_joints():
-    """A command beyond the URDF's limits is cut to them; a mimic joint is measured where its source joint is."""
+    """A command beyond the URDF's limits is cut to them; a mimic joint is measured where its source
+    joint is.
+    """
     own = plant()
     own.drives.command([1e3] + [0.0] * 6 + [2.0], 0.0)
     own.advance(20)
@@ -307,7 +319,9 @@ def test_a_state_is_repeated(doubt):
 
 
 def test_newcomers():
-    """A command of a peer that left does not answer for a newcomer; after a restart all peers are newcomers."""
+    """A command of a peer that left does not answer for a newcomer; after a restart all peers are
+    newcomers.
+    """
     lockstep = synchronous()
     lockstep.meet({"listener", "another commander"}, 0.3)
     assert answered(lockstep, 0.4)

@@ -56,7 +56,9 @@ def one_after_the_other(case, messages):
 )
 @pytest.mark.parametrize("name", CASES)
 def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
-    """To the last bit, of hostile recordings in pieces of any size; all that a case is about occurs."""
+    """To the last bit, of hostile recordings in pieces of any size; all that a case is about
+    occurs.
+    """
     case, total = CASES[name], Counter()
     for seed in seeds:
         messages = hostile_messages(case, seed)

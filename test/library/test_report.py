@@ -476,7 +476,8 @@ def test_contacts_and_the_touched_link(recording):
     (recording.folder / "pushes.yaml").write_text(
         f"""/**:
   ros__parameters:
-    external_torque: {{gain: 25.0, covariance_joints: {list(names)}, covariance: {covariance.ravel().tolist()}}}
+    external_torque: {{gain: 25.0, covariance_joints: {list(names)},
+      covariance: {covariance.ravel().tolist()}}}
     external_wrench: {{frames: [tool]}}
     collision: {{threshold: [total=30]}}
     contact: {{threshold: [total=5]}}

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values of the monitor's parameters: entries by name, payloads, bounds, thresholds, and their meaning for a robot."""
+"""Values of the monitor's parameters: entries by name, payloads, bounds, thresholds, and their
+meaning for a robot.
+"""
 
 import numpy as np
 import pytest
@@ -51,7 +53,9 @@ def test_by_name():
     st.text("abc_/-. 0", min_size=1).map(str.strip).filter(bool),
 )
 def test_payloads_round_trip(numbers, name):
-    """The entry of a payload has all of it, bit for bit; a mass alone, or with its place, is a payload, too."""
+    """The entry of a payload has all of it, bit for bit; a mass alone, or with its place, is a
+    payload, too.
+    """
     mass, *com, xx, yy, zz, xy, xz, yz = abs(numbers[0]), *numbers[1:]
     payload = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     arrays = Payload(np.float64(mass), np.array(com), np.array(payload.inertia))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulation: order, closed forms and conserved quantities; friction, limits, efforts and their energy."""
+"""The simulation: order, closed forms and conserved quantities; friction, limits, efforts and their
+energy.
+"""
 
 import copy
 import pickle
@@ -70,7 +72,9 @@ PUSH = np.array([0.03, -0.04, 0.05, 0.002, 0.001, -0.003])
 
 @pytest.fixture(scope="module", params=CASES)
 def motion(request):
-    """Return a model, its oracle, a state, efforts, damping, and the state after 0.2 s of PUSH by Pinocchio."""
+    """Return a model, its oracle, a state, efforts, damping, and the state after 0.2 s of PUSH by
+    Pinocchio.
+    """
     urdf, options, share = CASES[request.param]
     model = dd.load_urdf(urdf, mimic="free", **options)
     oracle = Oracle(urdf, model.dof_names, **options)
@@ -130,7 +134,9 @@ def test_integration_by_scipy(motion):
 
 
 def test_heavy_damping_creeps():
-    """With d/D near 10⁵ s⁻¹ a millisecond step still gives the speed τ/d: d θ' = −m g l sin θ has a closed form."""
+    """With d/D near 10⁵ s⁻¹ a millisecond step still gives the speed τ/d: d θ' = −m g l sin θ has a
+    closed form.
+    """
     model = dd.load_urdf(PENDULUM)
     d, moment = 1.0, 1e-3 * 9.81 * 0.1
     D = dd.DiagonalDynamics(model).evaluate([0.0], [0.0]).articulated_inertia[0]
@@ -181,7 +187,9 @@ def test_sliding_stops_where_it_should():
 
 
 def test_order_while_joints_slide_or_stick():
-    """While no joint starts or stops, two coupled ones with friction converge with order 2, one of them at rest, too."""
+    """While no joint starts or stops, two coupled ones with friction converge with order 2, one of
+    them at rest, too.
+    """
     model = dd.load_urdf(CHAIN)
 
     def end(h, qd, friction):
@@ -237,7 +245,9 @@ def test_hard_limit_keeps_its_place():
     ("stiffness", "damping"), list(some_of(product([1e2, 1e5, 1e9, 1e13], [0.0, 1.0, 1e6]), 4))
 )
 def test_compliant_limit_never_adds_energy(damping, stiffness):
-    """However stiff, whatever the part of a step in which it is met: a block comes back no faster than it went."""
+    """However stiff, whatever the part of a step in which it is met: a block comes back no faster
+    than it went.
+    """
     for x in (9.9, 9.90013, 9.9007):
         sim = slider(x, 1.0, limits=dd.CompliantLimits(stiffness, damping))
         start = sim.kinetic_energy
@@ -255,7 +265,9 @@ def test_compliant_limit_never_adds_energy(damping, stiffness):
     ("start", "seconds", "order"), [(0.61, 0.024, 2), (0.0, 0.8, 1)], ids=["in contact", "touching"]
 )
 def test_compliant_limit_converges(start, seconds, order):
-    """In contact a spring and damper of a coupled arm are integrated with order 2; a step that comes to them has order 1."""
+    """In contact a spring and damper of a coupled arm are integrated with order 2; a step that
+    comes to them has order 1.
+    """
     model = dd.load_urdf(CHAIN.replace('upper="10"', 'upper="0.6"', 1))
 
     def run(h):
@@ -285,7 +297,9 @@ def test_names_at_either_limit():
 
 
 def test_limits_of_a_flying_robot():
-    """Each limit is that of its own coordinate, behind the seven of the base; without limits there is none."""
+    """Each limit is that of its own coordinate, behind the seven of the base; without limits there
+    is none.
+    """
     chain = CHAIN.replace('upper="10"', 'upper="1.0"', 1)
     heavy = link("base", mass=3.0, inertia=(0.1, 0, 0, 0.1, 0, 0.1))
     model = dd.load_urdf(chain.replace(link("base"), heavy), floating_base=True)
@@ -315,7 +329,9 @@ def test_efforts_saturate():
 
 @pytest.mark.parametrize("frame", ["link", "world"])
 def test_wrenches_are_efforts_of_their_jacobian(frame):
-    """A step with a wrench is one with Jᵀf, that of Pinocchio; held in the world's axes it does not turn with the link."""
+    """A step with a wrench is one with Jᵀf, that of Pinocchio; held in the world's axes it does not
+    turn with the link.
+    """
     model = load(UR5)
     q, qd = 0.3 * np.arange(1, 7), 0.1 * np.ones(6)
     f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
@@ -328,7 +344,9 @@ def test_wrenches_are_efforts_of_their_jacobian(frame):
 
 
 def test_model_with_another_mimic_joint_is_rejected():
-    """Friction of followers is by body: a model of the same degrees of freedom may have more bodies."""
+    """Friction of followers is by body: a model of the same degrees of freedom may have more
+    bodies.
+    """
     links = [link(name, 1.0, inertia=(1, 0, 0, 1, 0, 1)) for name in ("base", "arm", "tip")]
     hinge, end = joint("hinge", "revolute", "base", "arm"), joint("end", "fixed", "arm", "tip")
     sim = dd.Simulation(dd.load_urdf(description("arm", *links, hinge, end)))
@@ -338,7 +356,9 @@ def test_model_with_another_mimic_joint_is_rejected():
 
 
 def test_payload_taken_up_in_motion():
-    """q and q̇ stay; the payload brings its energy at that speed and height, and the audit has it."""
+    """q and q̇ stay; the payload brings its energy at that speed and height, and the audit has
+    it.
+    """
     model = load(PANDA)
     sim = dd.Simulation(model, qd=0.2 * np.ones(model.nv))
     sim.advance(steps=100)
@@ -357,7 +377,9 @@ def test_payload_taken_up_in_motion():
 
 
 def driven(sim, seconds, largest, period=0.05, seed=1):
-    """Advance a robot with random efforts, and a push on its last link; return audits in between."""
+    """Advance a robot with random efforts, and a push on its last link; return audits in
+    between.
+    """
     model, rng = sim.model, np.random.default_rng(seed)
     scale = np.full(model.nv, largest)
     if model.floating_base:
@@ -388,13 +410,17 @@ ROBOTS = {
 )
 @pytest.mark.parametrize("name", ROBOTS)
 def test_energy_is_accounted_for(name, limits, seconds):
-    """The audit's residual is small; friction, dampers and stops only take energy, but for joints brought back to stops."""
+    """The audit's residual is small; friction, dampers and stops only take energy, but for joints
+    brought back to stops.
+    """
     robot, options = ROBOTS[name]
     model = load(robot, **options)
     own = {}
     if (
         robot == HAND
-    ):  # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond resolves
+        # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond
+        # resolves
+    ):
         own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
     if robot == TALOS:
         own, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
@@ -480,7 +506,9 @@ def test_bad_arguments_leave_the_state(use, key):
     ids=["shallow", "deep", "pickle"],
 )
 def test_a_copy_goes_its_own_way(copied):
-    """A copy has arrays of its own, has the same bits in one call or in many, and leaves the original as it is."""
+    """A copy has arrays of its own, has the same bits in one call or in many, and leaves the
+    original as it is.
+    """
     sim = dd.Simulation(load(PANDA, mimic="free"), friction=0.1 * np.ones(9))
     sim.advance(np.ones(9), steps=5)
     before, other = (sim.q, sim.qd, sim.nu, sim.time, sim.audit), copied(sim)
@@ -497,7 +525,8 @@ def test_a_copy_goes_its_own_way(copied):
 def test_singular_on_the_way():
     """Where the mass matrix becomes singular the simulation says so, and keeps the last good state.
 
-    A gimbal of massless rings loses its first axis as the second one arrives at its limit of a right angle.
+    A gimbal of massless rings loses its first axis as the second one arrives at its limit of a
+    right angle.
     """
     gimbal = description(
         "gimbal",

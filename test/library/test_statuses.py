@@ -40,7 +40,9 @@ def test_messages_have_no_measured_numbers(text, expected):
 
 
 def lines_of(*events):
-    """Return time, level and text of the lines about a status `x`, of events: time, level, message."""
+    """Return time, level and text of the lines about a status `x`, of events: time, level,
+    message.
+    """
     log = StatusLog(period=10.0)
     return [
         (time, *line)
@@ -117,7 +119,9 @@ BEGIN = 1.0, WARN, "x: bad 7"
     ],
 )
 def test_lines_of_a_log(phases, expected):
-    """One after a second and one at the end, a rise of the level at once, else one in ten seconds."""
+    """One after a second and one at the end, a rise of the level at once, else one in ten
+    seconds.
+    """
     assert lines_of(*every_second(*phases)) == expected
 
 

@@ -169,7 +169,9 @@ def long_text():
 
 @pytest.mark.parametrize("ending", PACKED)
 def test_packed(written, long_text, ending):
-    """In one stream or two, or broken off: then what is there is read, and where it ends is said."""
+    """In one stream or two, or broken off: then what is there is read, and where it ends is
+    said.
+    """
     data, positions = long_text
     whole = PACKED[ending](data)
     for content in (whole, PACKED[ending](data[:200_000]) + PACKED[ending](data[200_000:])):
@@ -718,7 +720,10 @@ def test_times_of_another_form(written, time):
 
 
 def test_texts_that_are_no_times(written):
-    text = "t,q1,qd1\n2026-02-30T00:00:00Z,1,0\n2026-01-01T00:00:00Z,1,0\n2026-01-01 25:00,1,0\n1_0,1,0\n"
+    text = (
+        "t,q1,qd1\n2026-02-30T00:00:00Z,1,0\n2026-01-01T00:00:00Z,1,0\n2026-01-01 25:00,1,"
+        "0\n1_0,1,0\n"
+    )
     recording = read(written(text))
     assert (
         lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)]

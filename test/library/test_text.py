@@ -91,9 +91,11 @@ def urdf(*, mass="1.0", ixx="0.01"):
     """
     name = FORGED.replace("\n", "&#10;")
     return f"""<robot name="arm&#10;&#x9b;31m"><link name="base"/>
-      <joint name="{name}" type="continuous"><parent link="base"/><child link="&#x202e;tip"/><axis xyz="0 0 1"/></joint>
+      <joint name="{name}" type="continuous"><parent link="base"/><child link="&#x202e;tip"/>
+        <axis xyz="0 0 1"/></joint>
       <link name="&#x202e;tip"><inertial><mass value="{mass}"/>
-        <inertia ixx="{ixx}" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link></robot>"""
+        <inertia ixx="{ixx}" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
+          </robot>"""
 
 
 def test_names_of_a_model():

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""URDFs: models of valid ones, named errors of the others, and bounds on the cost of untrusted ones."""
+"""URDFs: models of valid ones, named errors of the others, and bounds on the cost of untrusted
+ones.
+"""
 
 import ctypes
 import io
@@ -84,7 +86,9 @@ def test_no_other_file_is_opened(tmp_path):
 
 
 def test_order_limits_and_defaults():
-    """Depth first, siblings by the names of their joints; limits and damping where the URDF has them."""
+    """Depth first, siblings by the names of their joints; limits and damping where the URDF has
+    them.
+    """
     model = dd.load_urdf(
         description(
             "tree",
@@ -93,7 +97,8 @@ def test_order_limits_and_defaults():
             joint("m", "continuous", "root", "b"),
             joint("weld", "fixed", "b", "hand"),
             '<joint name="y" type="revolute"><parent link="hand"/><child link="c"/>'
-            '<limit lower="-1" upper="2" effort="3" velocity="4"/><dynamics damping="0.5" friction="0.25"/></joint>',
+            '<limit lower="-1" upper="2" effort="3" velocity="4"/>'
+            '<dynamics damping="0.5" friction="0.25"/></joint>',
         )
     )
     assert model.dof_names == model.joint_names == ("m", "y", "z")
@@ -180,7 +185,9 @@ def rounded(inertia, digits):
 
 
 def test_rounded_inertias_do_not_warn():
-    """Plates and rods are at the bound of rigid bodies. Four digits suffice; zero inertia is valid."""
+    """Plates and rods are at the bound of rigid bodies. Four digits suffice; zero inertia is
+    valid.
+    """
     rng = np.random.default_rng(0)
     inertias = [(0, 0, 0, 0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.2), (1e-20, 0, 0, -1e-20, 0, 0)]
     for digits in (4, 5, 6, 9):
@@ -195,13 +202,19 @@ def test_rounded_inertias_do_not_warn():
             dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
 
 
-MIMIC = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="{}"/></joint>'
+MIMIC = (
+    '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/>'
+    '<mimic joint="{}"/></joint>'
+)
 
 
 # --- Errors
 
 ENTITY = '<!DOCTYPE robot [<!ENTITY m "7">]>'
-BOMB = '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><robot name="&c;"/>'
+BOMB = (
+    '<!DOCTYPE r [<!ENTITY a "aaaaaaaa"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>'
+    '<robot name="&c;"/>'
+)
 MASS, COM, LOWER = '<mass value="2.0"/>', 'xyz="0.1 0.2 0.3"', 'lower="-10"'
 RING = (link("a"), link("b"), joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a"))
 TWINS = (
@@ -331,7 +344,9 @@ def test_bad_options(options, key):
 
 
 def grown(count, parent=lambda k: k - 1, source=lambda k: None, kind="revolute"):
-    """Return a robot of `count` joints; parent -1 is the root, and a joint whose source is None moves freely."""
+    """Return a robot of `count` joints; parent -1 is the root, and a joint whose source is None
+    moves freely.
+    """
     parts = [link("l-1")]
     for k in range(count):
         element = joint(f"j{k}", kind, f"l{parent(k)}", f"l{k}")
@@ -422,8 +437,10 @@ def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
 
 def test_yourdfpy_is_imported_when_a_urdf_is_read():
     script = (
-        "import sys, diag_dynamics as dd, diag_dynamics.model, diag_dynamics.dynamics, diag_dynamics.cli.main;"
-        "print('yourdfpy' in sys.modules); dd.load_urdf(sys.argv[1]); print('yourdfpy' in sys.modules)"
+        "import sys, diag_dynamics as dd, diag_dynamics.model, diag_dynamics.dynamics, "
+        "diag_dynamics.cli.main;"
+        "print('yourdfpy' in sys.modules); dd.load_urdf(sys.argv[1]); print('yourdfpy' in "
+        "sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", script, ARM], capture_output=True, text=True, check=True

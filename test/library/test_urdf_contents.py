@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Contents of URDFs: origins by quaternions, rotor inertias of transmissions, loops, and probable mistakes by name."""
+"""Contents of URDFs: origins by quaternions, rotor inertias of transmissions, loops, and probable
+mistakes by name.
+"""
 
 import contextlib
 import pickle
@@ -50,7 +52,9 @@ RPY = f'rpy="{written(TURN)}"'
 
 @pytest.mark.parametrize("length", [1.0, -1.0, 0.5, 2.0, 1e-3, 1e20])
 def test_quaternions_turn_origins(length):
-    """Pinocchio reads rpy and quat_xyzw of joints and inertials, and normalizes; geometry turns with its own origin."""
+    """Pinocchio reads rpy and quat_xyzw of joints and inertials, and normalizes; geometry turns
+    with its own origin.
+    """
     quaternion = f'quat_xyzw="{written(length * QUATERNION)}"'
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", dd.ModelWarning)
@@ -80,7 +84,10 @@ def test_quaternions_turn_origins(length):
 AXIS = '<axis xyz="0.0 0.0 1.0"/>'
 LIMIT = '<limit lower="-10" upper="10" effort="100" velocity="100"/>'
 JOINT_ORIGIN = '<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>'
-FOLLOWER = '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/><mimic joint="shoulder"{}/></joint>'
+FOLLOWER = (
+    '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/>'
+    '<mimic joint="shoulder"{}/></joint>'
+)
 
 
 def plugin(filename, name, follower=""):
@@ -314,7 +321,8 @@ ROTORS = {
     "Drake": (motor(ROTOR + GEAR), (2.0, 0.0)),
     "Drake, prefix declared": (
         motor(
-            '<d:rotor_inertia xmlns:d="urn:d" value="2e-4"/><d:gear_ratio xmlns:d="urn:d" value="100"/>'
+            '<d:rotor_inertia xmlns:d="urn:d" value="2e-4"/>'
+            '<d:gear_ratio xmlns:d="urn:d" value="100"/>'
         ),
         (2.0, 0.0),
     ),
@@ -328,7 +336,8 @@ ROTORS = {
     "reduction of the transmission": (motor(ROTOR, more=REDUCTION), (2.0, 0.0)),
     "motor inertia": (motor("<motorInertia>2e-4</motorInertia>" + REDUCTION), (2.0, 0.0)),
     "ROS 2": (
-        f'<ros2_control name="r"><transmission name="t"><actuator name="m" role="a">{ROTOR}</actuator><joint name="elbow">'
+        f'<ros2_control name="r"><transmission name="t">'
+        f'<actuator name="m" role="a">{ROTOR}</actuator><joint name="elbow">'
         "<mechanical_reduction>50.0</mechanical_reduction></joint></transmission></ros2_control>",
         (0.0, 0.5),
     ),
@@ -337,7 +346,8 @@ ROTORS = {
         (2.0, 0.0),
     ),
     "without an actuator": (
-        f'<transmission name="t"><joint name="elbow"/>{REDUCTION}<rotor_inertia>2e-4</rotor_inertia></transmission>',
+        f'<transmission name="t"><joint '
+        f'name="elbow"/>{REDUCTION}<rotor_inertia>2e-4</rotor_inertia></transmission>',
         (0.0, 2.0),
     ),
     "two reductions of one ratio": (motor(ROTOR + GEAR, more=REDUCTION), (2.0, 0.0)),
@@ -393,7 +403,9 @@ def test_rotor_inertia_of_a_mimic_joint():
 
 
 def test_precedence_of_armature():
-    """The argument replaces parameters, these replace the transmission; a model with other joints locked keeps it."""
+    """The argument replaces parameters, these replace the transmission; a model with other joints
+    locked keeps it.
+    """
     text = with_more(motor(ROTOR + GEAR) + motor(ROTOR, "m2", "elbow", "t2"), TWO)
     parameters = {"joints": {"shoulder": {"armature": 0.5}}}
     assert dd.load_urdf(text, parameters=parameters).armature == pytest.approx([0.5, 2e-4])

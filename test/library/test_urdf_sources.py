@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of URDFs: encodings, comments and leftovers of xacro that ROS reads, and kinds of files that are no URDF."""
+"""Files of URDFs: encodings, comments and leftovers of xacro that ROS reads, and kinds of files
+that are no URDF.
+"""
 
 import gzip
 import io
@@ -109,7 +111,9 @@ COMMENTS = (
 
 @pytest.mark.parametrize("comment", COMMENTS)
 def test_comments(comment):
-    """A comment ends at the next -->, as in tinyxml2, and means nothing; a rewritten URDF keeps it."""
+    """A comment ends at the next -->, as in tinyxml2, and means nothing; a rewritten URDF keeps
+    it.
+    """
     text = with_comment(comment)
     assert_same_model(text)
     assert_same_model(text.encode())
@@ -185,10 +189,18 @@ def test_line_numbers():
 LEFTOVERS = {
     "property": '<xacro:property name="width" value=".2"/>',
     "property with an expression": '<xacro:property name="width" value="${2 * 3}"/>',
-    "property with a block": '<xacro:property name="origin"><origin xyz="${x} 0 0" quat_xyzw="a"/></xacro:property>',
+    "property with a block": (
+        '<xacro:property name="origin"><origin xyz="${x} 0 0" quat_xyzw="a"/></xacro:property>'
+    ),
     "argument": '<xacro:arg name="hand" default="false"/>',
-    "macro": '<xacro:macro name="m" params="a *b"><link name="${a}"/><xacro:m a="1"/><xacro:if value="${a}"/></xacro:macro>',
-    "unused text": '<link name="l"><visual><geometry><mesh filename="$(find p)/${a}.stl"/></geometry></visual></link>'
+    "macro": (
+        '<xacro:macro name="m" params="a *b"><link name="${a}"/><xacro:m a="1"/>'
+        '<xacro:if value="${a}"/></xacro:macro>'
+    ),
+    "unused text": (
+        '<link name="l"><visual><geometry><mesh filename="$(find p)/${a}.stl"/></geometry>'
+        "</visual></link>"
+    )
     + joint("w", "fixed", "upper", "l"),
 }
 

@@ -234,7 +234,8 @@ def test_doubts_silence_diagnostics_and_another_robot(live, panda):
     robot.doubtful.set()
     live.until("diag.state.notes.includes('velocities estimated') && diag.state.level === 'warn'")
     live.until(
-        "[...document.querySelectorAll('.joints td:last-child b')].every((b) => b.textContent === '–')"
+        "[...document.querySelectorAll('.joints td:last-child b')].every((b) => "
+        "b.textContent === '–')"
     )
     robot.doubtful.clear()
     robot.silent.set()
@@ -255,7 +256,8 @@ VISIBLE = (
 )
 PLOT_FRACTIONS = """[...document.querySelectorAll('.plot')].filter((one) => one.offsetParent)
   .map((one) => one.clientHeight / one.closest('.card').clientHeight)"""
-LETTERS = """Math.min(...[...document.querySelectorAll('body *')].filter((one) => one.offsetParent &&
+LETTERS = """Math.min(...[...document.querySelectorAll('body *')]
+  .filter((one) => one.offsetParent &&
   [...one.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.data.trim()))
   .map((one) => parseFloat(getComputedStyle(one).fontSize)))"""
 
@@ -311,7 +313,10 @@ def test_no_text_is_cut_off(live):
         live.page.keyboard.press("j")
         live.until("!document.querySelector('.details').hidden")
         assert live.cut_off() == [], (width, height, "with details")
-        below = "(({ scrollHeight, clientHeight }) => scrollHeight - clientHeight)(document.querySelector('.details'))"
+        below = (
+            "(({ scrollHeight, clientHeight }) => scrollHeight - "
+            "clientHeight)(document.querySelector('.details'))"
+        )
         assert live.ask(below) <= 1, (width, height, "details that scroll")
 
 

@@ -38,7 +38,9 @@ def test_a_reader_that_goes_away():
 
 
 def test_top_in_a_terminal(peer, tmp_path):
-    """A state is on the screen of tmux, which may be resized; Ctrl-C ends it with status 0 and gives the screen back."""
+    """A state is on the screen of tmux, which may be resized; Ctrl-C ends it with status 0 and
+    gives the screen back.
+    """
     assert shutil.which("tmux"), "the test of a terminal needs tmux"
     states = peer.publisher(DiagonalizedState, STATE)
     state = DiagonalizedState(

@@ -18,12 +18,16 @@ pytestmark = [pytest.mark.full, pytest.mark.live]
 TIMEOUT = 0.3
 """Time [s] without commands after which the drives close their brakes."""
 STALL, STALLS = 50 * MS, 10
-"""Time [ns, simulated] for which the controller is stopped, and the stalls that it has to report."""
+"""Time [ns, simulated] for which the controller is stopped, and the stalls that it has to
+report.
+"""
 
 
 @pytest.fixture(scope="module")
 def live(peer):
-    """A UR5 at 1 kHz that carries itself and brakes without commands, and its controller, by the simulator's clock."""
+    """A UR5 at 1 kHz that carries itself and brakes without commands, and its controller, by the
+    simulator's clock.
+    """
     parameters = {
         "rate": 1000.0,
         "compensates_gravity": True,
@@ -34,7 +38,8 @@ def live(peer):
     own = {
         "robot_compensates_gravity": True,
         "autostart": True,
-        "use_sim_time": True,  # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
+        # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
+        "use_sim_time": True,
         "energy_limit": 0.5,
         "max_rate.status": 200.0,
         "hold_time": 10.0,  # on a busy machine nearly every state may be late for a while
@@ -63,7 +68,8 @@ def at_rest(live, since=0):
 
 
 def test_stalls_are_survived_and_reported(live):
-    """The controller is stopped for 50 ms again and again: the arm stays where it is, and diagnostics count the stalls.
+    """The controller is stopped for 50 ms again and again: the arm stays where it is, and
+    diagnostics count the stalls.
 
     Its drives add what carries it: commands are next to nothing.
     """
@@ -105,7 +111,9 @@ def test_stalls_are_survived_and_reported(live):
 
 
 def test_after_kill_9(live):
-    """The drives' time-out is what is left: brakes close, the arm stands. A controller started anew takes it over."""
+    """The drives' time-out is what is left: brakes close, the arm stands. A controller started anew
+    takes it over.
+    """
     simulator = live.simulator
     live.process.signal(signal.SIGKILL)
     live.process.popen.wait()

@@ -29,7 +29,8 @@ pytestmark = [pytest.mark.full, pytest.mark.live]
 ROOT = Path(__file__).resolve().parents[2]
 DEMO, CONTROL = ROOT / "scripts" / "demo", ROOT / "examples" / "demos" / "demo_control.py"
 
-# What a shell does for a program in the foreground: it gets the terminal, so that Ctrl-C reaches it.
+# What a shell does for a program in the foreground: it gets the terminal, so that Ctrl-C reaches
+# it.
 IN_TERMINAL = """
 import fcntl, os, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
@@ -66,7 +67,9 @@ def test_without_a_terminal(tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_robot_by_path(tmp_path, number):
-    """Any URDF file; the page shows it while the demo runs; a signal ends everything with status 0."""
+    """Any URDF file; the page shows it while the demo runs; a signal ends everything with status
+    0.
+    """
     shutil.copy(robot(UR5).path, tmp_path / "my robot.urdf")
     with demo(tmp_path, "--robot", "my robot.urdf") as process:
         process.wait_for_text("peak energy")
@@ -121,7 +124,9 @@ def test_at_a_terminal(tmp_path):
 
 
 def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
-    """It ends by itself with status 0; events and numbers belong together; its picture shows something."""
+    """It ends by itself with status 0; events and numbers belong together; its picture shows
+    something.
+    """
     with Process([sys.executable, CONTROL, "push.png"], cwd=tmp_path) as process:
         assert process.wait() == 0, process.tail()
         said = process.output

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files of deploy/ and config/ with nodes in processes: systemd units, the container, the SROS 2 policy."""
+"""Files of deploy/ and config/ with nodes in processes: systemd units, the container, the SROS 2
+policy.
+"""
 
 import contextlib
 import itertools
@@ -28,7 +30,9 @@ UNITS = sorted((ROOT / "deploy" / "systemd").glob("*.service"))
 
 
 def at_hand(command, places):
-    """A shell's text with the places of a robot's computer replaced by those of this one; each has to be there."""
+    """A shell's text with the places of a robot's computer replaced by those of this one; each has
+    to be there.
+    """
     for place, own in places.items():
         assert place in command, place
         command = command.replace(place, str(own))
@@ -62,7 +66,9 @@ AT_WORK = {
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.stem)
 def test_units_start_nodes(ros_domain, tmp_path, unit):
-    """By the line that systemd would run, as it is but for places; the signal that systemd sends ends them."""
+    """By the line that systemd would run, as it is but for places; the signal that systemd sends
+    ends them.
+    """
     said = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), re.M))
     shell, option, command = re.fullmatch(r"(/bin/bash) (-c) '([^']*)'", said["ExecStart"]).groups()
     node = unit.stem.rsplit("-")[-1]
@@ -139,7 +145,9 @@ def used(peer, node):
 
 
 def check(peer, node, unused=()):
-    """Wait until a node uses all that it is allowed, but for what it has in other settings only; and nothing else."""
+    """Wait until a node uses all that it is allowed, but for what it has in other settings only;
+    and nothing else.
+    """
     expected = allowed(node)
     for way, name in unused:
         expected[way].remove(name)
@@ -154,7 +162,9 @@ def check(peer, node, unused=()):
 
 
 def test_names_of_the_policy(peer):
-    """All nodes have the names that the policy allows; the controller also while it asks for joints, by another node."""
+    """All nodes have the names that the policy allows; the controller also while it asks for
+    joints, by another node.
+    """
     model = robot(PANDA)
     simulator = {"robot_description": model.path, "floating_base": True, "real_time_factor": 0.9}
     controller = {

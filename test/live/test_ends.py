@@ -41,7 +41,9 @@ OPTIONS = {
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("node", OPTIONS)
 def test_signal(peer, node, number):
-    """Each node ends with status 0, and leaves the graph: nobody has to wait for the lease of its participant, 20 s."""
+    """Each node ends with status 0, and leaves the graph: nobody has to wait for the lease of its
+    participant, 20 s.
+    """
     autostart = {"autostart": True} if node == "controller" else {}
     with node_process(node, **OPTIONS[node], **autostart) as process:
         process.wait_for_text(READY[node])
@@ -56,7 +58,8 @@ def test_signal_while_it_imports(ros_domain, after, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(
         "import builtins, os, signal, sys\nfound = builtins.__import__\n"
         "def hook(name, *rest, **more):\n"
-        f"    if name.startswith('{after}') and 'diag_dynamics.nodes.monitor.monitor' in sys.modules and not hook.sent:\n"
+        f"    if name.startswith('{after}') and 'diag_dynamics.nodes.monitor.monitor' in "
+        f"sys.modules and not hook.sent:\n"
         "        hook.sent = True\n        os.kill(os.getpid(), signal.SIGTERM)\n"
         "    return found(name, *rest, **more)\nhook.sent = False\nbuiltins.__import__ = hook\n"
     )
@@ -87,7 +90,9 @@ def test_signal_in_every_state_of_the_controller(peer, labels):
 
 
 def test_last_command(peer):
-    """A signal ends the controller by a last command: it leaves the robot with its gravity torque."""
+    """A signal ends the controller by a last command: it leaves the robot with its gravity
+    torque.
+    """
     sent = peer.topic(Float64MultiArray, "/effort_controller/commands")
     simulated = {
         "robot_description": robot_path(UR5),

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes that load or compile: states, services and diagnostics go on, and a signal ends the process."""
+"""Nodes that load or compile: states, services and diagnostics go on, and a signal ends the
+process.
+"""
 
 import os
 import re
@@ -68,7 +70,9 @@ def assert_signal_ends(process, number):
 
 
 def test_the_robot_in_force_goes_on(peer, large):
-    """While another robot loads, the monitor answers states and requests; diagnostics name the loading."""
+    """While another robot loads, the monitor answers states and requests; diagnostics name the
+    loading.
+    """
     panda = robot(PANDA)
     descriptions = peer.publisher(String, "/busy/robot_description", LATCHED)
     descriptions.publish(description(panda.urdf))
@@ -105,7 +109,9 @@ def test_signal_while_a_robot_is_loaded(large, tmp_path, node, number):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_it_compiles(peer, tmp_path, number):
-    """With an empty cache the monitor compiles for a minute; its log and /diagnostics name the kernel."""
+    """With an empty cache the monitor compiles for a minute; its log and /diagnostics name the
+    kernel.
+    """
     name = f"compiles_{int(number)}/diag_dynamics"
     reports = peer.topic(DiagnosticArray, "/diagnostics")
 

@@ -20,7 +20,8 @@ pytestmark = [pytest.mark.full, pytest.mark.live]
 
 
 class Pair(contextlib.ExitStack):
-    """A simulated Panda and its monitor in processes, connected by topics alone, and all that both publish.
+    """A simulated Panda and its monitor in processes, connected by topics alone, and all that both
+    publish.
 
     Parameters
     ----------
@@ -68,7 +69,9 @@ class Pair(contextlib.ExitStack):
         del self.reports[:-1]
 
     def wait_for_silence(self, since):
-        """Wait for two reports of no joint states after a time [ns], the second of a longer silence; check the topics."""
+        """Wait for two reports of no joint states after a time [ns], the second of a longer
+        silence; check the topics.
+        """
 
         def silent(report):
             return (
@@ -84,7 +87,9 @@ class Pair(contextlib.ExitStack):
             assert not [stamp for stamp in topic.stamps if since < stamp < reports[1].stamp]
 
     def wait_for_states(self, since, count=40):
-        """Wait until each topic has so many states that are newer than a stamp, and check all that was published."""
+        """Wait until each topic has so many states that are newer than a stamp, and check all that
+        was published.
+        """
 
         def newer(topic):
             return (
@@ -104,9 +109,11 @@ class Pair(contextlib.ExitStack):
         self.reports.wait_for(lambda report: report.level == OK, "OK")
 
     def check(self):
-        """Compare all that was published with Pinocchio's numbers for the joint state of its stamp; stamps only grow.
+        """Compare all that was published with Pinocchio's numbers for the joint state of its stamp;
+        stamps only grow.
 
-        A joint state that did not arrive here may have reached the monitor: its results are not compared.
+        A joint state that did not arrive here may have reached the monitor: its results are not
+        compared.
         """
         inputs = {nanoseconds(message.header.stamp): message for message in self.states.messages}
         for name, topic in self.topics.items():
@@ -143,7 +150,9 @@ def pair(peer):
     ids=" then ".join,
 )
 def test_restart(pair, killed):
-    """Whoever is killed comes back, in the order named: the pair recovers without help, and nothing wrong is published."""
+    """Whoever is killed comes back, in the order named: the pair recovers without help, and nothing
+    wrong is published.
+    """
     pair.forget()
     pair.kill(*killed)
     death = time.time_ns()

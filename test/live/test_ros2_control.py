@@ -55,13 +55,17 @@ PUSH = 25.0
 def hardware():
     """Return the URDF with the plant at its start."""
     joints = "".join(
-        f'<joint name="{name}"><command_interface name="position"/><command_interface name="effort"/>'
+        f'<joint name="{name}"><command_interface name="position"/>'
+        f'<command_interface name="effort"/>'
         '<state_interface name="position"/><state_interface name="velocity"/>'
         '<state_interface name="effort"/></joint>'
         for name in NAMES
     )
     plugin = f'<plugin>dd_plant/Plant</plugin><param name="q">{" ".join(map(str, START))}</param>'
-    system = f'<ros2_control name="ur5" type="system"><hardware>{plugin}</hardware>{joints}</ros2_control>'
+    system = (
+        f'<ros2_control name="ur5" type="system">'
+        f"<hardware>{plugin}</hardware>{joints}</ros2_control>"
+    )
     text = Path(robot(UR5).path).read_text(encoding="utf-8")
     return text.replace("</robot>", f"{system}</robot>")
 

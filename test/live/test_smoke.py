@@ -3,7 +3,8 @@
 
 """Smoke tests of the gate: nodes in processes of their own answer over DDS, and signals end them.
 
-Each test publishes again while it waits, because the first messages get lost while processes discover each other.
+Each test publishes again while it waits, because the first messages get lost while processes
+discover each other.
 """
 
 import contextlib
@@ -150,7 +151,9 @@ def test_the_page_is_served(left, panda):
         with Stream(address, robot="/left", hz=10) as stream:
 
             def frame():
-                """Publish a state, and read the next packet: a frame, or the heartbeat that always comes."""
+                """Publish a state, and read the next packet: a frame, or the heartbeat that always
+                comes.
+                """
                 served(left, panda)
                 kind, content = stream.packet()
                 return content if kind == FRAME else None
@@ -160,7 +163,8 @@ def test_the_page_is_served(left, panda):
 
 
 def test_a_second_in_lockstep(peer):
-    """Controller and simulator take turns for a second of simulated time: every message is of a step.
+    """Controller and simulator take turns for a second of simulated time: every message is of a
+    step.
 
     Neither waits for this process, which may miss some of their messages.
     """

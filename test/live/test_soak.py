@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A soak of the monitor at 1 kHz with faults among the states: counters add up, states are right, and nothing grows.
+"""A soak of the monitor at 1 kHz with faults among the states: counters add up, states are right,
+and nothing grows.
 
 DIAG_DYNAMICS_SOAK_SECONDS sets the duration.
 """
@@ -38,7 +39,9 @@ FAULTS = {
 
 
 class Usage(NamedTuple):
-    """Resources of the monitor at a time [s]: resident memory [MB], threads and file descriptors."""
+    """Resources of the monitor at a time [s]: resident memory [MB], threads and file
+    descriptors.
+    """
 
     time: float
     memory: float
@@ -56,7 +59,8 @@ def publish(monitor, rng, stamp):
 
 
 def test_soak(peer):
-    """Memory grows by less than 0.4 MB a second once pools are filled; a leak of a joint state each is 1 MB a second.
+    """Memory grows by less than 0.4 MB a second once pools are filled; a leak of a joint state each
+    is 1 MB a second.
 
     On a machine that stands still for a second the monitor skips states, and counts them.
     """

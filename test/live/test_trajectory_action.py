@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The action of the controller by rclpy's own client over DDS, with the executor of the nodes, in one process."""
+"""The action of the controller by rclpy's own client over DDS, with the executor of the nodes, in
+one process.
+"""
 
 import numpy as np
 import pytest

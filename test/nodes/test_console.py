@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the console says of joints that are misnamed, missing or dead: one line within two seconds."""
+"""What the console says of joints that are misnamed, missing or dead: one line within two
+seconds.
+"""
 
 from types import SimpleNamespace
 

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The contact limiter on the graph, in lockstep with the simulator: a push is reported, and the limit scales."""
+"""The contact limiter on the graph, in lockstep with the simulator: a push is reported, and the
+limit scales.
+"""
 
 from types import SimpleNamespace
 
@@ -34,7 +36,9 @@ def from_the_start(arm):
 
 
 def test_a_push_is_told_of(arm):
-    """What pushes puts energy in above the bound: the status says how much, and diagnostics that it was so."""
+    """What pushes puts energy in above the bound: the status says how much, and diagnostics that it
+    was so.
+    """
     arm.switch("gravity_compensation")
     record(arm)
     begin = len(arm.reports)

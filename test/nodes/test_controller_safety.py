@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller by itself, with the clock in the test's hands: what it refuses, when it stops, and what it sends then."""
+"""The controller by itself, with the clock in the test's hands: what it refuses, when it stops, and
+what it sends then.
+"""
 
 import numpy as np
 import pytest
@@ -45,7 +47,9 @@ GAIN = 20.0
 
 
 class Fed(Controller):
-    """A controller whose joint states and clock are the test's: it acts on nothing else, however late the machine is."""
+    """A controller whose joint states and clock are the test's: it acts on nothing else, however
+    late the machine is.
+    """
 
     def __init__(self, peer, namespace, id=UR5, **parameters):
         """Start it."""
@@ -194,7 +198,9 @@ def sent_for(fed, effort):
 
 
 def wait_for_command(fed, expected):
-    """Wait until the last command that has come is this one: it may be later than what is told of it."""
+    """Wait until the last command that has come is this one: it may be later than what is told of
+    it.
+    """
     atol = 1e-9 * max(1.0, np.abs(expected).max())
     sent = fed.sent.messages
     fed.peer.wait_until(
@@ -211,7 +217,9 @@ def close(actual, expected):
 
 
 def check_the_end(fed, since, published=lambda: None):
-    """From the status `since` on: gravity and no damping, for hold_time, and then zero, at the effort rate all the time."""
+    """From the status `since` on: gravity and no damping, for hold_time, and then zero, at the
+    effort rate all the time.
+    """
     gravity = sent_for(fed, gravity_of(Q))
 
     def without():
@@ -244,7 +252,9 @@ def check_the_end(fed, since, published=lambda: None):
 
 
 def test_late_states(damped):
-    """States end: the last gravity torque for hold_time, then zero; it is said why. A mode that is chosen then goes on."""
+    """States end: the last gravity torque for hold_time, then zero; it is said why. A mode that is
+    chosen then goes on.
+    """
     first = damped.silence(HOLDING)
     assert first.state_age > 0.02 and "s; expected at most max_state_age = 0.02 s" in first.message
     damped.wait_until_told("control", "holding gravity: the state is", b"\1")
@@ -295,7 +305,9 @@ def test_wrong_states_only(damped):
 
 
 def test_joints_that_are_not_there(damped):
-    """A message without one joint leaves that one to get old, by name; joints of others are not listened to."""
+    """A message without one joint leaves that one to get old, by name; joints of others are not
+    listened to.
+    """
     status = damped.answered(
         lambda: (damped.tick(), damped.publish(Q[1:], MOVING[1:], NAMES[1:])),
         lambda s: s.phase == HOLDING,
@@ -360,7 +372,9 @@ def test_a_state_from_the_future(damped, ahead):
 
 @pytest.mark.parametrize("jump", [100.0, 0.9, 0.3], ids="{} s".format)
 def test_a_clock_that_goes_back(damped, jump):
-    """Targets are void, efforts go on at their rate, and the law is in force again by itself, and at once."""
+    """Targets are void, efforts go on at their rate, and the law is in force again by itself, and
+    at once.
+    """
     damped.law("tracking")
     damped.take(damped.set_point, joint_state(NAMES, Q + 0.1))
     assert any(damped.step().tracking_error) or any(damped.step().tracking_error)
@@ -412,7 +426,9 @@ def test_a_target_that_is_not_reached(fed):
 
 
 def test_targets_change_and_are_lost(fed):
-    """The last one counts; a sender that is gone leaves it in force; the law is Pinocchio's for it to 1e-9."""
+    """The last one counts; a sender that is gone leaves it in force; the law is Pinocchio's for it
+    to 1e-9.
+    """
     fed.law("tracking")
     fed.settle()
     sender = fed.peer.publisher(JointState, f"{fed.namespace}/set_point")
@@ -454,7 +470,9 @@ def test_targets_that_make_no_sense(fed):
 
 
 def test_deactivation_leaves_the_gravity_torque(damped):
-    """It is the last command, and the only one; targets that come meanwhile are none when it is active again."""
+    """It is the last command, and the only one; targets that come meanwhile are none when it is
+    active again.
+    """
     assert damped.peer.transition(damped.name, "deactivate")
     damped.wait_until_told("control", "inactive; no commands", b"\1")
     wait_for_command(damped, sent_for(damped, gravity_of(Q)))
@@ -474,7 +492,9 @@ def test_deactivation_leaves_the_gravity_torque(damped):
 
 @ONE
 def test_another_robot(fed):
-    """While active, the controller rejects another description and reports it; deactivated, it loads it."""
+    """While active, the controller rejects another description and reports it; deactivated, it
+    loads it.
+    """
     panda = robot(PANDA)
     fed.settle()
     fed.descriptions.publish(description(panda.urdf))
@@ -535,7 +555,9 @@ def test_who_else_is_there(fed):
 
 
 def test_late_states_by_the_clock_of_the_machine(peer):
-    """Hold, ramp and zero come by themselves where there is no /clock; how late is the machine's business."""
+    """Hold, ramp and zero come by themselves where there is no /clock; how late is the machine's
+    business.
+    """
     parameters = {
         "use_sim_time": False,
         "robot_compensates_gravity": False,
@@ -555,10 +577,12 @@ def test_late_states_by_the_clock_of_the_machine(peer):
 
 
 def test_it_does_not_start_on_a_guess(peer):
-    """Without robot_compensates_gravity it is not configured; with joints in another order than theirs not activated."""
+    """Without robot_compensates_gravity it is not configured; with joints in another order than
+    theirs not activated.
+    """
     model = robot(UR5)
     swapped = [model.names[1], model.names[0], *model.names[2:]]
-    with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it has to be there first)
+    with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (it is first)
         with Controller(
             peer, "/bare", robot_description=model.path, payloads="[]", energy_limt=1
         ) as controller:

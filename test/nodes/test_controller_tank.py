@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The energy tank of the controller node, in lockstep with the simulator: kinetic energy, diagnostics and mode services."""
+"""The energy tank of the controller node, in lockstep with the simulator: kinetic energy,
+diagnostics and mode services.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +27,9 @@ def arm(peer):
 
 
 def wait_for_tank(arm, condition, what):
-    """Return the first report from now on of which a condition on x [J] and the refused power [W] holds."""
+    """Return the first report from now on of which a condition on x [J] and the refused power [W]
+    holds.
+    """
 
     def holds(report):
         values = [

@@ -22,7 +22,9 @@ from diag_dynamics.nodes import demo
     ],
 )
 def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
-    """Status 1 and the reason: unknown and ambiguous names, paths, robots without motion or inertia."""
+    """Status 1 and the reason: unknown and ambiguous names, paths, robots without motion or
+    inertia.
+    """
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     assert demo.main(["demo", "--robot", robot]) == 1
     output = capsys.readouterr()

@@ -24,7 +24,9 @@ def test_parameters_of_a_robot(peer, path):
 
 
 def test_several_monitors_in_one_process(peer, panda):
-    """Two monitors, one robot by parameter and one by topic: neither the end nor the start of one disturbs the other."""
+    """Two monitors, one robot by parameter and one by topic: neither the end nor the start of one
+    disturbs the other.
+    """
     ur5 = robot(UR5)
     descriptions_of_second = peer.publisher(String, "/second/robot_description", LATCHED)
     descriptions_of_second.publish(description(ur5.urdf))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Diagnostics of the monitor: every value is Pinocchio's, alarms of energy come at once, power is balanced."""
+"""Diagnostics of the monitor: every value is Pinocchio's, alarms of energy come at once, power is
+balanced.
+"""
 
 from types import SimpleNamespace
 
@@ -59,7 +61,9 @@ def values_of(report, name):
 
 @pytest.mark.parametrize("sample", range(3))
 def test_every_entry(monitor, panda, sample):
-    """All keys are there; health, smallest D and energies are Pinocchio's, the model's numbers the robot's."""
+    """All keys are there; health, smallest D and energies are Pinocchio's, the model's numbers the
+    robot's.
+    """
     truth = Truth(panda, *panda.samples[sample][:3]).state
     monitor.next_report()
     monitor.serves(panda, sample)
@@ -99,7 +103,9 @@ MODEL = SimpleNamespace(joint_names=("shoulder", "elbow"), dof_names=("shoulder"
 
 
 def at_energy(*shares, power=None):
-    """Return what stands for an Evaluation with these shares of the kinetic energy, and a power [W]."""
+    """Return what stands for an Evaluation with these shares of the kinetic energy, and a power
+    [W].
+    """
     share = np.array(shares, dtype=float)
     return SimpleNamespace(effort_power=power, kinetic_energy=share.sum(), energy_share=share)
 
@@ -154,7 +160,9 @@ class Watching:
     ],
 )
 def test_thresholds(thresholds, shares, level, named):
-    """Of all energy and of single joints' shares; a value at a threshold is within, and 0 is none."""
+    """Of all energy and of single joints' shares; a value at a threshold is within, and 0 is
+    none.
+    """
     watch = Watching(**thresholds)
     assert watch.accept(CLOCK, at_energy(*shares)) == (level > OK)
     status = watch.report()
@@ -164,7 +172,9 @@ def test_thresholds(thresholds, shares, level, named):
 
 
 def test_alarm_where_it_is_worse_than_reported():
-    """A worse state is reported at once, others at the next report; without states nothing improves."""
+    """A worse state is reported at once, others at the next report; without states nothing
+    improves.
+    """
     watch = Watching(warn={"total": 1.0}, error={"total": 2.0})
     low, high, highest = at_energy(0.5, 0), at_energy(1.5, 0), at_energy(2.5, 0)
     stamps = iter(range(CLOCK, CLOCK + S, MS))
@@ -190,7 +200,9 @@ def residual(watch):
     ("gap", "integrated"), [(500 * MS, True), (500 * MS + 1, False), (-S, False)]
 )
 def test_residual(gap, integrated):
-    """ΔK less the trapezoid of powers, per second since the last report; not over a gap or back in time."""
+    """ΔK less the trapezoid of powers, per second since the last report; not over a gap or back in
+    time.
+    """
     watch = Watching()
     watch.friction = 9.0  # the audit has friction as a loss of its own
     watch.accept(CLOCK, at_energy(1.0, 0, power=2.0))
@@ -214,7 +226,9 @@ def share_of(watch):
 
 
 def feed(watch, begin, seconds, change, size=1.0):
-    """Feed states at 50 Hz whose K changes by a power, times `change`; return the time after the last one [s]."""
+    """Feed states at 50 Hz whose K changes by a power, times `change`; return the time after the
+    last one [s].
+    """
     for t in np.arange(begin, begin + seconds, 0.02):
         watch.friction = size * (1.0 + np.sin(5.0 * t))
         power = change * 3.0 * size * np.sin(3.0 * t) + watch.friction
@@ -224,7 +238,9 @@ def feed(watch, begin, seconds, change, size=1.0):
 
 
 def test_only_the_last_minute_counts():
-    """Not less than two seconds, no robot at rest; what was wrong more than a minute ago is dropped."""
+    """Not less than two seconds, no robot at rest; what was wrong more than a minute ago is
+    dropped.
+    """
     watch = Watching()
     feed(watch, 0.0, 1.9, 1.0)
     assert share_of(watch) is None
@@ -242,7 +258,9 @@ def test_only_the_last_minute_counts():
     ("armature", "named"), [([""], True), (["shoulder=10.0", "elbow=10.0"], False)]
 )
 def test_joints_without_rotor_inertia(armature, named):
-    """They are named by D and effort limit, as `inspect` names them; no more with the rotors' inertia."""
+    """They are named by D and effort limit, as `inspect` names them; no more with the rotors'
+    inertia.
+    """
     limited = TwoLinkArm(I1=0.02).urdf.replace(
         'effort="100" velocity="100"', 'effort="20000" velocity="3"'
     )
@@ -274,7 +292,9 @@ class Counting(Watch):
 
 
 def test_another_watch(peer, panda, monkeypatch):
-    """A class in the list is a watch: its alarm comes at once and alone, its status once a second."""
+    """A class in the list is a watch: its alarm comes at once and alone, its status once a
+    second.
+    """
     name = "diag_dynamics.nodes.monitor.monitored_robot.WATCHES"
     monkeypatch.setattr(name, (*WATCHES, Counting))
     with Monitor(peer, "/counted", outputs=[], robot_description=panda.path) as monitor:

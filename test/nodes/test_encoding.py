@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages as bytes: they equal those of rclpy for every topic and layout; damaged bytes are an error, never a crash."""
+"""Messages as bytes: they equal those of rclpy for every topic and layout; damaged bytes are an
+error, never a crash.
+"""
 
 import importlib
 from collections import Counter
@@ -115,7 +117,9 @@ def same(raw, message):
 
 @of_every_kind
 def test_template(kind):
-    """Bytes equal rclpy's, also with other numbers written into them; a message cut short is none."""
+    """Bytes equal rclpy's, also with other numbers written into them; a message cut short is
+    none.
+    """
 
     @examples(15)
     @given(contents(kind), st.integers(0, 2**32))
@@ -261,7 +265,9 @@ _POINTS = {}
 
 
 def _points(name, model, rows, limits):
-    """Return the same points each time: an encoder lays a message out once for each set of points."""
+    """Return the same points each time: an encoder lays a message out once for each set of
+    points.
+    """
     return _POINTS.setdefault(
         (name, len(rows)), dd.ContactPoints(model, rows, *[limits] * (limits is not None))
     )
@@ -278,7 +284,9 @@ def encode(encoder, topic, of_it):
 
 @of_every_robot
 def test_any_sequence_of_states(name):
-    """One encoder for all topics: nothing of one message is left in another, nor does one change later."""
+    """One encoder for all topics: nothing of one message is left in another, nor does one change
+    later.
+    """
 
     @examples(15)
     @given(st.lists(moments, min_size=2, max_size=5))
@@ -361,7 +369,9 @@ def test_friction_power():
 
 
 def test_flexible_joints(tmp_path):
-    """Spring torques and motor positions give the link's state; joints of which only the motor is known are named."""
+    """Spring torques and motor positions give the link's state; joints of which only the motor is
+    known are named.
+    """
     spring = {"stiffness": 200.0, "rotor_inertia": 1e-4, "gear": 50.0}
     flexible = {"shoulder": spring | {"effort": "spring"}, "elbow": spring}
     dd.Parameters.from_dict({"flexible_joints": flexible}).save(tmp_path / "arm.yaml")
@@ -430,7 +440,9 @@ def mutated(raw, rng):
 
 
 def plain(value):
-    """Return the value of a field, in which NaN is equal to itself and a zero is not to its negative."""
+    """Return the value of a field, in which NaN is equal to itself and a zero is not to its
+    negative.
+    """
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, float):

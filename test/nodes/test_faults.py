@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults injected into a monitor: each is counted and named, nothing is published of it, and the next state is right."""
+"""Faults injected into a monitor: each is counted and named, nothing is published of it, and the
+next state is right.
+"""
 
 from collections import Counter
 
@@ -46,7 +48,9 @@ def published(monitor):
 
 @pytest.mark.parametrize("counter", WIRING)
 def test_counters(peer, tmp_path, counter):
-    """The node counts what the decision table says, publishes its states, and reports the last rejection."""
+    """The node counts what the decision table says, publishes its states, and reports the last
+    rejection.
+    """
     case = WIRING[counter]
     path, namespace = tmp_path / "robot.urdf", "/wiring"
     path.write_text(ROBOTS[case.robot])
@@ -100,7 +104,9 @@ def test_stuck_sensors(monitor, panda):
 
 
 def overloaded(monitor, panda):
-    """Make a state that comes while the node is overloaded: its timers have had no turn for two seconds."""
+    """Make a state that comes while the node is overloaded: its timers have had no turn for two
+    seconds.
+    """
     for timer in monitor.process.node.timers_:
         timer.cancel()
     monitor.peer.graph.skip(2.0)
@@ -170,7 +176,9 @@ DESCRIPTIONS = [
     ("text", "reason"), DESCRIPTIONS, ids=[reason for _, reason in DESCRIPTIONS]
 )
 def test_description_refused_by_topic(by_topic, panda, text, reason):
-    """The robot stays in force, and diagnostics say what is wrong until a valid description arrives."""
+    """The robot stays in force, and diagnostics say what is wrong until a valid description
+    arrives.
+    """
     by_topic.describe(text)
     report = by_topic.wait_for_report(lambda report: report.level == ERROR, "the refusal")
     assert report.message.startswith("robot_description rejected") and reason in report.message
@@ -242,7 +250,9 @@ PARAMETERS = [
 
 
 def test_wrong_values_are_refused(monitor, panda):
-    """Each value, and values that do not fit each other, with a reason; a right value beside them is not applied either."""
+    """Each value, and values that do not fit each other, with a reason; a right value beside them
+    is not applied either.
+    """
     for values, reason in PARAMETERS:
         values = {"publish_inverse_factor": True} | values
         before = monitor.peer.get_parameters(monitor.name, values)

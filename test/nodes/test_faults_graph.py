@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of publishers, quality of service, requests and names: what fits is served, and the rest is named."""
+"""Faults of publishers, quality of service, requests and names: what fits is served, and the rest
+is named.
+"""
 
 import math
 from types import SimpleNamespace
@@ -59,7 +61,8 @@ def overridden(peer):
     }
     parameters = {f"qos_overrides./strict/{name}": value for name, value in overrides.items()}
     with Monitor(peer, "/strict", robot_description=robot(PANDA).path, **parameters) as monitor:
-        # The test's own subscription to `state` is reliable, and receives nothing of a best-effort publisher.
+        # The test's own subscription to `state` is reliable, and receives nothing of a best-effort
+        # publisher.
         peer.node.destroy_subscription(monitor.topics["state"].subscription)
         monitor.topics["state"] = peer.topic(
             DiagonalizedState, f"{monitor.name}/state", BEST_EFFORT
@@ -79,7 +82,9 @@ def intruder(peer):
 
 
 def test_default_qos(monitor, panda):
-    """Inputs are sensor data, so publishers of either reliability arrive; outputs are reliable; all have parameters."""
+    """Inputs are sensor data, so publishers of either reliability arrive; outputs are reliable; all
+    have parameters.
+    """
     node, feeder = monitor.peer.node, monitor.feeder
     for qos in (BEST_EFFORT, RELIABLE):
         monitor.feeder = monitor.peer.publisher(JointState, "/default/joint_states", qos)
@@ -230,7 +235,9 @@ def inertia(mass, moments=(0.01, 0.02, 0.025), **com):
 
 
 def test_payload_by_service_and_by_parameter(monitor, panda):
-    """`set_payload` sets the parameter `payloads`, which attaches the same when it is set; links are independent."""
+    """`set_payload` sets the parameter `payloads`, which attaches the same when it is set; links
+    are independent.
+    """
     load = (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
     loaded = panda.changed(payloads={HAND: load})
     both = panda.changed(payloads={HAND: load, "panda_link5": (1.0, (0, 0, 0), np.zeros((3, 3)))})
@@ -291,7 +298,9 @@ def check_log(running):
 
 
 def test_names_that_would_act(peer):
-    """Names are published as they are; in the log, in diagnostics and in responses control characters are escaped."""
+    """Names are published as they are; in the log, in diagnostics and in responses control
+    characters are escaped.
+    """
     diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
     descriptions = peer.publisher(String, "/hostile/robot_description", LATCHED)
     descriptions.publish(description(URDF))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Direction of gravity from an IMU or tf: gravity of the published state, against Pinocchio with another gravity."""
+"""Direction of gravity from an IMU or tf: gravity of the published state, against Pinocchio with
+another gravity.
+"""
 
 import sys
 from unittest import mock
@@ -115,7 +117,9 @@ def test_specific_force_on_a_moving_link(peer):
 
 
 def test_observer_goes_on(peer):
-    """The efforts of a tilted arm are explained while it tilts; nothing restarts and no revision changes."""
+    """The efforts of a tilted arm are explained while it tilts; nothing restarts and no revision
+    changes.
+    """
     parameters = {
         "external_torque.gain": GAIN,
         "external_torque.friction": False,

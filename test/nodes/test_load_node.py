@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A load on the hand of a Panda on the monitor's topic and services, by efforts of Pinocchio with the load as a payload."""
+"""A load on the hand of a Panda on the monitor's topic and services, by efforts of Pinocchio with
+the load as a payload.
+"""
 
 import math
 

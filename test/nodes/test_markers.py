@@ -84,7 +84,9 @@ def vector(x):
 
 @ROBOTS
 def test_links(name, floating):
-    """In the root link's axes, tinted by the share of their joints, each of its kind, size and file."""
+    """In the root link's axes, tinted by the share of their joints, each of its kind, size and
+    file.
+    """
     drawn = Drawn(name, floating)
     placed = {link: drawn.dynamics.placement(drawn.q, link) for link in drawn.model.link_names}
     from_world = np.linalg.inv(placed[drawn.model.root_link])
@@ -147,7 +149,8 @@ def test_ellipsoid_arrow_and_text(name, floating):
     share = f"{100 * s.energy_share[k] / s.kinetic_energy:.0f} %"
     assert text.text.splitlines() == [
         f"K {s.kinetic_energy:.3g} J, {share} of it {model.dof_names[k]}",
-        f"{link}: {np.linalg.norm(v):.3g} m/s, reflected mass {(v @ v) / (v @ mobility @ v):.3g} kg",
+        f"{link}: {np.linalg.norm(v):.3g} m/s, reflected mass "
+        f"{(v @ v) / (v @ mobility @ v):.3g} kg",
         "estimated velocities",
     ]
     assert arrow.action == Marker.ADD
@@ -220,7 +223,9 @@ def test_no_ball_without_a_collision_or_a_link(collision, known):
 
 
 def test_shapes_of_links(tmp_path):
-    """An ellipsoid stands for a link without shapes, a cylinder is a capsule, viewers find meshes."""
+    """An ellipsoid stands for a link without shapes, a cylinder is a capsule, viewers find
+    meshes.
+    """
     names = ("package:///arm/meshes/a.dae", "package://arm/b.dae", "hand.stl", "lost.stl")
     (tmp_path / "hand.stl").write_bytes(b"solid")
     shapes = [
@@ -231,9 +236,12 @@ def test_shapes_of_links(tmp_path):
         f'<visual><origin xyz="0 0 1"/><geometry>{shape}</geometry></visual>' for shape in shapes
     )
     path = tmp_path / "robot.urdf"
-    path.write_text(f"""<robot name="bare"><link name="base"/><link name="bar"><inertial><origin xyz="0.1 0.2 0.3"
-    rpy="0.3 0.2 0.1"/><mass value="2"/><inertia ixx="0.002" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>
-    </link><joint name="j" type="continuous"><parent link="base"/><child link="bar"/></joint><link name="cap">{visuals}
+    path.write_text(f"""<robot name="bare"><link name="base"/><link name="bar"><inertial>
+      <origin xyz="0.1 0.2 0.3"
+    rpy="0.3 0.2 0.1"/><mass value="2"/>
+      <inertia ixx="0.002" iyy="0.005" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial>
+    </link><joint name="j" type="continuous"><parent link="base"/><child link="bar"/></joint>
+      <link name="cap">{visuals}
     </link><joint name="f" type="fixed"><parent link="bar"/><child link="cap"/></joint></robot>""")
     model = dd.load_urdf(path)
     maker = MarkerMaker(dd.DiagonalDynamics(model), path)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mimic joints in joint states and requests: listed or not, in place or not, moved by efforts of their own."""
+"""Mimic joints in joint states and requests: listed or not, in place or not, moved by efforts of
+their own.
+"""
 
 import math
 
@@ -32,7 +34,9 @@ class Whole:
         self.truth = Truth(robot, self.q, self.qd, oracle.G.T @ self.effort)
 
     def message(self, stamp=0, names=None, **position):
-        """List all joints, or those given, shuffled; positions may be put in place of the right ones."""
+        """List all joints, or those given, shuffled; positions may be put in place of the right
+        ones.
+        """
         names = (
             np.random.default_rng(7).permutation(self.names if names is None else names).tolist()
         )
@@ -75,7 +79,9 @@ def fan(monitor):
 
 
 def test_disagreement(monitor, fan):
-    """Counted and named; states go on by the source joint. The tolerance holds for services, too, and changes at run time."""
+    """Counted and named; states go on by the source joint. The tolerance holds for services, too,
+    and changes at run time.
+    """
     expected = 0.8 * fan.q[fan.robot.names.index(SOURCE)]
     for apart, tolerance_, good in (
         (0.0099, 0.01, True),
@@ -145,7 +151,9 @@ def test_services(monitor, listed):
 
 
 def test_wrong_mimic_joints_in_requests(monitor, fan):
-    """The response names joint, value and the expected value; NaN is neither compared nor an effort."""
+    """The response names joint, value and the expected value; NaN is neither compared nor an
+    effort.
+    """
     for state, words in (
         (fan.message(f2=7.25), ("state.position", "'f2' is 7.25, expected ", "'f1'", "0.01")),
         (fan.message(names=[name for name in fan.names if name != SOURCE]), ("'f1' is missing",)),

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The monitor against Pinocchio: every topic, whatever joint states, descriptions, parameters and clocks it receives."""
+"""The monitor against Pinocchio: every topic, whatever joint states, descriptions, parameters and
+clocks it receives.
+"""
 
 import math
 
@@ -100,7 +102,9 @@ def test_efforts_that_are_all_zero(monitor, panda):
 
 
 def test_estimated_velocity(monitor, panda):
-    """A velocity that is missing is flagged in every message; test_joint_state_filters.py has its value."""
+    """A velocity that is missing is flagged in every message; test_joint_state_filters.py has its
+    value.
+    """
     q, qd, tau, _ = panda.samples[1]
     sent = np.where(np.array(panda.names) == JOINT, math.nan, qd)
     with monitor.having(missing_velocity="estimate"):
@@ -121,7 +125,9 @@ def test_estimated_velocity(monitor, panda):
 
 
 def test_recording_without_simulated_time(peer, panda):
-    """Right numbers with a warning of the distance, until stamps of now come; the recording is rejected then."""
+    """Right numbers with a warning of the distance, until stamps of now come; the recording is
+    rejected then.
+    """
     with Monitor(peer, "/played", live=True, robot_description=panda.path) as monitor:
         monitor.live = False
         monitor.connect(panda)
@@ -143,7 +149,9 @@ def test_recording_without_simulated_time(peer, panda):
 
 
 def test_latency_and_silence(peer, panda):
-    """Stamps of 0.25 s ago: latency and age say so; a joint that falls silent is named, then all of them."""
+    """Stamps of 0.25 s ago: latency and age say so; a joint that falls silent is named, then all of
+    them.
+    """
     with Monitor(peer, "/late", live=True, robot_description=panda.path) as monitor:
         monitor.connect(panda).next_report()
         monitor.feed(panda.message(monitor.tick() - 250 * MS, panda.samples[0]))
@@ -172,7 +180,9 @@ def test_latency_of_joint_states(peer):
 
 
 def test_simulated_time(peer):
-    """The time of reception is /clock's; a jump back resets all joints; states ahead of it are rejected."""
+    """The time of reception is /clock's; a jump back resets all joints; states ahead of it are
+    rejected.
+    """
     ur5, clock = robot(UR5), peer.publisher(Clock, "/clock")
     q, qd, tau, _ = ur5.samples[0]
 
@@ -258,7 +268,9 @@ def test_every_parameter_is_described(monitor):
     ],
 )
 def test_rate_limit(monitor, panda, topic, rate, stride):
-    """States at 1 kHz: the topic has its highest rate, up to a twentieth of a period early; others have every state."""
+    """States at 1 kHz: the topic has its highest rate, up to a twentieth of a period early; others
+    have every state.
+    """
     rates = PARAMETERS["max_rate"].default if rate is None else [f"{topic}={rate}"]
     count, first = 100, monitor.tick()
     with monitor.having(max_rate=rates):
@@ -309,7 +321,9 @@ def test_payload_and_gravity_together(monitor, panda):
 
 @pytest.fixture(scope="module")
 def by_topic(peer):
-    """Start a monitor, all names remapped, that gets its robot by a topic that was published before."""
+    """Start a monitor, all names remapped, that gets its robot by a topic that was published
+    before.
+    """
     descriptions = peer.publisher(String, "/elsewhere/description", LATCHED)
     descriptions.publish(description(robot(UR5).urdf))
     names = ("__node:=dyn", "robot_description:=/elsewhere/description", "joint_states:=arm/states")
@@ -326,7 +340,9 @@ def replaced(monitor, urdf, name):
 
 
 def test_another_robot(by_topic):
-    """A later description replaces the robot; states of the old one do not count, and joints that are missing are named."""
+    """A later description replaces the robot; states of the old one do not count, and joints that
+    are missing are named.
+    """
     ur5, talos = robot(UR5), robot(TALOS)
     by_topic.serves(ur5)
     replaced(by_topic, talos.urdf, "talos")
@@ -360,7 +376,9 @@ def tool():
 
 @pytest.mark.parametrize("by", ["topic", "parameter", "path"])
 def test_another_tool(by_topic, monitor, panda, tool, tmp_path, by):
-    """All joints of the new robot have to arrive, though their names are the same; the numbers are the new robot's."""
+    """All joints of the new robot have to arrive, though their names are the same; the numbers are
+    the new robot's.
+    """
     if by == "topic":
         monitor = by_topic
         replaced(monitor, panda.urdf, "panda")
@@ -429,7 +447,9 @@ def floating(peer):
 
 
 def test_base_from_odometry(floating):
-    """The base's coordinates and rates are those of odometry, its dynamics Pinocchio's free-flyer's."""
+    """The base's coordinates and rates are those of odometry, its dynamics Pinocchio's
+    free-flyer's.
+    """
     floating.check(floating.answer())
 
 
@@ -446,7 +466,8 @@ def test_base_of_a_request(floating):
 def test_odometry_of_an_attached_link(peer):
     """A camera on the base may be what is tracked, and its twist in the axes of the world."""
     camera = (
-        '<link name="camera"/><joint name="mount" type="fixed"><parent link="base_link"/><child link="camera"/>'
+        '<link name="camera"/><joint name="mount" type="fixed"><parent link="base_link"/>'
+        '<child link="camera"/>'
         '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/></joint></robot>'
     )
     text = robots.robot_path(SOLO).read_text().replace("</robot>", camera)
@@ -468,7 +489,9 @@ def test_mistakes_of_a_description_are_logged_once(peer):
 
 
 def test_robot_that_is_all_base(peer):
-    """A drone has no joint, so odometry alone makes a state, stamped by its reception where it has no stamp."""
+    """A drone has no joint, so odometry alone makes a state, stamped by its reception where it has
+    no stamp.
+    """
     odom = peer.publisher(Odometry, "/drone/odom")
     states = peer.topic(DiagonalizedState, "/drone/diag_dynamics/state")
     message = Odometry(child_frame_id="base_link")

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A recording fed to a monitor and the same recording read: the same states, counters, external torque and collisions."""
+"""A recording fed to a monitor and the same recording read: the same states, counters, external
+torque and collisions.
+"""
 
 import json
 from array import array
@@ -74,9 +76,12 @@ ARM = """<robot name="arm"><link name="base"/>
 <link name="lower"><inertial><origin xyz="0.02 0 0.15"/><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="lift" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" velocity="4" effort="90"/><dynamics damping="0.8" friction="1.5"/></joint>
-<joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0.5"/>
-<limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/></joint></robot>"""
+<limit lower="-3" upper="3" velocity="4" effort="90"/><dynamics damping="0.8" friction="1.5"/>
+</joint>
+<joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/>
+<origin xyz="0 0 0.4"/><axis xyz="0 1 0.5"/>
+<limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/>
+</joint></robot>"""
 JOINTS = ("lift", "turn")
 PUSHED = {"external_torque.gain": 30.0, "collision.threshold": ["norm=6"], "max_age": 0.0}
 ALARMS = {
@@ -89,7 +94,8 @@ ALARMS = {
 IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
 couplings: {turn: {joints: {lift: -0.3}, friction: 0.4}}, motor_efforts: true}"""
 
-FLEXIBLE = """{flexible_joints: {lift: {stiffness: 900, damping: 2, rotor_inertia: 2.0e-5, gear: 80, effort: spring},
+FLEXIBLE = """{flexible_joints: {
+  lift: {stiffness: 900, damping: 2, rotor_inertia: 2.0e-5, gear: 80, effort: spring},
 turn: {stiffness: 300, rotor_inertia: 1.0e-5, gear: 50}}}"""
 
 OBSERVED = {
@@ -156,7 +162,9 @@ NOT_OBSERVED = {
 
 
 def pushed_messages():
-    """Return messages of an arm that is pushed in motion and at rest, with a gap, a jump, and missing or held values."""
+    """Return messages of an arm that is pushed in motion and at rest, with a gap, a jump, and
+    missing or held values.
+    """
     model, rng = pin.buildModelFromXML(ARM), np.random.default_rng(3)
     data, messages = model.createData(), []
     damping, friction = np.array([0.8, 0.3]), np.array([1.5, 0.6])
@@ -272,14 +280,18 @@ def test_every_field_of_a_recording_is_that_of_the_monitor(peer, tmp_path, flag)
 
 
 def test_every_parameter_is_compared():
-    """A new parameter needs a row in OBSERVED, or a reason why external torque does not depend on it."""
+    """A new parameter needs a row in OBSERVED, or a reason why external torque does not depend on
+    it.
+    """
     others = {name for name in PARAMETERS if name.startswith(OTHERS)}
     assert OBSERVED.keys() | NOT_OBSERVED | others == PARAMETERS.keys()
 
 
 @pytest.mark.parametrize("name", [*OBSERVED, "flexible joints"])
 def test_live_and_offline_agree(peer, tmp_path, name):
-    """The monitor and `analyse` have the same external torque and collisions, and the parameter changes these."""
+    """The monitor and `analyse` have the same external torque and collisions, and the parameter
+    changes these.
+    """
     place = list(OBSERVED).index(name) if name in OBSERVED else len(OBSERVED)
     common, value = OBSERVED.get(name, (PUSHED, FLEXIBLE))
     name = name if name in OBSERVED else "parameters_file"

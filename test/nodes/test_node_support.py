@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all nodes share: parameters of a table, robots loaded in a thread, and texts of diagnostics."""
+"""What all nodes share: parameters of a table, robots loaded in a thread, and texts of
+diagnostics.
+"""
 
 import pickle
 import re
@@ -91,7 +93,9 @@ def test_paths_are_absolute(made, tmp_path, monkeypatch):
 
 
 def test_values_set_while_running(made):
-    """As `ros2 param set` parses what is typed; a value of another type is refused, a read-only one stays."""
+    """As `ros2 param set` parses what is typed; a value of another type is refused, a read-only one
+    stays.
+    """
     node = made()
 
     def put(name, text):
@@ -125,9 +129,12 @@ def test_unknown_names(made, tmp_path, capfd):
     """The node warns of parameters that no node has, and names the nearest one."""
     file = tmp_path / "shared.yaml"
     file.write_text(
-        "/**:\n  ros__parameters:\n    joint_timeout: [a=1.0]\n    rate: 100.0\n    step: 0.001\n    update_rate: 5\n"
-        "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: {/x: {publisher: {depth: 3}}}\n"
-        "own:\n  ros__parameters: {energy_limt: 1.0, limit_of_energy: 1.0, max_rate: {statos: 1.0}, nothing: []}\n"
+        "/**:\n  ros__parameters:\n    joint_timeout: [a=1.0]\n    rate: 100.0\n    step: "
+        "0.001\n    update_rate: 5\n"
+        "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: "
+        "{/x: {publisher: {depth: 3}}}\n"
+        "own:\n  ros__parameters: {energy_limt: 1.0, limit_of_energy: 1.0, max_rate: "
+        "{statos: 1.0}, nothing: []}\n"
     )
     node = made("--params-file", str(file), specs=OF_CONTROLLER)
     logged = [line.split(": ", 1)[1] for line in capfd.readouterr().err.splitlines()]

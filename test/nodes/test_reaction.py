@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reaction of the monitor to collisions: the topic ~/collision, and one service call with its latency."""
+"""Reaction of the monitor to collisions: the topic ~/collision, and one service call with its
+latency.
+"""
 
 import contextlib
 from unittest import mock
@@ -81,7 +83,9 @@ def published(monitor):
 
 
 def test_one_call_and_one_message_per_change(monitor):
-    """The state that shows the collision sends both; a standing collision sends none; the next one does again."""
+    """The state that shows the collision sends both; a standing collision sends none; the next one
+    does again.
+    """
     found = feed(monitor, [FREE] * 3)
     assert published(monitor) == [] and not found[-1].collision
     for number in (1, 2):
@@ -200,7 +204,9 @@ def test_nothing_without_thresholds(monitor, peer):
 
 
 def test_latency(monitor, peer):
-    """From the reception of the joint state to the call, and to the response; of the last call, and the largest."""
+    """From the reception of the joint state to the call, and to the response; of the last call, and
+    the largest.
+    """
     accept = CollisionWatch.accept_state
 
     def late(watch, state):
@@ -222,7 +228,9 @@ def test_latency(monitor, peer):
 
 
 def test_failures(monitor, peer):
-    """A failed, an absent and a missing response are errors, at once; the node lives, and the next call is made."""
+    """A failed, an absent and a missing response are errors, at once; the node lives, and the next
+    call is made.
+    """
     stop = monitor.stop_service
     stop.response = Trigger.Response(success=False, message="brakes are stuck")
     feed(monitor, [PUSHED] * 60 + [FREE] * 300)

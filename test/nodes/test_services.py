@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The dynamics services: Pinocchio's numbers for good requests, for bad ones a message that names the fault."""
+"""The dynamics services: Pinocchio's numbers for good requests, for bad ones a message that names
+the fault.
+"""
 
 import math
 
@@ -66,7 +68,9 @@ def ask(monitor, service, state, gravity=None, **fields):
 
 
 def answer(monitor, robot, service, state, gravity=None, **fields):
-    """Call a service, which must succeed and, where it names them, have the dofs from base to tip."""
+    """Call a service, which must succeed and, where it names them, have the dofs from base to
+    tip.
+    """
     response = ask(monitor, service, state, gravity, **fields)
     assert response.success, response.message
     assert response.message == ""
@@ -225,7 +229,9 @@ def test_bad_state(monitor, panda, case):
 @pytest.mark.usefixtures("answers_afterwards")
 @pytest.mark.parametrize("gravity", [(0.0, math.nan, 0.0), (math.inf, 0.0, 0.0), (0.0, 0.0, 1e305)])
 def test_bad_gravity(monitor, panda, gravity):
-    """A gravity that is not finite or exceeds the bound is rejected; without override_gravity it is ignored."""
+    """A gravity that is not finite or exceeds the bound is rejected; without override_gravity it is
+    ignored.
+    """
     state = panda.message(0, panda.samples[0])
     for service, kind in SERVICES.items():
         assert_refused(ask(monitor, service, state, gravity), "gravity")
@@ -274,7 +280,9 @@ def test_bad_acceleration(monitor, panda, acceleration, named):
 
 
 def test_before_and_after_the_model(peer):
-    """Without a robot all services say so; with its description they answer, without any joint state."""
+    """Without a robot all services say so; with its description they answer, without any joint
+    state.
+    """
     ur5 = robot(UR5)
     with Monitor(peer, "/later") as monitor:
         for service in SERVICES:

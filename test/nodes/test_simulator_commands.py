@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator under command: efforts, wrenches, services, lockstep, and what is wrong with them."""
+"""The simulator under command: efforts, wrenches, services, lockstep, and what is wrong with
+them.
+"""
 
 import numpy as np
 import pytest
@@ -38,7 +40,9 @@ def audit(report):
 
 @pytest.fixture(scope="module")
 def arm(peer):
-    """A UR5 whose drives carry its weight, brake without commands, and know the joints in another order."""
+    """A UR5 whose drives carry its weight, brake without commands, and know the joints in another
+    order.
+    """
     order = robot(UR5).names[::-1]
     parameters = {
         "compensates_gravity": True,
@@ -59,7 +63,9 @@ def rates(message):
 
 
 def test_silence_then_a_command(arm):
-    """Brakes hold the arm; a command opens them and moves the joint that it is for; silence closes them again."""
+    """Brakes hold the arm; a command opens them and moves the joint that it is for; silence closes
+    them again.
+    """
     assert not rates(arm.next_state()).any()
     still = arm.next_state().position
     assert arm.next_state().position == still
@@ -117,7 +123,9 @@ def test_bad_command(arm, data, named):
 
 
 def test_push(arm):
-    """A wrench on the tool moves the arm, its work is in the audit, and it ends by itself; an unknown link is refused."""
+    """A wrench on the tool moves the arm, its work is in the audit, and it ends by itself; an
+    unknown link is refused.
+    """
     arm.push("nowhere", 1, 0, 0, 0, 0, 0)
     arm.wait_for_report(
         lambda r: "'nowhere' is no link of this robot" in said(r, "commands"), "the refusal"
@@ -144,7 +152,9 @@ def assert_stamp_is_the_time(arm):
 
 
 def test_pause_step_reset_and_set_state(arm):
-    """Paused, time stands still but for steps; the robot can be put anywhere, and back to where it began."""
+    """Paused, time stands still but for steps; the robot can be put anywhere, and back to where it
+    began.
+    """
     refused = arm.call(Step, "step", steps=1)
     assert not refused.success and "not paused" in refused.message
     assert arm.call(SetBool, "pause", data=True).success
@@ -183,7 +193,9 @@ def test_pause_step_reset_and_set_state(arm):
 
 
 def test_payload_at_run_time(arm):
-    """Another payload changes the mass and keeps the state; a wrong one, or another fixed parameter, is refused by name."""
+    """Another payload changes the mass and keeps the state; a wrong one, or another fixed
+    parameter, is refused by name.
+    """
     arm.peer.wait_until(lambda: arm.truth.messages, "the truth")
     revision = arm.truth.messages[-1].model_revision
     assert arm.peer.set_parameter(arm.name, "payloads", ["tool0=3.0 0 0 0.1"]).successful
@@ -223,10 +235,11 @@ def test_stall(arm):
 
 
 def test_lockstep(peer):
-    """Each command takes the robot one state further, to the last bit where the library's own simulation gets.
+    """Each command takes the robot one state further, to the last bit where the library's own
+    simulation gets.
 
-    That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not. use_sim_time, as a launch gives it
-    to all of its nodes, is not for the one that makes time.
+    That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not.
+    use_sim_time, as a launch gives it to all of its nodes, is not for the one that makes time.
     """
     noise = [1e-3, 1e-2, 0.0]
     parameters = {
@@ -275,7 +288,9 @@ def test_lockstep(peer):
 
 
 def test_lockstep_goes_on(peer):
-    """After a pause, steps, rejected commands, resets, rest, and another commander time goes on by itself."""
+    """After a pause, steps, rejected commands, resets, rest, and another commander time goes on by
+    itself.
+    """
     wrong = []
 
     def commander():

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulator by itself: joint states, time, description, and parameters that it cannot start with."""
+"""The simulator by itself: joint states, time, description, and parameters that it cannot start
+with.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,9 @@ def wave(peer):
 
 
 def test_description(wave):
-    """Who subscribes late receives the URDF as text, without its XML declaration, which is for files."""
+    """Who subscribes late receives the URDF as text, without its XML declaration, which is for
+    files.
+    """
     topic = wave.peer.topic(String, "/wave/robot_description", LATCHED)
     wave.peer.wait_until(lambda: topic.messages, "the description")
     text = topic.messages[0].data
@@ -46,9 +50,12 @@ def test_description_of_a_xacro_file(peer, tmp_path):
     path, own = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
     own.write_text("joints: {left_turn: {damping: 0.5}}")
     path.write_text(
-        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/><link name="tip"><inertial>'
-        '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-        '<joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>'
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
+        '<link name="tip"><inertial>'
+        '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+        "</inertial></link>"
+        '<joint name="$(arg side)_turn" type="continuous"><parent link="base"/>'
+        '<child link="tip"/></joint></robot>'
     )
     topic = peer.topic(String, "/expanded/robot_description", LATCHED)
     parameters = {"robot_description": f"{path} side:=left", "parameters_file": str(own)}
@@ -64,7 +71,9 @@ def test_description_of_a_xacro_file(peer, tmp_path):
 
 
 def test_monitor_accepts_the_robot_of_the_demo(peer):
-    """By default the demo's launch file drives a UR5 along sine waves, of which the monitor rejects nothing."""
+    """By default the demo's launch file drives a UR5 along sine waves, of which the monitor rejects
+    nothing.
+    """
     parameters = {executable: node.parameters for executable, node in launched("demo").items()}
     rules = {name: PARAMETERS[name].default for name in BELIEVING}
     with (
@@ -125,7 +134,9 @@ WRONG = {
 
 @pytest.mark.parametrize(("parameters", "said"), WRONG.values(), ids=WRONG)
 def test_bad_parameters(peer, parameters, said):
-    """The constructor raises what an executable prints in one line, and the message names the parameter."""
+    """The constructor raises what an executable prints in one line, and the message names the
+    parameter.
+    """
     with pytest.raises((DiagDynamicsError, ParameterException, RuntimeError), match=said):
         peer.start("simulator", **parameters)
 

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External torque, collisions and contact on the monitor's topics, against Pinocchio and the library."""
+"""External torque, collisions and contact on the monitor's topics, against Pinocchio and the
+library.
+"""
 
 import math
 
@@ -23,7 +25,9 @@ def through(steps):
 
 @pytest.fixture(scope="module")
 def running(peer):
-    """Start a monitor of the Panda that observes external torque, and subscribe to torque and contact."""
+    """Start a monitor of the Panda that observes external torque, and subscribe to torque and
+    contact.
+    """
     parameters = {"external_torque.gain": GAIN, "external_torque.friction": False}
     with Monitor(
         peer, "/pushed", outputs=["state"], robot_description=robot(PANDA).path, **parameters
@@ -88,7 +92,9 @@ def test_parameters(monitor, standing, name, value, restarts):
 
 
 def test_missing_efforts(monitor, standing, panda):
-    """Without one the others go on, and its joint is named; without any there is no result, and it goes on over the gap."""
+    """Without one the others go on, and its joint is named; without any there is no result, and it
+    goes on over the gap.
+    """
     restart(monitor)
     q, qd, tau = standing(0)
     before = feed(monitor, [standing(0)] * 10)[-1]
@@ -188,7 +194,9 @@ def test_touched_link(monitor, panda, free):
 
 
 def test_when_it_is_computed(monitor, standing, panda):
-    """Without a gain nothing is on the topic or in diagnostics; with a rate every state is observed."""
+    """Without a gain nothing is on the topic or in diagnostics; with a rate every state is
+    observed.
+    """
     with monitor.having(max_rate=["external_torque=100"]):
         restart(monitor)
         found = [message for message in feed(monitor, [standing(0)] * 51) if message]
@@ -241,7 +249,9 @@ def points_of(panda, limits=None):
 
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_contact(monitor, panda, tmp_path):
-    """Each link at its worst point; at rest none is the worst; the limits file chooses links and points."""
+    """Each link at its worst point; at rest none is the worst; the limits file chooses links and
+    points.
+    """
     dynamics, points = points_of(panda)
     q, qd = panda.samples[0][:2]
     message = contact(monitor, q, qd)

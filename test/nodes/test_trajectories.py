@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trajectories and poses of the controller in lockstep with the simulator; test_trajectory_action.py has the action."""
+"""Trajectories and poses of the controller in lockstep with the simulator;
+test_trajectory_action.py has the action.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -41,7 +43,9 @@ def from_the_start(arm):
 
 
 def test_a_topic_reports_motion_and_success(arm):
-    """Status and controller state have desired and actual motion, and the status the outcome; efforts are ignored."""
+    """Status and controller state have desired and actual motion, and the status the outcome;
+    efforts are ignored.
+    """
     message = trajectory([(1.0, GOAL, [0] * 6)], NAMES)
     message.points[0].effort = [1.0] * 6
     arm.trajectory.publish(message)
@@ -70,7 +74,9 @@ def test_a_topic_reports_motion_and_success(arm):
 
 
 def test_a_pose_in_a_frame_of_tf(arm):
-    """Its target is Pinocchio's composition of transform and pose; unknown and old frames are named."""
+    """Its target is Pinocchio's composition of transform and pose; unknown and old frames are
+    named.
+    """
     arm.switch("pose")
     position, axes = pose_of(START)
     placement = pin.SE3(pin.rpy.rpyToMatrix(0.2, -0.4, 1.1), np.array([0.5, -0.3, 0.2]))

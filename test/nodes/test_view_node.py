@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The viewer node in process, with monitors beside it; its page is read by HTTP from this machine."""
+"""The viewer node in process, with monitors beside it; its page is read by HTTP from this
+machine.
+"""
 
 import numpy as np
 import pytest
@@ -79,7 +81,9 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
 
 
 def test_external_torque(peer, monitor, view, panda, monkeypatch):
-    """The residual of a state's own time is in its frame with the contact; that of another time is not."""
+    """The residual of a state's own time is in its frame with the contact; that of another time is
+    not.
+    """
     with stream_of(view) as stream:
         for _ in range(50):
             monitor.feeder.publish(panda.message(monitor.tick(S // 100), panda.samples[0]))
@@ -101,7 +105,9 @@ def test_external_torque(peer, monitor, view, panda, monkeypatch):
 
 
 def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkeypatch):
-    """The page has thresholds of the monitor, diagnostics of the robot's nodes, and whether states come."""
+    """The page has thresholds of the monitor, diagnostics of the robot's nodes, and whether states
+    come.
+    """
     stale = "diag_dynamics.page.stream.STALE"
     monkeypatch.setattr(
         stale, np.inf
@@ -149,7 +155,9 @@ def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
 
 
 def test_it_only_reads(peer, monitor, view):
-    """It publishes its own diagnostics and what every node publishes, and calls for parameters alone."""
+    """It publishes its own diagnostics and what every node publishes, and calls for parameters
+    alone.
+    """
     # A lifecycle node's ~/transition_event is not rclpy's, and so not on the test's graph.
     topics = {
         topic
@@ -281,7 +289,9 @@ def test_restart_of_the_monitor(peer, view):
 
 
 def test_restart_of_the_view(peer, start_view, monitor, panda, monkeypatch):
-    """It ends though a page is open, and the next one has the same port; a third one names the port, and ends."""
+    """It ends though a page is open, and the next one has the same port; a third one names the
+    port, and ends.
+    """
     monkeypatch.setattr(
         "diag_dynamics.page.server.HEARTBEAT", 1000.0
     )  # states alone wake the sender
@@ -304,7 +314,9 @@ def test_restart_of_the_view(peer, start_view, monitor, panda, monkeypatch):
 
 
 def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tmp_path):
-    """The page has the monitor's numbers by stamp; the view subscribes to contact only where the monitor has limits."""
+    """The page has the monitor's numbers by stamp; the view subscribes to contact only where the
+    monitor has limits.
+    """
     assert peer.node.count_subscribers("/arm/diag_dynamics/contact_limits") == 0
     limits = tmp_path / "limits.yaml"
     limits.write_text("regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}")
@@ -338,7 +350,9 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
 
 
 def test_a_load_is_shown(peer, monitor, view, panda):
-    """The load of a state's own time is in its frame; one of another time or link, or what is no load, is not."""
+    """The load of a state's own time is in its frame; one of another time or link, or what is no
+    load, is not.
+    """
     publisher, expected = peer.publisher(Load, f"{monitor.name}/load"), ["panda_hand", 1.25, 0.0625]
     load = Load(valid=True, is_load=True, mass=1.25, mass_deviation=0.0625)
     with stream_of(view) as stream:
@@ -372,12 +386,16 @@ def test_foreign_time(peer, view, panda):
 
 
 XACRO = """<robot name="expanded" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>
-  <link name="tip"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>"""
+  <link name="tip"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="tip"/></joint>
+    </robot>"""
 
 
 def test_xacro_file_with_arguments(peer, view, tmp_path):
-    """Monitor and view expand the file that the parameter robot_description names; an MJCF is refused by name."""
+    """Monitor and view expand the file that the parameter robot_description names; an MJCF is
+    refused by name.
+    """
     path, mjcf = tmp_path / "arm.urdf.xacro", tmp_path / "arm.xml"
     path.write_text(XACRO)
     mjcf.write_text("<mujoco/>")

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""External wrench of the monitor as a force-torque sensor: value, sign, frame, rate and validity, against Pinocchio."""
+"""External wrench of the monitor as a force-torque sensor: value, sign, frame, rate and validity,
+against Pinocchio.
+"""
 
 import numpy as np
 import pytest
@@ -90,7 +92,8 @@ def vector(wrench):
 
 @pytest.mark.parametrize("variances", [(), np.linspace(0.01, 0.2, len(ARM.names))])
 def test_wrench_on_the_hand(frames, variances):
-    """Every state has one message: the wrench of the environment on the robot, in the axes of its frame at its origin.
+    """Every state has one message: the wrench of the environment on the robot, in the axes of its
+    frame at its origin.
 
     Its covariance is (JΣ⁻¹Jᵀ)⁻¹, by default of 0.1 N m in each joint.
     """
@@ -130,7 +133,9 @@ def test_no_wrench_without_a_result(frames):
 
 
 def test_no_wrench_with_unobserved_directions(frames):
-    """A zero there would be no measurement. Estimates name the directions, log and diagnostics the loss."""
+    """A zero there would be no measurement. Estimates name the directions, log and diagnostics the
+    loss.
+    """
     begin = len(frames.monitor.reports)
     deviations = ("external_wrench.max_force_deviation", "external_wrench.max_torque_deviation")
     with frames.monitor.having(**dict.fromkeys(deviations, 1e-3)):  # below the assumed noise

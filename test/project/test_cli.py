@@ -30,14 +30,18 @@ from limits import HANG
 
 ROOT = Path(__file__).parents[2]
 
-XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="mass" default="1"/>
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="1"/>
   <link name="base"/><link name="arm"><inertial><mass value="$(arg mass)"/><origin xyz="0 0 0.1"/>
     <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+  <joint name="$(arg side)_turn" type="continuous"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/>
     <limit effort="10" velocity="1"/></joint></robot>"""
 
-MJCF = """<!-- an arm --><mujoco model="arm"><option gravity="0 0 -1.6"/><worldbody><body mocap="true"/><body>
-  <joint name="turn" axis="0 1 0" armature="0.2" stiffness="1"/><geom size="0.1" pos="0 0 1"/></body></worldbody></mujoco>"""
+MJCF = """<!-- an arm --><mujoco model="arm"><option gravity="0 0 -1.6"/><worldbody>
+<body mocap="true"/><body>
+  <joint name="turn" axis="0 1 0" armature="0.2" stiffness="1"/><geom size="0.1" pos="0 0 1"/>
+    </body></worldbody></mujoco>"""
 
 BARE = """<?xml version="1.0"?>
 <robot name="bare"><link name="base"/>

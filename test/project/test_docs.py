@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages: generated tables are complete, tables agree with the code, and blocks of Python run."""
+"""The pages: generated tables are complete, tables agree with the code, and blocks of Python
+run.
+"""
 
 import ast
 import os

@@ -47,7 +47,10 @@ def test_type_checkers_find_the_public_names():
 
 
 def test_importing_the_package_is_cheap():
-    script = "import sys, diag_dynamics; print({'numba', 'yourdfpy', 'rclpy', 'numpy'} & set(sys.modules))"
+    script = (
+        "import sys, diag_dynamics; print({'numba', 'yourdfpy', 'rclpy', 'numpy'} & "
+        "set(sys.modules))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
     )
@@ -106,7 +109,9 @@ def test_the_image_installs_the_dependencies():
 
 
 def test_package_xml_declares_what_is_imported():
-    """But for what recordings need, which pip alone has: `pip install diag_dynamics[recordings]`."""
+    """But for what recordings need, which pip alone has: `pip install
+    diag_dynamics[recordings]`.
+    """
     declared = rosdep_keys()
     keys = {
         name: f"python3-{name}"
@@ -252,7 +257,9 @@ def node_parameters(node):
 
 
 def test_the_example_for_ros2_control_fits_together():
-    """The controller commands the joints of the effort controller, in its order: those of the arm."""
+    """The controller commands the joints of the effort controller, in its order: those of the
+    arm.
+    """
     example = yaml.safe_load(
         (ROOT / "config" / "effort_controllers.yaml").read_text(encoding="utf-8")
     )
@@ -333,7 +340,9 @@ def test_launches_give_parameters(file):
 @pytest.mark.ros
 @pytest.mark.parametrize("namespace", ["", "left/arm"])
 def test_ros2_control_activates_efforts_last(namespace):
-    """The node follows the inactive effort controller, which is activated when the node is active."""
+    """The node follows the inactive effort controller, which is activated when the node is
+    active.
+    """
     steps = actions_of("ros2_control", **({"namespace": namespace} if namespace else {}))
     manager, states, efforts, controller, switch = steps
     assert [manager.executable, states.executable, efforts.executable] == [

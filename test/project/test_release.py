@@ -54,7 +54,8 @@ def test_sdist_is_complete_and_the_wheel_works_without_ros(tmp_path):
         path for path in [*modules, Path("diag_dynamics/py.typed")] if not (site / path).is_file()
     } == set()
     program = (
-        "import diag_dynamics as dd; print(dd.__file__, dd.load_urdf, dd.DiagonalDynamics, dd.Simulation)\n"
+        "import diag_dynamics as dd; print(dd.__file__, dd.load_urdf, dd.DiagonalDynamics, "
+        "dd.Simulation)\n"
         "from diag_dynamics.wire.definitions import our_definitions\n"
         "assert 'diag_dynamics/msg/DiagonalizedState' in our_definitions()\n"
         "from importlib.resources import files\n"

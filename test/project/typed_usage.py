@@ -3,8 +3,8 @@
 
 """A user's program for mypy, which `make lint` runs. Nobody runs it.
 
-mypy must accept each line, call only typed functions, and reject each line with an ignored error: an error
-that does not occur is a warning of `warn_unused_ignores`.
+mypy must accept each line, call only typed functions, and reject each line with an ignored error:
+an error that does not occur is a warning of `warn_unused_ignores`.
 """
 
 import numpy as np

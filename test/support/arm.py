@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A UR5: its states, loops that control it, and the commands that it should be given by Pinocchio alone."""
+"""A UR5: its states, loops that control it, and the commands that it should be given by Pinocchio
+alone.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -54,7 +56,8 @@ def pose_of(q):
 
 
 def pinocchio_command(mode, q, qd, target, gain=1.0):
-    """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of tracking.
+    """Effort of a law for a UR5 by Pinocchio alone, in the joint space; `gain` multiplies those of
+    tracking.
 
     The target of tracking is a position.
     """
@@ -102,7 +105,9 @@ class Cycles:
 
 
 class Closed(Cycles):
-    """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1 kHz."""
+    """A loop, by default with its defaults, on an arm without friction that nothing stops, at 1
+    kHz.
+    """
 
     def __init__(self, arm, q, qd=None, carried=True, **values):
         """Put the arm somewhere; carried, it is at first."""

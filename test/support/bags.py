@@ -21,7 +21,10 @@ START = 1_700_000_000 * S
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ODOMETRY = "nav_msgs/msg/Odometry"
 STRING = "std_msgs/msg/String"
-TEXT = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+TEXT = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] "
+    "effort\n"
+)
 DEFINITIONS = {JOINT_STATE: TEXT, STRING: "string data\n"}
 
 NO_INDEX = IndexType.NONE
@@ -41,7 +44,9 @@ class Message(NamedTuple):
 
 
 def urdf_of(*names):
-    """Return a URDF of a chain of links on continuous joints of these names, with plausible numbers."""
+    """Return a URDF of a chain of links on continuous joints of these names, with plausible
+    numbers.
+    """
     links = "".join(
         f'<link name="link_{name}"><inertial><mass value="1"/><origin xyz="0.1 0 0.3"/>'
         '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
@@ -49,7 +54,8 @@ def urdf_of(*names):
     )
     parents = ["base", *(f"link_{name}" for name in names)]
     joints = "".join(
-        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="link_{name}"/>'
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/>'
+        f'<child link="link_{name}"/>'
         '<axis xyz="0 1 0"/></joint>'
         for name, parent in zip(names, parents, strict=False)
     )
@@ -78,10 +84,11 @@ def serialized(stamp, names, position, velocity=(), effort=(), frame="", order="
 
 
 def numbered(count, topics=("/joint_states",), disorder=0, longest=40, seed=0):
-    """Return joint states in the order in which they were written: message k, by log time, is at START + k ms.
+    """Return joint states in the order in which they were written: message k, by log time, is at
+    START + k ms.
 
-    The joint `a` moves by 0.1 rad/s from 0 on. `disorder` is how many messages a message may be late, `longest` the
-    length of a text that makes messages differ in size.
+    The joint `a` moves by 0.1 rad/s from 0 on. `disorder` is how many messages a message may be
+    late, `longest` the length of a text that makes messages differ in size.
     """
     rng = np.random.default_rng(seed)
     order = np.argsort(np.arange(count) + rng.integers(disorder + 1, size=count), kind="stable")
@@ -112,7 +119,9 @@ def write_mcap(
     metadata=None,
     **options,
 ):
-    """Write messages by the library mcap; return the path. `schema` is the encoding of `definitions`, by type."""
+    """Write messages by the library mcap; return the path. `schema` is the encoding of
+    `definitions`, by type.
+    """
     with open(path, "wb") as file:
         writer = Writer(file, compression=compression, chunk_size=chunk_size, **options)
         writer.start(profile="ros2")
@@ -201,7 +210,9 @@ def write_ros1(path, messages, compression=None, chunk=2000):
 
 
 def odometry(stamp, link, pose, twist):
-    """Return the bytes of an odometry by rosbags: x y z qx qy qz qw, and linear and angular velocity in the link's axes."""
+    """Return the bytes of an odometry by rosbags: x y z qx qy qz qw, and linear and angular
+    velocity in the link's axes.
+    """
 
     def geometry(name, *fields):
         return JAZZY.types[f"geometry_msgs/msg/{name}"](*fields)

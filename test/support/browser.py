@@ -109,7 +109,8 @@ class Tab:
                 const diag = window.diag;
                 const value = diag && ({expression});
                 if (value) return [value, null];
-                if (performance.now() > end) return [null, diag ? JSON.stringify(diag.state) : "no page"];
+                if (performance.now() > end)
+                  return [null, diag ? JSON.stringify(diag.state) : "no page"];
                 await new Promise((again) => setTimeout(again, 20));
               }}
             }}"""
@@ -118,7 +119,9 @@ class Tab:
         return found
 
     def cut_off(self):
-        """Return texts that are cut off and cannot be scrolled to, after the page has its layout."""
+        """Return texts that are cut off and cannot be scrolled to, after the page has its
+        layout.
+        """
         return self.ask(
             f"""async () => {{
               const end = performance.now() + {1000.0 * HANG};
@@ -135,7 +138,8 @@ CUT_OFF = """() => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const node = walker.currentNode;
-    if (!node.data.trim() || ["SCRIPT", "STYLE", "OPTION"].includes(node.parentElement.tagName)) continue;
+    if (!node.data.trim()) continue;
+    if (["SCRIPT", "STYLE", "OPTION"].includes(node.parentElement.tagName)) continue;
     const range = document.createRange();
     range.selectNodeContents(node);
     const rect = range.getBoundingClientRect();
@@ -145,14 +149,19 @@ CUT_OFF = """() => {
     for (let box = node.parentElement; box; box = box.parentElement) {
       const { overflowX, overflowY } = getComputedStyle(box);
       const own = box.getBoundingClientRect();
-      if (overflowX !== "visible") [left, right] = [Math.max(left, own.left), Math.min(right, own.right)];
+      if (overflowX !== "visible")
+        [left, right] = [Math.max(left, own.left), Math.min(right, own.right)];
       const cuts = overflowY === "hidden" || overflowY === "clip";
       if (cuts) [top, bottom] = [Math.max(top, own.top), Math.min(bottom, own.bottom)];
-      if (overflowY === "auto" || overflowY === "scroll") break;  // what is below can be scrolled to
+      // what is below can be scrolled to
+      if (overflowY === "auto" || overflowY === "scroll") break;
     }
     const room = 1.5;
-    if (rect.left < left - room || rect.right > right + room || rect.top < top - room || rect.bottom > bottom + room)
-      found.push(`${node.data.trim()} in ${node.parentElement.className || node.parentElement.tagName}`);
+    const beside = rect.left < left - room || rect.right > right + room;
+    if (beside || rect.top < top - room || rect.bottom > bottom + room)
+      found.push(
+        `${node.data.trim()} in ${node.parentElement.className || node.parentElement.tagName}`
+      );
   }
   const wide = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   if (wide > 1) found.push(`the page is ${wide} px too wide`);

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Compiles what nearly every test calls, into the cache on disk, before workers do so each for itself."""
+"""Compiles what nearly every test calls, into the cache on disk, before workers do so each for
+itself.
+"""
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor

@@ -42,7 +42,9 @@ def states(robot, count):
 
 
 def dense_frame(robot, q):
-    """Return position, axes, and the Jacobian of both stacked, 12 rows, of the frame: from Pinocchio alone."""
+    """Return position, axes, and the Jacobian of both stacked, 12 rows, of the frame: from
+    Pinocchio alone.
+    """
     o = subject(robot).oracle
     full = o.full
     configuration = full.configuration(o.q_full(q))
@@ -77,7 +79,9 @@ def frictionless(model, q, qd=None, step=1e-3):
 
 
 class Sampled:
-    """A robot at rest, without friction, whose efforts last for a cycle: classical Runge–Kutta steps by Pinocchio."""
+    """A robot at rest, without friction, whose efforts last for a cycle: classical Runge–Kutta
+    steps by Pinocchio.
+    """
 
     def __init__(self, oracle, q, step=5e-4):
         self.oracle, self.q, self.qd, self._step = oracle, np.array(q), np.zeros(len(q)), step

@@ -90,9 +90,11 @@ class Controller:
         return self.wait_for_report(told, f"{entry}: {text}", begin)
 
     def wait_for(self, condition, what, timeout=60.0, since=None):
-        """Return the first status, from now on or from the one of a number, for which a condition holds.
+        """Return the first status, from now on or from the one of a number, for which a condition
+        holds.
 
-        The time [s] for it is that of the stamps: in lockstep, it takes a busy machine long to simulate a second.
+        The time [s] for it is that of the stamps: in lockstep, it takes a busy machine long to
+        simulate a second.
         """
         at, begun, told = len(self.status.messages) if since is None else since, None, None
         while begun is None or nanoseconds(told.header.stamp) - begun < timeout * S:
@@ -152,7 +154,9 @@ def effort_controller(peer, namespace, joints):
 
 
 class PassedOn(Topic):
-    """Commands that the test passes on to the robot, as an effort controller does: in lockstep nothing is ahead of it."""
+    """Commands that the test passes on to the robot, as an effort controller does: in lockstep
+    nothing is ahead of it.
+    """
 
     def __init__(self, controller, simulator):
         """Take the place of what the controller has sent."""
@@ -168,7 +172,9 @@ class PassedOn(Topic):
 
 @contextlib.contextmanager
 def lockstep_arm(peer, namespace, order, **parameters):
-    """A UR5 at 250 Hz in lockstep with its controller, whose commands are in the order of joints `order`."""
+    """A UR5 at 250 Hz in lockstep with its controller, whose commands are in the order of joints
+    `order`.
+    """
     simulated = {"lockstep": True, "rate": 250.0, "command_joints": order, "wrench_timeout": 0.0}
     own = {
         "robot_compensates_gravity": False,

@@ -43,7 +43,8 @@ class Coupling:
     mimics : dict
         `Mimic` of each follower that moves, by name.
     locked : dict
-        Positions of locked joints, and of followers that stand still for them or by a multiplier of 0.
+        Positions of locked joints, and of followers that stand still for them or by a multiplier of
+        0.
     moving : list
         Names of the joints that move, followers included.
     """
@@ -341,7 +342,9 @@ def mimic_tags(urdf):
 
 
 def wheel():
-    """Return the robots of the wheel that have mimic joints, Romeo with its massless hands locked."""
+    """Return the robots of the wheel that have mimic joints, Romeo with its massless hands
+    locked.
+    """
     ids = [id for id in all_robots() if id != UNKNOWN_SOURCES and mimic_tags(robot(id).urdf)]
     hands = {"LHand": 0.0, "RHand": 0.0}
     return [robot(id)._replace(locked_joints=hands if id == ROMEO else {}) for id in ids]

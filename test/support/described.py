@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots of the wheel with their oracles and states, and units of time: what tests with and without ROS 2 share."""
+"""Robots of the wheel with their oracles and states, and units of time: what tests with and without
+ROS 2 share.
+"""
 
 import copy
 from functools import cache, partial
@@ -55,7 +57,9 @@ class Robot:
         return [limits.get(name, np.inf) for name in self.names]
 
     def changed(self, urdf=None, **options):
-        """Return the same robot by another description of the same joints, or with options of the oracle."""
+        """Return the same robot by another description of the same joints, or with options of the
+        oracle.
+        """
         other = copy.copy(self)
         other.urdf = urdf or self.urdf
         other.make_oracle = partial(self.make_oracle, **options)

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A desk arm, whose joints carry 0.02 to 0.3 N m, and motions of it with efforts that are Pinocchio's."""
+"""A desk arm, whose joints carry 0.02 to 0.3 N m, and motions of it with efforts that are
+Pinocchio's.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -10,11 +12,13 @@ import diag_dynamics as dd
 from motions import recorded
 
 LINK = (
-    '<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/><inertia ixx="{small}" iyy="{large}" '
+    '<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>'
+    '<inertia ixx="{small}" iyy="{large}" '
     'izz="{large}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
 )
 JOINT = (
-    '<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/><origin xyz="{origin}"/>'
+    '<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="{origin}"/>'
     '<axis xyz="{axis}"/><limit lower="-3" upper="3" effort="1.5" velocity="6"/></joint>'
 )
 JOINTS = "pan", "lift", "elbow"

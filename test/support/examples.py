@@ -3,8 +3,8 @@
 
 """How much the tests try. The gate tries few robots and examples; the full tier tries all.
 
-`--robots=all` selects every robot and the full durations. `--hypothesis-profile=full` selects every example;
-`--hypothesis-profile=thorough` draws a hundred times as many, others in each run.
+`--robots=all` selects every robot and the full durations. `--hypothesis-profile=full` selects every
+example; `--hypothesis-profile=thorough` draws a hundred times as many, others in each run.
 """
 
 from itertools import islice
@@ -42,7 +42,9 @@ def all_robots_selected():
 
 
 def examples(count):
-    """Return hypothesis settings: `count` examples in the full tier, at most GATE_EXAMPLES in the gate."""
+    """Return hypothesis settings: `count` examples in the full tier, at most GATE_EXAMPLES in the
+    gate.
+    """
     chosen = settings().max_examples
     return settings(
         max_examples=min(count, chosen) if chosen == GATE_EXAMPLES else count * chosen // 100

@@ -43,7 +43,9 @@ class FloatingMonitor(Monitor):
         self.v = rng.normal(size=self.model.nv)
 
     def odometry(self, stamp, child="base_link", attached=None, in_header=False):
-        """Return odometry of a frame with the placement `attached` in the root link, which moves with it."""
+        """Return odometry of a frame with the placement `attached` in the root link, which moves
+        with it.
+        """
         attached = pin.SE3.Identity() if attached is None else attached
         there = pin.SE3(pin.Quaternion(self.q[3:7]).matrix(), self.q[:3]) * attached
         twist = attached.actInv(pin.Motion(self.v[:6]))

@@ -112,7 +112,8 @@ class Driver:
 
 
 def hostile(model, seed, count=1500, odd=0.1, drivers=None):
-    """Return messages of one or two drivers and times of reception, with faults, stalls, bursts and old values.
+    """Return messages of one or two drivers and times of reception, with faults, stalls, bursts and
+    old values.
 
     Without `drivers` there are two where the seed is even.
     """

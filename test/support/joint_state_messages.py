@@ -10,7 +10,9 @@ import bags
 
 MS, S = 10**6, 10**9
 NOW = 100 * S
-"""Stamp of most first messages, and time of reception of all messages unless a case says otherwise."""
+"""Stamp of most first messages, and time of reception of all messages unless a case says
+otherwise.
+"""
 
 NAN, INF, PI = math.nan, math.inf, math.pi
 NAMES = ("shoulder", "elbow", "wrist")
@@ -39,7 +41,10 @@ BASE_PARAMETERS = MappingProxyType(
 
 def _link(name, mass=1.0):
     inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
-    return f'<link name="{name}"><inertial><origin xyz="0 0 -0.5"/><mass value="{mass}"/>{inertia}</inertial></link>'
+    return (
+        f'<link name="{name}"><inertial><origin xyz="0 0 -0.5"/>'
+        f'<mass value="{mass}"/>{inertia}</inertial></link>'
+    )
 
 
 def _joint(name, parent, kind="revolute", mimic=""):

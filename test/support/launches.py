@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch files run without the packages `launch` and `launch_ros`, which PyPI lacks: stand-ins for their actions."""
+"""Launch files run without the packages `launch` and `launch_ros`, which PyPI lacks: stand-ins for
+their actions.
+"""
 
 import runpy
 import sys
@@ -26,7 +28,9 @@ def parameter_value(value, value_type):
 
 
 def declare(name, default_value, description):
-    """Stand for DeclareLaunchArgument: an argument that is given, to this file or one that includes it, stays."""
+    """Stand for DeclareLaunchArgument: an argument that is given, to this file or one that includes
+    it, stays.
+    """
     assert description.endswith("."), name
     return lambda context: context.launch_configurations.setdefault(name, default_value) and None
 
@@ -112,7 +116,9 @@ def actions_of(name, **arguments):
 
 
 def launched(name, **arguments):
-    """Return the nodes that a launch file starts, by executable; `files` and `parameters` are apart."""
+    """Return the nodes that a launch file starts, by executable; `files` and `parameters` are
+    apart.
+    """
     nodes = actions_of(name, **arguments)
     for node in nodes:
         node.files = [one for one in node.parameters if isinstance(one, str)]

@@ -63,7 +63,9 @@ FOUR_BAR = {
 
 
 def four_bar_followers(crank):
-    """Return the positions of coupler and rocker, by the law of cosines; a joint turns x toward −z."""
+    """Return the positions of coupler and rocker, by the law of cosines; a joint turns x toward
+    −z.
+    """
     pin = CRANK * np.array([np.cos(crank), -np.sin(crank)])
     across = np.array([BASE, 0.0]) - pin
     distance, bearing = np.hypot(*across), np.arctan2(-across[1], across[0])

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated external torques of loads and pushes, as an observer that settles on torque finds them, by Pinocchio."""
+"""Simulated external torques of loads and pushes, as an observer that settles on torque finds them,
+by Pinocchio.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +24,9 @@ SHARE = -np.expm1(-GAIN * STEP)
 
 
 def low_pass(torque, step=STEP):
-    """Response of 1/(s/GAIN + 1), from rest, to torques (T, nv) whose mean over each step acts on it."""
+    """Response of 1/(s/GAIN + 1), from rest, to torques (T, nv) whose mean over each step acts on
+    it.
+    """
     share, means = -np.expm1(-GAIN * step), torque.copy()
     means[1:] = 0.5 * (torque[1:] + torque[:-1])
     means[0] = 0.0
@@ -56,13 +60,17 @@ class Arm:
         return fourier(rng, time, ready - 1.2, ready + 1.2, fastest)
 
     def load_torque(self, motion, mass, center, inertia=None):
-        """Torque on the joints of a body on the link at a motion, (T, nv); by default of a homogeneous ball of 3 cm."""
+        """Torque on the joints of a body on the link at a motion, (T, nv); by default of a
+        homogeneous ball of 3 cm.
+        """
         ball = 3.6e-4 * mass * np.eye(3)
         loaded = self.oracle({self.link: (mass, center, ball if inertia is None else inertia)})
         return efforts(self.free, *motion) - efforts(loaded, *motion)
 
     def push_torque(self, q, link, point, force):
-        """Torque of a force in world axes at a point of a link, at each of the positions; force (T, 3)."""
+        """Torque of a force in world axes at a point of a link, at each of the positions; force (T,
+        3).
+        """
         model, data = self.free.model, self.free.data
         frame, torque = model.getFrameId(link, pin.FrameType.BODY), np.zeros((len(q), self.free.nv))
         for t in np.flatnonzero(np.abs(force).max(axis=1) > 0.0):
@@ -74,6 +82,8 @@ class Arm:
         return torque
 
     def observed(self, rng, external):
-        """m r of an external torque (T, nv) and of measurement noise that gives it the deviations of this arm."""
+        """m r of an external torque (T, nv) and of measurement noise that gives it the deviations
+        of this arm.
+        """
         noise = rng.normal(size=external.shape) * self.deviation * np.sqrt((2.0 - SHARE) / SHARE)
         return low_pass(external) + lfilter([SHARE], [1.0, SHARE - 1.0], noise, axis=0)

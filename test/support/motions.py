@@ -13,10 +13,11 @@ S = 10**9
 
 
 def fourier(rng, t, low, high, fastest=1.7, base=0.1, harmonics=5, share=0.35):
-    """Positions, rates and accelerations (T, n) of a Fourier series of random coefficients about the middle of limits.
+    """Positions, rates and accelerations (T, n) of a Fourier series of random coefficients about
+    the middle of limits.
 
-    Of a base frequency [Hz] and so many harmonics, its coefficients falling as 1/k; positions go as far as a share of the
-    limits' range, and rates up to the fastest [rad/s].
+    Of a base frequency [Hz] and so many harmonics, its coefficients falling as 1/k; positions go as
+    far as a share of the limits' range, and rates up to the fastest [rad/s].
     """
     w = 2.0 * np.pi * base * np.arange(1, harmonics + 1)
     a, b = rng.normal(size=(2, len(low), harmonics)) / np.arange(1, harmonics + 1)

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes in the test's own process: one graph, one clock that the test sets, no discovery, no executor.
+"""Nodes in the test's own process: one graph, one clock that the test sets, no discovery, no
+executor.
 
-A node is constructed as its executable constructs it, with the same ROS arguments. Its publishers, subscriptions, services,
-clients and timers are those of rclpy, so that names, remappings, QoS overrides and parameters are judged by rclpy. Only the
-transport is replaced: :class:`Graph` hands each message to the callbacks of its subscriptions, and fires the timers that are
-due at the time of the test. Everything happens in one thread, in a fixed order.
+A node is constructed as its executable constructs it, with the same ROS arguments. Its publishers,
+subscriptions, services, clients and timers are those of rclpy, so that names, remappings, QoS
+overrides and parameters are judged by rclpy. Only the transport is replaced: :class:`Graph` hands
+each message to the callbacks of its subscriptions, and fires the timers that are due at the time of
+the test. Everything happens in one thread, in a fixed order.
 """
 
 import contextlib
@@ -168,7 +170,9 @@ class GraphTimer:
         self.canceled = True
 
     def fire_if_due(self):
-        """Fire once if a period is over; return whether it has fired. Periods that were missed are skipped."""
+        """Fire once if a period is over; return whether it has fired. Periods that were missed are
+        skipped.
+        """
         now = self.read()
         if self.canceled or now < self.due - 1e-9:
             return False
@@ -187,7 +191,9 @@ def logged(severity):
 
 
 class GraphLogger:
-    """A logger that keeps its lines; `once` and throttling hold for the place of the call, by the time of the test."""
+    """A logger that keeps its lines; `once` and throttling hold for the place of the call, by the
+    time of the test.
+    """
 
     def __init__(self, graph, name, output):
         self.graph, self.name, self.output = graph, name, output
@@ -211,7 +217,9 @@ class GraphLogger:
 
 
 class GraphClock(Proxy):
-    """A node's clock: simulated time where the node uses it, else the system time that the test sets."""
+    """A node's clock: simulated time where the node uses it, else the system time that the test
+    sets.
+    """
 
     def __init__(self, real, graph):
         super().__init__(real)
@@ -226,7 +234,9 @@ class GraphClock(Proxy):
 
 @cache
 def in_process(kind):
-    """Return a class of nodes that live on a :class:`Graph`, which is its class attribute `graph`."""
+    """Return a class of nodes that live on a :class:`Graph`, which is its class attribute
+    `graph`.
+    """
 
     class InProcess(kind):
         graph = None
@@ -396,7 +406,9 @@ class Graph(contextlib.AbstractContextManager):
         return node
 
     def finish_loading(self, node):
-        """Have the robot of a parameter loaded: it takes no time of the test's but one look of the executor."""
+        """Have the robot of a parameter loaded: it takes no time of the test's but one look of the
+        executor.
+        """
         loader = getattr(node, "_loader", None)
         try:
             while loader and loader.loading is not None:
@@ -433,7 +445,9 @@ class Graph(contextlib.AbstractContextManager):
         return publisher
 
     def drop_publisher(self, publisher):
-        """Remove a publisher, and return rclpy's; rclpy itself, which destroys a node, gives its own."""
+        """Remove a publisher, and return rclpy's; rclpy itself, which destroys a node, gives its
+        own.
+        """
         return self._drop(self.publishers, publisher)
 
     def _drop(self, ends, end):
@@ -494,7 +508,9 @@ class Graph(contextlib.AbstractContextManager):
             service.send_response(response, respond)
 
     def serve_next(self):
-        """Serve the timers that are due, or else one message or request; return whether there was any."""
+        """Serve the timers that are due, or else one message or request; return whether there was
+        any.
+        """
         if self._time_moved:
             self._time_moved = False
             if self._fire():
@@ -517,9 +533,11 @@ class Graph(contextlib.AbstractContextManager):
         raise AssertionError(f"nodes answered each other {MAX_DELIVERIES} times without a pause")
 
     def run(self, condition, end):
-        """Let time go by, and serve callbacks, until a condition holds or a steady time has come; return its value.
+        """Let time go by, and serve callbacks, until a condition holds or a steady time has come;
+        return its value.
 
-        The condition is looked at whenever all that waits is served, or time has gone on in lockstep.
+        The condition is looked at whenever all that waits is served, or time has gone on in
+        lockstep.
         """
         while True:
             while self.serve_next() and not self._time_moved:
@@ -530,7 +548,9 @@ class Graph(contextlib.AbstractContextManager):
                 self._go_on(end)
 
     def follow(self, raw):
-        """Let as much time go by as simulated time does while nodes answer each other in lockstep."""
+        """Let as much time go by as simulated time does while nodes answer each other in
+        lockstep.
+        """
         now, before = deserialize_message(raw, Clock).clock, self._simulated
         self._simulated = now.sec * SECOND + now.nanosec
         if self._serving and before is not None and self._simulated > before:

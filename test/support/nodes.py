@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes under test in the test's process, a node to talk to them, and what their messages have to say."""
+"""Nodes under test in the test's process, a node to talk to them, and what their messages have to
+say.
+"""
 
 import contextlib
 from functools import cache
@@ -53,7 +55,9 @@ OUTPUTS = {
 """What a monitor publishes under its name."""
 
 MAX_AGE = 60.0
-"""How old states may be whose stamps are judged by the clock [s]: a busy machine is late by more than the default, 1 s."""
+"""How old states may be whose stamps are judged by the clock [s]: a busy machine is late by more
+than the default, 1 s.
+"""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 MANY = QoSProfile(depth=1000)
@@ -87,7 +91,9 @@ class Topic:
         return found[0] if found else None
 
     def repeated(self, stamp):
-        """Return the message with this stamp [ns], however often it came; None if there is none, or others with it."""
+        """Return the message with this stamp [ns], however often it came; None if there is none, or
+        others with it.
+        """
         found = self._at.get(stamp, ())
         return found[0] if found and all(other == found[0] for other in found) else None
 
@@ -132,7 +138,9 @@ class Running(contextlib.AbstractContextManager):
 
 
 class Peer(contextlib.AbstractContextManager):
-    """A node of the test's own beside the nodes under test, all in one process: see :mod:`node_harness`."""
+    """A node of the test's own beside the nodes under test, all in one process: see
+    :mod:`node_harness`.
+    """
 
     def __init__(self):
         """Make a graph, and a node on it."""
@@ -164,7 +172,9 @@ class Peer(contextlib.AbstractContextManager):
         return Running(self, self.graph.add(node_class(name), *arguments))
 
     def extra_node(self, name, namespace, apart=False):
-        """Make another node of the test's; `apart`: in a context of its own, see :meth:`Graph.add`."""
+        """Make another node of the test's; `apart`: in a context of its own, see
+        :meth:`Graph.add`.
+        """
         return self.graph.add(Node, node_name=name, namespace=namespace, apart=apart)
 
     def drop_node(self, node):
@@ -180,7 +190,9 @@ class Peer(contextlib.AbstractContextManager):
         self.graph.advance(seconds)
 
     def wait_until(self, condition, what, timeout=HANG):
-        """Let time go by until a condition holds, and return its value; `what` is being waited for."""
+        """Let time go by until a condition holds, and return its value; `what` is being waited
+        for.
+        """
         value = self.graph.run(condition, self.graph.steady + timeout)
         assert value, f"waited {timeout:g} s in vain for {what}"
         return value
@@ -194,7 +206,9 @@ class Peer(contextlib.AbstractContextManager):
         return Topic(self.node, kind, name, qos)
 
     def call(self, kind, name, request, node=None):
-        """Call a service, of a node or else of the one that its name begins with, and return the response."""
+        """Call a service, of a node or else of the one that its name begins with, and return the
+        response.
+        """
         if name not in self.clients:
             self.clients[name] = self.node.create_client(kind, name)
             self.become_known(node or name.rpartition("/")[0])
@@ -244,7 +258,9 @@ class Peer(contextlib.AbstractContextManager):
 
 
 SEVERITY = (b"\x00", b"\x03", b"\x01", b"\x02")
-"""Levels OK, STALE, WARN and ERROR: without states every entry is stale, and only one of them may say why."""
+"""Levels OK, STALE, WARN and ERROR: without states every entry is stale, and only one of them may
+say why.
+"""
 
 OUTCOMES = (
     "published",
@@ -272,7 +288,9 @@ OTHER_COUNTERS = (
 
 
 class Report(NamedTuple):
-    """A monitor's entries on /diagnostics: stamp [ns], level and message of the worst, values of all, each by its name."""
+    """A monitor's entries on /diagnostics: stamp [ns], level and message of the worst, values of
+    all, each by its name.
+    """
 
     stamp: int
     level: bytes
@@ -324,7 +342,8 @@ def report_of(array, name):
 class Reports(list):
     """All reports of a node on /diagnostics, in their order: see :class:`Report`.
 
-    Record `len(reports)` before the event and pass it as `begin`, because the report may arrive before the wait starts.
+    Record `len(reports)` before the event and pass it as `begin`, because the report may arrive
+    before the wait starts.
     """
 
     def __init__(self, node, wait_until, name):
@@ -338,7 +357,9 @@ class Reports(list):
             self.append(report)
 
     def wait_for(self, condition, what, begin=None, timeout=HANG):
-        """Wait for the first report, from number `begin` or else from now on, that fulfils a condition, and return it."""
+        """Wait for the first report, from number `begin` or else from now on, that fulfils a
+        condition, and return it.
+        """
         begin = len(self) if begin is None else begin
         try:
             return self._wait_until(
@@ -352,7 +373,8 @@ class Reports(list):
     def next(self):
         """Wait for a report of all entries that is made from now on, and return it.
 
-        Its stamp is compared with the clock, because an older report may be in transit. Not for nodes in simulated time.
+        Its stamp is compared with the clock, because an older report may be in transit. Not for
+        nodes in simulated time.
         """
         now = self._node.get_clock().now().nanoseconds
         return self.wait_for(
@@ -363,14 +385,17 @@ class Reports(list):
 BELIEVING = {f"plausibility.{bound}": 0.0 for bound in ("beyond_velocity", "jump")} | {
     "stuck_timeout": 0.0
 }
-"""Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF allows and no motion."""
+"""Parameters of a monitor that takes states drawn at random, up to 90 times as fast as the URDF
+allows and no motion.
+"""
 
 
 class Monitor(contextlib.AbstractContextManager):
     """A monitor seen from outside: all its inputs and outputs.
 
-    Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next state through. With
-    `live`, they are those of the clock instead, no topic has a highest rate, and states may be :data:`MAX_AGE` old.
+    Stamps are the test's own: `tick` advances them by so much that every rate limit lets the next
+    state through. With `live`, they are those of the clock instead, no topic has a highest rate,
+    and states may be :data:`MAX_AGE` old.
     """
 
     def __init__(
@@ -418,7 +443,8 @@ class Monitor(contextlib.AbstractContextManager):
             ),
             f"{self.name} to be discovered",
         )
-        # A publisher may know of a subscription before that knows of it: the first messages can get lost.
+        # A publisher may know of a subscription before that knows of it: the first messages can get
+        # lost.
         self.tick()  # what came by the last stamp came by another publisher, or to another robot
         patience = 0.5
         while not all(topic.at(self.now) for topic in self.topics.values()):
@@ -443,12 +469,16 @@ class Monitor(contextlib.AbstractContextManager):
             self.peer.graph.spin()
 
     def feed(self, message, topics=None, timeout=HANG):
-        """Publish a joint state and return what comes back by topic; its stamp is that of the message."""
+        """Publish a joint state and return what comes back by topic; its stamp is that of the
+        message.
+        """
         self.feeder.publish(message)
         return self._all_at(nanoseconds(message.header.stamp), topics or self.topics, timeout)
 
     def serves(self, robot, sample=0, truth=None):
-        """Feed a whole state, and check all that comes of it against Pinocchio; return it by topic."""
+        """Feed a whole state, and check all that comes of it against Pinocchio; return it by
+        topic.
+        """
         q, qd, tau, _ = robot.samples[sample]
         stamp = self.tick()
         published = self.feed(robot.message(stamp, robot.samples[sample]))
@@ -470,7 +500,9 @@ class Monitor(contextlib.AbstractContextManager):
         del self.reports[:-1]
 
     def wait_for_report(self, condition, what, begin=None):
-        """Wait for a report that fulfils a condition, and return it: see :meth:`Reports.wait_for`."""
+        """Wait for a report that fulfils a condition, and return it: see
+        :meth:`Reports.wait_for`.
+        """
         return self.reports.wait_for(condition, what, begin)
 
     def next_report(self):
@@ -487,7 +519,9 @@ class Monitor(contextlib.AbstractContextManager):
         assert result.successful, result.reason
 
     def set_parameters(self, values):
-        """Set several of its parameters, all or none, and return the result; in process, a robot is then loaded."""
+        """Set several of its parameters, all or none, and return the result; in process, a robot is
+        then loaded.
+        """
         result = self.peer.set_parameters_atomically(self.name, values)
         if node := getattr(self.process, "node", None):
             self.peer.graph.finish_loading(node)
@@ -518,7 +552,9 @@ class Robot(described.Robot):
     """A robot, and its messages."""
 
     def message(self, stamp, sample, names=None):
-        """Return a JointState with some or all joints, in the order of `names`, shuffled by default."""
+        """Return a JointState with some or all joints, in the order of `names`, shuffled by
+        default.
+        """
         names = self.shuffled if names is None else names
         at = [self.names.index(name) for name in names]
         return joint_state(names, *(values[at] for values in sample[:3]), stamp=stamp)

@@ -323,7 +323,9 @@ class Oracle:
         return self.from_pin(tau)
 
     def center_of_mass(self, q):
-        """Return mass and centre of mass of all bodies; Pinocchio leaves out the body of the world."""
+        """Return mass and centre of mass of all bodies; Pinocchio leaves out the body of the
+        world.
+        """
         com = pin.centerOfMass(self.model, self.data, self.configuration(q))
         fixed = self.model.inertias[0]
         mass = self.mass + fixed.mass

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Data that the package writes for the page, for the page's own tests: ``python3 test/support/page_fixture.py``.
+"""Data that the package writes for the page, for the page's own tests: ``python3
+test/support/page_fixture.py``.
 
 web/test/frames.test.js reads the file. test_page.py checks that the package still writes it.
 
-The robot has closed forms: two links of 1 m in a horizontal plane, point masses of 2 kg and 1 kg at their ends, the elbow
-at a right angle, joint rates of 2 and −1 rad/s.
+The robot has closed forms: two links of 1 m in a horizontal plane, point masses of 2 kg and 1 kg at
+their ends, the elbow at a right angle, joint rates of 2 and −1 rad/s.
 """
 
 import base64
@@ -138,8 +139,8 @@ def _tetrahedron():
 def _tracks(dyn):
     """Return an overview, a state per second, and 0.2 s at 100 Hz.
 
-    K is 10 t, the energy of each link t, and coriolis_work, whose logarithm is packed, 1 + t. All other numbers are those of
-    one state.
+    K is 10 t, the energy of each link t, and coriolis_work, whose logarithm is packed, 1 + t. All
+    other numbers are those of one state.
     """
     maker = FrameMaker(dyn, POINTS)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)

@@ -7,7 +7,8 @@
     Python blocks of a page share their names; a bash block ends with status 0.
 ``<!-- test: run until: TEXT -->``
     Run until the output has the text, then interrupt.
-``<!-- test: run in the background: NAME, until TEXT, and TEXT -->`` and ``<!-- test: end: NAME, NAME -->``
+``<!-- test: run in the background: NAME, until TEXT, and TEXT -->`` and ``<!-- test: end: NAME,
+NAME -->``
     Run in a terminal of its own until it is interrupted; the next block waits for the texts.
 ``<!-- test: hear: NAME, TEXT -->``
     Wait until the output of a block in the background has the text.

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Processes under test whose output is kept, and a node that talks by DDS to nodes in such processes."""
+"""Processes under test whose output is kept, and a node that talks by DDS to nodes in such
+processes.
+"""
 
 import contextlib
 import fcntl
@@ -26,7 +28,9 @@ from nodes import Peer
 
 
 class Process(contextlib.AbstractContextManager):
-    """A process whose output is kept; a context at whose end it has to end by SIGINT with status 0."""
+    """A process whose output is kept; a context at whose end it has to end by SIGINT with status
+    0.
+    """
 
     started: ClassVar[list["Process"]] = []  # in this test file, for the report of a failure
 
@@ -124,7 +128,9 @@ class Process(contextlib.AbstractContextManager):
         return status
 
     def dump_stacks(self):
-        """End it and its children by a signal at which Python prints the stacks of all threads, one after the other."""
+        """End it and its children by a signal at which Python prints the stacks of all threads, one
+        after the other.
+        """
         if not self.alive():
             return
         for process in (*self.children(), psutil.Process(self.popen.pid)):
@@ -162,7 +168,9 @@ def node_process(node, *arguments, **parameters):
 
 @contextlib.contextmanager
 def locked_domain():
-    """Return a ROS domain by locking a file that stands for it. The lock goes with the process, by whatever end."""
+    """Return a ROS domain by locking a file that stands for it. The lock goes with the process, by
+    whatever end.
+    """
     for domain in random.SystemRandom().sample(range(1, 102), 101):
         try:
             lock = os.open(
@@ -219,7 +227,9 @@ class LivePeer(Peer):
         """Do nothing: time goes by itself."""
 
     def wait_until(self, condition, what, timeout=HANG):
-        """Serve callbacks until a condition holds, and return its value; `what` is being waited for."""
+        """Serve callbacks until a condition holds, and return its value; `what` is being waited
+        for.
+        """
         deadline = time.monotonic() + timeout
         while not (value := condition()):
             assert time.monotonic() < deadline, f"waited {timeout:g} s in vain for {what}"
@@ -229,9 +239,10 @@ class LivePeer(Peer):
     def become_known(self, node):
         """Wait until a node knows of all clients made here so far.
 
-        A service may be known to its client before the service knows the client, and then its response is thrown away
-        after 100 ms. Clients become known in the order in which they were made, so that a response to one made now,
-        asked for until it comes, tells that those before it are known.
+        A service may be known to its client before the service knows the client, and then its
+        response is thrown away after 100 ms. Clients become known in the order in which they were
+        made, so that a response to one made now, asked for until it comes, tells that those before
+        it are known.
         """
         client = self.node.create_client(GetParameterTypes, f"{node}/get_parameter_types")
         try:

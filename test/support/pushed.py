@@ -14,7 +14,9 @@ TORQUE = "external torque"
 
 
 class Motion:
-    """A swing of all joints by Pinocchio's efforts, less those of a push: states by number, `STEP` apart."""
+    """A swing of all joints by Pinocchio's efforts, less those of a push: states by number, `STEP`
+    apart.
+    """
 
     def __init__(self, robot, push=0.0, size=0.3, **options):
         self.robot, self.push = robot, np.broadcast_to(push, len(robot.names))

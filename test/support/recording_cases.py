@@ -111,8 +111,8 @@ class Base:
 def hostile_messages(case, seed, count=900):
     """Return messages in the order of their log time, no two of one time.
 
-    A robot of :data:`coupling.NAMED` lists its mimic joints, too. Odometry of a floating base begins later, and
-    pauses for a second.
+    A robot of :data:`coupling.NAMED` lists its mimic joints, too. Odometry of a floating base
+    begins later, and pauses for a second.
     """
     model = case.model
     joints = joints_of(model)

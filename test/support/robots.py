@@ -167,7 +167,9 @@ def description(name, *elements):
 
 
 def in_other_units(urdf, mass=1.0, length=1.0):
-    """Return a URDF with all masses and lengths multiplied, and the moments of inertia with them."""
+    """Return a URDF with all masses and lengths multiplied, and the moments of inertia with
+    them.
+    """
     robot = ET.fromstring(urdf)
     for element in robot.iter("mass"):
         element.set("value", repr(float(element.get("value")) * mass))

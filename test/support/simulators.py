@@ -19,7 +19,9 @@ class Simulator:
     """A simulator, its outputs and its inputs."""
 
     def __init__(self, peer, namespace, id, waits=True, **parameters):
-        """Start it; a context, which begins with its first state if it `waits` for that, and at whose end it ends."""
+        """Start it; a context, which begins with its first state if it `waits` for that, and at
+        whose end it ends.
+        """
         self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
         self._waits, self._moves_itself = waits, parameters.get("motion") == "wave"
         self.model = dd.load_urdf(

@@ -100,7 +100,9 @@ class Stream:
         return some
 
     def _message(self):
-        """Return opcode and payload of a websocket's next message, which is one frame of the server."""
+        """Return opcode and payload of a websocket's next message, which is one frame of the
+        server.
+        """
         first, length = self._exactly(2)
         if length > 125:
             length = int.from_bytes(self._exactly({126: 2, 127: 8}[length]), "big")

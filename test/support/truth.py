@@ -19,8 +19,9 @@ def nanoseconds(stamp):
 class Truth:
     """What Pinocchio says of a robot in a state, in its own order of dofs; checks messages by name.
 
-    Efforts are unknown where tau is None. `estimated`: velocities are the node's, from positions. `computed`: what efforts
-    are sent is not what they are taken for, so they agree but for rounding.
+    Efforts are unknown where tau is None. `estimated`: velocities are the node's, from positions.
+    `computed`: what efforts are sent is not what they are taken for, so they agree but for
+    rounding.
     """
 
     def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False, computed=False):
@@ -33,14 +34,17 @@ class Truth:
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
-        # |ε_g| ≤ √mass |g|: where gravity happens to have little moment, errors are relative to that
+        # |ε_g| ≤ √mass |g|: where gravity happens to have little moment, errors are relative to
+        # that
         self.gravity_scale = np.sqrt(oracle.mass) * np.linalg.norm(
             EARTH if gravity is None else gravity
         )
         self.unit = np.sqrt(np.diag(self.state.M))
 
     def check_header(self, message, stamp):
-        """Stamp, frame and names: those of the input, the root link, and the joints from base to tip."""
+        """Stamp, frame and names: those of the input, the root link, and the joints from base to
+        tip.
+        """
         assert nanoseconds(message.header.stamp) == stamp
         assert message.header.frame_id == self.robot.root
         assert (
