@@ -351,14 +351,16 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
     ratios, inside = [], 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
-        found = calibrate(*noise(rng, seconds, heavy), rate=rate)
-        assert found.method == method and (
-            method == "tail" or found.peaks == int(rate * found.duration)
+        result = calibrate(*noise(rng, seconds, heavy), rate=rate)
+        assert result.method == method and (
+            method == "tail" or result.peaks == int(rate * result.duration)
         )
         stamps, r, torque = noise(rng, 1000, heavy)
-        judged = dd.Detector(FOUR, found).judge(stamps, r, torque, np.ones(len(stamps), dtype=bool))
+        judged = dd.Detector(FOUR, result).judge(
+            stamps, r, torque, np.ones(len(stamps), dtype=bool)
+        )
         ratios.append(judged.begins.sum() / (1000 * rate))
-        low, high = found.rate_interval
+        low, high = result.rate_interval
         inside += low <= rate <= high
     assert 0.6 < np.mean(ratios) < 1.5 and min(ratios) > 0.2 and max(ratios) < 4.0 and inside >= 7
 
@@ -369,7 +371,7 @@ def test_one_jerk_is_one_alarm():
     """
     with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]))
     without = calibrate(*noise(np.random.default_rng(2), 200))
-    limits, expected = (found.of_names(FOUR).tolist() for found in (with_jerk, without))
+    limits, expected = (result.of_names(FOUR).tolist() for result in (with_jerk, without))
     assert limits == pytest.approx(expected, rel=0.12)
     assert with_jerk.alarms == without.alarms + 1 and with_jerk.held_out >= 1
     ratios = [
@@ -391,15 +393,16 @@ def test_each_part_is_held_out():
             rows = (column[inside] for column in columns)
             judged = dd.Detector(FOUR, others).judge(*rows, np.ones(inside.sum(), dtype=bool))
             held_out += judged.begins.sum()
-        found = calibrate(*columns, rate=0.1, recordings=number, factor=False)
-        assert found.held_out == held_out > 10
-        assert found.parts == ("5 parts of the time" if number == 1 else "4 recordings")
-        assert found.describe_rate().endswith(
-            f": {held_out} alarms in {found.duration:.4g} s, by {found.parts}."
+        result = calibrate(*columns, rate=0.1, recordings=number, factor=False)
+        assert result.held_out == held_out > 10
+        assert result.parts == ("5 parts of the time" if number == 1 else "4 recordings")
+        assert result.describe_rate().endswith(
+            f": {held_out} alarms in {result.duration:.4g} s, by {result.parts}."
         )
-        low, high = (60.0 * one / found.duration for one in poisson_interval(found.held_out))
+        low, high = (60.0 * entry / result.duration for entry in poisson_interval(result.held_out))
         assert (
-            f"{60.0 * found.rate:.3g}/min ({low:.3g}/min to {high:.3g}/min" in found.describe_rate()
+            f"{60.0 * result.rate:.3g}/min ({low:.3g}/min to {high:.3g}/min"
+            in result.describe_rate()
         )
 
 
@@ -423,13 +426,13 @@ def test_recordings_that_differ_raise_the_thresholds():
         ]
         some[0] = np.arange(len(some[0])) * (10**9 // HZ)
         others = [recording(60) for _ in range(20)]
-        for factor, found in rates.items():
+        for factor, result in rates.items():
             thresholds = calibrate(*some, rate=0.05, recordings=6, factor=factor)
             judged = [
-                dd.Detector(FOUR, thresholds).judge(*one, np.ones(6000, dtype=bool))
-                for one in others
+                dd.Detector(FOUR, thresholds).judge(*entry, np.ones(6000, dtype=bool))
+                for entry in others
             ]
-            found.append(sum(one.begins.sum() for one in judged) / (20 * 60 * 0.05))
+            result.append(sum(entry.begins.sum() for entry in judged) / (20 * 60 * 0.05))
     assert np.mean(rates[True]) < 1.3 < np.mean(rates[False]), rates
 
 
@@ -437,10 +440,10 @@ def test_warnings_of_the_recording():
     """A short recording cannot show a rate below −ln 0.05 alarms in its time; a rough part exceeds
     other thresholds.
     """
-    found = calibrate(*noise(np.random.default_rng(3), 60))
-    assert found.demonstrable_rate == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
+    result = calibrate(*noise(np.random.default_rng(3), 60))
+    assert result.demonstrable_rate == pytest.approx(-math.log(0.05) / 59.99, rel=1e-6)
     assert any(
-        "too short" in text and "3/min" in text and "180 s" in text for text in found.warnings
+        "too short" in text and "3/min" in text and "180 s" in text for text in result.warnings
     )
     assert not calibrate(*noise(np.random.default_rng(3), 200)).warnings
     with pytest.raises(InputError, match="too few"):
@@ -449,10 +452,10 @@ def test_warnings_of_the_recording():
     with pytest.raises(InputError, match="external torque is missing"):
         calibrate(stamps[:1], r[:1], torque[:1])
     r[24_000:], torque[24_000:] = 1.5 * r[24_000:], 1.5 * torque[24_000:]
-    found = calibrate(stamps, r, torque)
+    result = calibrate(stamps, r, torque)
     assert (
-        any("parts of the recordings differ" in text for text in found.warnings)
-        and found.held_out > 2 * found.alarms
+        any("parts of the recordings differ" in text for text in result.warnings)
+        and result.held_out > 2 * result.alarms
     )
 
 
@@ -511,16 +514,16 @@ def test_contact_has_lower_thresholds():
     held-out parts.
     """
     stamps, r, torque = noise(np.random.default_rng(3), 300)
-    found, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
-    contact = found.contact
+    result, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
+    contact = result.contact
     assert contact == replace(
         other, contact=None, covariance=None, names=(), warnings=contact.warnings
     )
-    assert contact.requested == pytest.approx(1 / 6) and found.requested == pytest.approx(1 / 60)
+    assert contact.requested == pytest.approx(1 / 6) and result.requested == pytest.approx(1 / 60)
     assert (
-        contact.of_names(FOUR) < found.of_names(FOUR)
-    ).all() and contact.held_out > found.held_out
-    assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.limits == found.limits
+        contact.of_names(FOUR) < result.of_names(FOUR)
+    ).all() and contact.held_out > result.held_out
+    assert calibrate(stamps, r, torque, false_contacts=1 / 60).contact.limits == result.limits
     with pytest.raises(InputError, match=r"false_contacts is 0\.01"):
         calibrate(stamps, r, torque, false_contacts=0.01)
 
@@ -533,9 +536,9 @@ def test_the_covariance_is_the_second_moment(monkeypatch):
     for max_numbers in (10**6, 10**4):
         monkeypatch.setattr(residuals, "MAX_NUMBERS", max_numbers)
         for part in (77, 20_000):
-            found = calibrate(stamps, r, torque, part=part)
-            np.testing.assert_allclose(found.covariance, expected, rtol=1e-10, atol=1e-12)
-    assert found.names == FOUR and not any("covariance" in text for text in found.warnings)
+            result = calibrate(stamps, r, torque, part=part)
+            np.testing.assert_allclose(result.covariance, expected, rtol=1e-10, atol=1e-12)
+    assert result.names == FOUR and not any("covariance" in text for text in result.warnings)
 
 
 def test_poisson():
@@ -597,37 +600,37 @@ def test_the_file_is_the_monitors(tmp_path):
     A joint without residuals has no threshold, and then the file has no covariance.
     """
     stamps, r, torque = noise(np.random.default_rng(7), 60)
-    found = calibrate(stamps, r, torque)
-    found.save(tmp_path / "all.yaml")
+    result = calibrate(stamps, r, torque)
+    result.save(tmp_path / "all.yaml")
     seen = settings(parameters_of([tmp_path / "all.yaml"]))
     for k in ([0, 1, 2, 3], [2, 0, 3]):
-        names = [FOUR[one] for one in k]
+        names = [FOUR[entry] for entry in k]
         np.testing.assert_allclose(
-            seen.covariance_of(names), found.covariance[np.ix_(k, k)], rtol=1e-9
+            seen.covariance_of(names), result.covariance[np.ix_(k, k)], rtol=1e-9
         )
     lower = seen.contact.of_names(FOUR)
-    assert (lower >= found.contact.of_names(FOUR) * (1 - 1e-9)).all() and (
+    assert (lower >= result.contact.of_names(FOUR) * (1 - 1e-9)).all() and (
         lower < seen.collision.of_names(FOUR)
     ).all()
     with pytest.raises(InputError, match="covariance_joints lacks 'e'"):
         seen.covariance_of(["a", "e"])
     torque[:, 2] = 0.0
-    found = calibrate(stamps, r, torque)
-    assert set(found.limits) == {"a", "b", "d", "total", "norm"}
-    assert any("external torque of 'c' has no noise" in text for text in found.warnings)
+    result = calibrate(stamps, r, torque)
+    assert set(result.limits) == {"a", "b", "d", "total", "norm"}
+    assert any("external torque of 'c' has no noise" in text for text in result.warnings)
     for rate in (0.0, math.nan):
         with pytest.raises(InputError, match="false_alarms"):
             calibrate(stamps, r, torque, rate=rate)
-    found.save(tmp_path / "alarms.yaml")
+    result.save(tmp_path / "alarms.yaml")
     seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
     assert seen.covariance_of(FOUR) is None
-    limits, least = seen.collision.of_names(FOUR), found.of_names(FOUR)
+    limits, least = seen.collision.of_names(FOUR), result.of_names(FOUR)
     assert (
         limits.tolist() == pytest.approx(least.tolist(), rel=1e-3)
         and (limits >= least * (1 - 1e-9)).all()
     )
     with pytest.raises(InputError, match="nowhere"):
-        found.save(tmp_path / "nowhere" / "alarms.yaml")
+        result.save(tmp_path / "nowhere" / "alarms.yaml")
 
 
 # --- Recordings
@@ -693,11 +696,11 @@ def test_the_command(ur5, tables, tmp_path, capsys):
         and all(name in printed for name in ur5.dof_names)
     )
     rates = {"false_alarms": 1 / 3, "false_contacts": 2 / 3}
-    found = dd.calibrate(
+    result = dd.calibrate(
         dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates, hold_off=0.5
     )
-    contact = found.contact
-    methods = [METHODS[one.method].format(one.peaks) for one in (found, contact)]
+    contact = result.contact
+    methods = [METHODS[entry.method].format(entry.peaks) for entry in (result, contact)]
     assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]};" in printed
     assert (
         printed.count(contact.describe_rate()) == 1 and f"{contact.limits['norm']:.4g}" in printed
@@ -705,18 +708,20 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())
-    (found,) = (one for one in summary["collisions"] if 20.0 <= one["start"] < 20.1)
+    (result,) = (entry for entry in summary["collisions"] if 20.0 <= entry["start"] < 20.1)
     assert (
-        joint in found["joints"] and found["norm"] > 0.0 and joint in summary["observer"]["judged"]
+        joint in result["joints"]
+        and result["norm"] > 0.0
+        and joint in summary["observer"]["judged"]
     )
-    assert found["exceeded"][joint]["value"] > 8.0 > found["exceeded"][joint]["threshold"]
+    assert result["exceeded"][joint]["value"] > 8.0 > result["exceeded"][joint]["threshold"]
     assert len(summary["collisions"]) < 15
-    assert found["link"] in ur5.link_names and 0.0 < found["confidence"] <= 1.0
+    assert result["link"] in ur5.link_names and 0.0 < result["confidence"] <= 1.0
     contacts = summary["contacts"]  # an interval around each collision, by lower thresholds
     assert len(contacts) > len(summary["collisions"])
-    (touch,) = (one for one in contacts if one["start"] <= found["start"] <= one["end"])
-    assert touch["exceeded"][joint]["threshold"] < found["exceeded"][joint]["threshold"]
-    assert touch["end"] >= found["end"] and touch["link"] in ur5.link_names
+    (touch,) = (entry for entry in contacts if entry["start"] <= result["start"] <= entry["end"])
+    assert touch["exceeded"][joint]["threshold"] < result["exceeded"][joint]["threshold"]
+    assert touch["end"] >= result["end"] and touch["link"] in ur5.link_names
 
 
 def test_recordings_without_efforts(ur5, tables):

@@ -95,9 +95,9 @@ def written(tmp_path_factory, states):
     path = write_mcap(folder / "in.mcap", states, chunk_size=20_000)
     outputs = [word for option in OUTPUTS for word in (option, str(folder / f"out.{option[2:]}"))]
     assert main(["analyse", str(path), "--urdf", "panda", *outputs, "--quiet"]) == UNJUDGED
-    assert sorted(one.name for one in folder.iterdir()) == [
+    assert sorted(entry.name for entry in folder.iterdir()) == [
         "in.mcap",
-        *sorted(f"out.{one[2:]}" for one in OUTPUTS),
+        *sorted(f"out.{entry[2:]}" for entry in OUTPUTS),
     ]
     return folder
 
@@ -112,7 +112,8 @@ def test_tables_that_were_written_are_recordings(written, panda, driven):
     file = pyarrow.parquet.ParquetFile(written / "out.parquet")
     group, schema = file.metadata.row_group(0), file.schema_arrow
     statistics = {
-        one.path_in_schema: one.statistics for one in map(group.column, range(group.num_columns))
+        entry.path_in_schema: entry.statistics
+        for entry in map(group.column, range(group.num_columns))
     }
     assert statistics["kinetic_energy"].max > 0.0 and statistics["nu.panda_joint1"] is None
     assert schema.metadata[b"robot"] == b"panda" and not any(field.nullable for field in schema)
@@ -126,17 +127,17 @@ def test_tables_that_were_written_are_recordings(written, panda, driven):
 
 def messages_of(path):
     """Return log times and messages by topic, read by mcap and deserialized by rosbags."""
-    store, found = get_typestore(Stores.ROS2_JAZZY), {}
+    store, result = get_typestore(Stores.ROS2_JAZZY), {}
     with open(path, "rb") as file:
-        for schema, channel, one in make_reader(file, validate_crcs=True).iter_messages():
+        for schema, channel, entry in make_reader(file, validate_crcs=True).iter_messages():
             if schema.name not in store.fielddefs:
                 store.register(get_types_from_msg(schema.data.decode(), schema.name))
-            message = store.deserialize_cdr(one.data + bytes(-len(one.data) % 4), schema.name)
-            assert one.publish_time == one.log_time and one.sequence == len(
-                found.setdefault(channel.topic, [])
+            message = store.deserialize_cdr(entry.data + bytes(-len(entry.data) % 4), schema.name)
+            assert entry.publish_time == entry.log_time and entry.sequence == len(
+                result.setdefault(channel.topic, [])
             )
-            found[channel.topic].append((one.log_time, message))
-    return found
+            result[channel.topic].append((entry.log_time, message))
+    return result
 
 
 TOPICS = [f"/diag_dynamics/{name}" for name in ("state", "kinetic_energy", "external_torque")]
@@ -148,11 +149,11 @@ def test_others_read_the_mcap(written, tmp_path, driven, table, analyse):
     test_monitor_recording.py compares fields with the monitor's.
     """
     with Reader(written / "out.mcap") as reader:
-        assert sorted(one.topic for one in reader.connections) == sorted(TOPICS)
+        assert sorted(entry.topic for entry in reader.connections) == sorted(TOPICS)
         times = [(connection.topic, time) for connection, time, _ in reader.messages()]
     for topic in TOPICS:
-        found = [time for name, time in times if name == topic]
-        assert found == (driven[1] + 1000).tolist()
+        result = [time for name, time in times if name == topic]
+        assert result == (driven[1] + 1000).tolist()
     header, *rows = table.read_text().splitlines()
     (tmp_path / "twice.csv").write_text("\n".join([header, *rows[100:], *rows]))
     assert analyse(tmp_path / "twice.csv", "-o", tmp_path / "out.mcap", "--quiet")[0] in (0, 1)
@@ -216,9 +217,9 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     older.write_text("of yesterday")
     main_thread = threading.main_thread().ident
     reader = reading(pipe, 1000, lambda: signal.pthread_kill(main_thread, number))
-    found, _, said = analyse(bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older)
+    result, _, said = analyse(bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older)
     reader.join(HANG)
-    assert found == status and f"diag-dynamics analyse: {word}; " in said
+    assert result == status and f"diag-dynamics analyse: {word}; " in said
     assert all(str(path) in said for path in (tmp_path / "out.mcap", pipe, older))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
     assert older.read_text() == "of yesterday"
@@ -259,7 +260,7 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
         assert status == 2 and "File too large" in said
-        assert [one.name for one in tmp_path.iterdir()] == ["log.csv"]
+        assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
 @pytest.mark.parametrize("option", [*OUTPUTS, "--report"])
@@ -319,7 +320,7 @@ def test_wrong_options(tmp_path, bag, analyse, options):
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     paths = {name: tmp_path / name for name in ("out", *files)}
-    status, _, said = analyse(bag, *(one.format(**paths) for one in options))
+    status, _, said = analyse(bag, *(entry.format(**paths) for entry in options))
     assert status == 2 and WRONG[options].format(**paths) in said
     assert not list(tmp_path.glob("out*"))
 
@@ -394,11 +395,11 @@ def test_several_recordings(tmp_path, table, bag, analyse):
 def test_collisions_of_several_recordings(tmp_path, table, analyse):
     (tmp_path / "b.csv").write_bytes(table.read_bytes())
     threshold = "--set", "collision.threshold=norm=0.001", "--gain", 25
-    found = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
-    for options, count in (((), "-"), (threshold, str(found))):  # unknown without a threshold
+    result = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
+    for options, count in (((), "-"), (threshold, str(result))):  # unknown without a threshold
         head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
         assert (
-            found
+            result
             and [row.split()[-3] for row in rows] == [count] * 2
             and "collisions  rejected" in head
         )
@@ -411,7 +412,9 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
     names, stamps, *values = driven
     own = [name.replace("panda", "fer") for name in names]
     sent = [
-        Message("/joint_states", stamp, serialized(stamp, own[:6], *(one[k, :6] for one in values)))
+        Message(
+            "/joint_states", stamp, serialized(stamp, own[:6], *(entry[k, :6] for entry in values))
+        )
         for k, stamp in enumerate(stamps.tolist())
     ]
     bag = write_mcap(tmp_path / "arm.mcap", sent)
@@ -426,7 +429,7 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
     kept = [
         k
         for k, name in enumerate(lines[0].split(","))
-        if not any(one in name for one in ("joint7", "finger"))
+        if not any(entry in name for entry in ("joint7", "finger"))
     ]
     rows = [",".join(line.split(",")[k] for k in kept) for line in lines]
     table.write_text("\n".join(rows) + "\n")
@@ -435,13 +438,13 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
         _, out, said = analyse(recording, *more, "--json", "-")
         summary = json.loads(out)
         assert summary["states"] == COUNT and summary["degrees_of_freedom"] == names[:6], said
-        (told,) = (one["text"] for one in summary["findings"] if "are locked" in one["text"])
+        (told,) = (entry["text"] for entry in summary["findings"] if "are locked" in entry["text"])
         locked = (
             ("panda_finger_joint1=0.01", "panda_joint7=0.2")
             if recording == bag
             else ("panda_joint7=0,",)
         )
-        assert all(one in told for one in locked)
+        assert all(entry in told for entry in locked)
     rec = dd.read_recording(
         bag,
         find_urdf("panda"),
@@ -469,7 +472,9 @@ def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
             for topic, part in zip(topics, (slice(0, 7), slice(7, None)), strict=True):
                 own = [name.replace("panda", prefix) for name in names[part]]
                 sent.append(
-                    Message(topic, stamp, serialized(stamp, own, *(one[k, part] for one in values)))
+                    Message(
+                        topic, stamp, serialized(stamp, own, *(entry[k, part] for entry in values))
+                    )
                 )
         bags.append(write_mcap(tmp_path / f"{path}.mcap", sent, chunk_size=20_000))
     summary = json.loads(analyse(bags[0], "--json", "-")[1])

@@ -97,7 +97,7 @@ def analysed(tmp_path, capsys):
 
     def run(*columns, parameters=()):
         path, out = write_columns(tmp_path / "x.npz", *columns), tmp_path / "summary.json"
-        options = [word for one in parameters for word in ("--set", one)]
+        options = [word for parameter in parameters for word in ("--set", parameter)]
         status = main(["analyse", str(path), "--urdf", "ur5", "--json", str(out), *options])
         return json.loads(out.read_text()), " ".join("".join(capsys.readouterr()).split()), status
 
@@ -143,7 +143,7 @@ def test_why_there_is_no_balance(analysed, motion, gravity):
     assert "No power balance: no joint moves" in text and summary["warnings"] == []
     summary, text, status = analysed(200.0 * t, q, qd, tau, parameters=LOOSE)
     assert "No power balance: 0 windows" in text and status == 1
-    assert any("0.4 s apart" in one for one in summary["warnings"])
+    assert any("0.4 s apart" in warning for warning in summary["warnings"])
     summary, text, _ = analysed(t, q, qd)
     assert "No power balance: no efforts." in text and "Collisions are unknown: no state of" in text
     assert summary["explained"] is summary["residual_power"] is None and summary["collisions"] == []
@@ -196,7 +196,7 @@ def test_windows_near_collisions_explain_nothing():
 
 
 def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
-    t, q, qd, tau = (one.copy() for one in motion)
+    t, q, qd, tau = (entry.copy() for entry in motion)
     q[:, 5], qd[:, 5] = 4e-4 * np.sin(t), 2e-4 * np.cos(t)
     summary, text, _ = analysed(t, q, qd, tau)
     assert "as fast as the velocities" not in text and summary["quality"]["wrong_unit"] is None
@@ -215,12 +215,12 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
     t, q, qd, tau = motion
     tau = tau.copy()
     tau[:, 3] = value
-    summary, text, found = analysed(t, q, qd, tau)
+    summary, text, result = analysed(t, q, qd, tau)
     assert (
         said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
     )
     assert (
-        found == 1
+        result == 1
         and summary["explained"] is None
         and f"No power balance: {said}" in " ".join(text.split())
     )
@@ -245,15 +245,15 @@ def windows_by_numpy(model, t, q, qd, tau):
     ]
     t, K = t[known], np.column_stack([s.kinetic_energy, s.energy_share])[known]
     begins = np.flatnonzero(np.diff(np.floor(np.round(t * 1e9) / 1e8))) + 1
-    found = []
+    result = []
     for first, last in pairwise(begins):
         if np.diff(t[first : last + 1]).max() <= 0.1 and np.diff(t[first - 1 : first + 1]) <= 0.1:
             span, inside = t[last] - t[first], slice(first, last + 1)
             change = (K[last] - K[first]) / span
-            found.append(
+            result.append(
                 (change[0], *(change - np.trapezoid(power[inside], t[inside], axis=0) / span))
             )
-    return np.array(found).T
+    return np.array(result).T
 
 
 @pytest.mark.parametrize("gaps", [False, True])
@@ -268,11 +268,11 @@ def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps
     kinetic, residual, *joints = windows_by_numpy(ur5, t, q, qd, tau)
     assert summary["balance"]["windows"] == len(kinetic)
     assert summary["explained"] == pytest.approx(1.0 - residual.var() / kinetic.var(), rel=1e-6)
-    found = [
+    result = [
         summary["residual_power"],
-        *(one["residual_power"] for one in summary["balance"]["joints"].values()),
+        *(entry["residual_power"] for entry in summary["balance"]["joints"].values()),
     ]
-    assert found == pytest.approx(
+    assert result == pytest.approx(
         np.sqrt(np.mean(np.square([residual, *joints]), axis=1)).tolist(), rel=1e-6
     )
 
@@ -290,7 +290,9 @@ def leaves(value):
         else None
     )
     return (
-        [value] if pairs is None else [leaf for key, one in pairs for leaf in (key, *leaves(one))]
+        [value]
+        if pairs is None
+        else [leaf for key, entry in pairs for leaf in (key, *leaves(entry))]
     )
 
 
@@ -318,16 +320,16 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
     monkeypatch.setattr(Reading, "pieces", small)
     parts, *_ = analysed(*columns, parameters=options)
     for summary in (parts, whole):
-        times = sorted(one["at"] for one in summary["contact_limits"]["worst"])
+        times = sorted(entry["at"] for entry in summary["contact_limits"]["worst"])
         assert times and np.diff(times).min(initial=np.inf) >= 1.0 - 1e-9
         del summary["contact_limits"]["worst"][
             1:
         ]  # one that hid others may give way to a later one
-    for one, other in zip(leaves(parts), leaves(whole), strict=True):
-        assert one == (
+    for entry, other in zip(leaves(parts), leaves(whole), strict=True):
+        assert entry == (
             pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other
         )
-    assert any(one["link"] for one in whole["collisions"])
+    assert any(entry["link"] for entry in whole["collisions"])
     assert (
         whole["collisions"]
         and whole["balance"]["windows"] > 4
@@ -342,9 +344,11 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     columns = [np.insert(x, 1500, x[1499], axis=0) for x in motion]
     columns[0][1500], columns[2][1500] = t[1499] + 1e-6, 1e200
     summary, *_ = analysed(*columns, parameters=LOOSE)
-    assert [one["count"] for one in summary["findings"] if one["cause"].startswith("rejected")] == [
-        1
-    ]
+    assert [
+        finding["count"]
+        for finding in summary["findings"]
+        if finding["cause"].startswith("rejected")
+    ] == [1]
     energy, k = summary["kinetic_energy"], int(np.argmax(s.kinetic_energy))
     assert energy["max"] == s.kinetic_energy[k] and energy["at"] == pytest.approx(t[k], abs=1e-9)
     assert energy["mean"] == pytest.approx(s.kinetic_energy.mean(), rel=1e-12)
@@ -373,12 +377,12 @@ def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
     for k, row in enumerate(zip(states.position, states.velocity, states.effort, strict=True)):
         if states.jumped[k]:
             single.reset()
-        one = single.update(recording.stamp[k] / 1e9, *row)
-        assert one.valid == seen.valid[k], k
-        if one.valid:
-            np.testing.assert_array_equal(one.residual, seen.residual[k])
-            np.testing.assert_array_equal(one.external_torque, seen.external_torque[k])
-            assert one.norm == pytest.approx(seen.norm[k], rel=1e-14, nan_ok=True)
+        entry = single.update(recording.stamp[k] / 1e9, *row)
+        assert entry.valid == seen.valid[k], k
+        if entry.valid:
+            np.testing.assert_array_equal(entry.residual, seen.residual[k])
+            np.testing.assert_array_equal(entry.external_torque, seen.external_torque[k])
+            assert entry.norm == pytest.approx(seen.norm[k], rel=1e-14, nan_ok=True)
         else:
             assert np.isnan(seen.residual[k]).all() and np.isnan(seen.norm[k])
     assert states.jumped.sum() == 1 and 1800 < seen.valid.sum() < len(recording) - 40
@@ -395,9 +399,9 @@ def test_joints_are_observed_one_by_one(tmp_path, ur5, motion, value):
     whole, some = (
         dd.observe(
             dd.DiagonalDynamics(ur5),
-            dd.read_recording(write_columns(tmp_path / "x.npz", t, q, qd, one), ur5),
+            dd.read_recording(write_columns(tmp_path / "x.npz", t, q, qd, entry), ur5),
         )
-        for one in (pushed, part)
+        for entry in (pushed, part)
     )
     known = np.arange(6) != 3
     np.testing.assert_array_equal(some.external_torque[:, known], whole.external_torque[:, known])
@@ -419,13 +423,13 @@ def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
     (tmp_path / "none.csv").write_text("t,q1,q2,q3,q4,q5,q6\n")
     nothing = dd.read_recording(tmp_path / "none.csv", ur5)
     panda = dd.load_robot("panda")
-    for model, one, what in (
+    for model, entry, what in (
         (ur5, without, "efforts"),
         (ur5, nothing, "no states"),
         (panda, recording, "panda"),
     ):
         with pytest.raises(dd.InputError, match=what):
-            dd.observe(dd.DiagonalDynamics(model), one)
+            dd.observe(dd.DiagonalDynamics(model), entry)
 
 
 def noise_parameters(ur5, deviation=0.5):
@@ -453,8 +457,8 @@ def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
     assert (touched.link[seen.valid] != "").any()
     for t in np.flatnonzero(seen.valid)[::311]:
         state = recording.q[t], seen.external_torque[t]
-        one = dynamics.wrench(state[0], "wrist_3_link", state[1], covariance, frame="world")
-        for a, b in zip(one, wrench, strict=True):
+        entry = dynamics.wrench(state[0], "wrist_3_link", state[1], covariance, frame="world")
+        for a, b in zip(entry, wrench, strict=True):
             np.testing.assert_array_equal(a, b[t])
         link = dynamics.touched_link(*state, covariance)
         assert (link.link, link.confidence) == (touched.link[t], touched.confidence[t])
@@ -500,7 +504,9 @@ def test_a_push_is_a_collision(analysed, ur5):
     summary, text, _ = analysed(
         *pushed, parameters=["external_torque.gain=25", "collision.threshold=[elbow_joint=9]"]
     )
-    assert [one["first"] for one in summary["collisions"]] == ["elbow_joint"] and "N m > 9" in text
+    assert [entry["first"] for entry in summary["collisions"]] == [
+        "elbow_joint"
+    ] and "N m > 9" in text
     summary, text, _ = analysed(*pushed)  # unknown is no "none"
     missing = ["external_torque.gain", "collision.threshold"]
     assert summary["observer"]["missing"] == missing and "Collisions are unknown" in text
@@ -527,7 +533,7 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
         [t[k[0]], usage, energy[k]]
     )
     assert worst[0]["region"] == "any" and f"{worst[0]['point']} at" in text
-    usages, times = [one["usage"] for one in worst], sorted(one["at"] for one in worst)
+    usages, times = [entry["usage"] for entry in worst], sorted(entry["at"] for entry in worst)
     assert usages == sorted(usages, reverse=True) and np.diff(times).min() >= 1.0 - 1e-9
 
 
@@ -560,7 +566,9 @@ def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
     factors, said, factor = UNITS[unit]
     columns = [column * scale for column, scale in zip((t, q, qd), factors, strict=True)]
     summary, text, status = analysed(*columns, *([tau] if efforts else []), parameters=LOOSE)
-    warnings = [one for one in summary["warnings"] if "times as fast as the velocities" in one]
+    warnings = [
+        warning for warning in summary["warnings"] if "times as fast as the velocities" in warning
+    ]
     assert (
         len(warnings) == (said is not None)
         and (said or "") in "".join(warnings)
@@ -608,7 +616,7 @@ def test_wrapped_positions_of_a_continuous_joint(tmp_path):
     )
     report = json.loads((tmp_path / "a.json").read_text())["quality"]
     assert report["wrong_unit"] is None
-    assert all(one["velocity_error"] < 1e-3 for one in report["joints"].values())
+    assert all(entry["velocity_error"] < 1e-3 for entry in report["joints"].values())
 
 
 @pytest.mark.parametrize("delay", [0.006, -0.004, 0.02])
@@ -630,7 +638,7 @@ def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
         values[2::2, last] = sent[:-1, last]  # it comes after the others
     report = analysed(t, q, qd, tau, parameters=LOOSE)[0]["quality"]
     assert report["repeated_stamps"] == len(once[0])
-    errors = {name: one["velocity_error"] for name, one in report["joints"].items()}
+    errors = {name: entry["velocity_error"] for name, entry in report["joints"].items()}
     assert max(errors.values()) < 0.05, errors
 
 

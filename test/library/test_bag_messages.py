@@ -96,11 +96,11 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
         )
     new = write_mcap(tmp_path / "new.mcap", sent)
     old = write_mcap(tmp_path / "old.mcap", of_ros1(sent), **IN_ROS1)
-    expected, found = (
+    expected, result = (
         dd.read_recording(path, parameters={"floating_base": True}) for path in (new, old)
     )
-    assert len(expected) > 15 and found.findings == expected.findings
-    assert_same_states(found, expected)
+    assert len(expected) > 15 and result.findings == expected.findings
+    assert_same_states(result, expected)
 
 
 NOT_UNDERSTOOD = [
@@ -122,12 +122,19 @@ NOT_UNDERSTOOD = [
 
 @pytest.mark.parametrize(("data", "metadata", "type", "what"), NOT_UNDERSTOOD)
 def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, what):
-    messages = [one._replace(data=data or one.data, type=type) for one in of_ros1(numbered(40))]
+    messages = [
+        message._replace(data=data or message.data, type=type) for message in of_ros1(numbered(40))
+    ]
     options = {"encoding": "ros1", "metadata": metadata, "definitions": {}}
     path = write_mcap(tmp_path / "x.mcap", messages, chunk_size=10**6, **options)
     try:
         said = " ".join(
-            unread([(one.cause, one.text) for one in dd.read_recording(path, arm("a")).findings])
+            unread(
+                [
+                    (message.cause, message.text)
+                    for message in dd.read_recording(path, arm("a")).findings
+                ]
+            )
         )
     except dd.InputError as error:
         said = str(error)
@@ -140,7 +147,7 @@ def test_names_of_types(tmp_path, kind, name):
     """Releases and vendors write them without ``/msg/``, or as DDS has them."""
     messages, path = numbered(40), tmp_path / f"x.{kind}"
     if kind == "mcap":
-        write_mcap(path, [one._replace(type=name) for one in messages])
+        write_mcap(path, [message._replace(type=name) for message in messages])
     else:
         file_of(write_rosbag2(tmp_path / "bag", messages)).rename(path)
         with sqlite3.connect(path) as database:
@@ -154,7 +161,10 @@ def test_names_of_types(tmp_path, kind, name):
 )
 def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
     """With the topic; a second topic that can be read is read."""
-    odd = [one._replace(topic="/odd/joint_states", type=type, data=b"{}") for one in numbered(20)]
+    odd = [
+        message._replace(topic="/odd/joint_states", type=type, data=b"{}")
+        for message in numbered(20)
+    ]
     path = write_mcap(tmp_path / "odd.mcap", odd, encoding=encoding)
     for topic in (None, "/odd/joint_states"):
         what = rf"/odd/joint_states.* encoded as '{encoding}'.* 'cdr' of ROS 2 or 'ros1'"
@@ -169,9 +179,9 @@ def test_encodings_that_are_not_read_are_named(tmp_path, encoding, type):
                 ("/a", "cdr", JOINT_STATE),
             )
         ]
-        for one, other in zip(odd, numbered(20), strict=True):
-            writer.add_message(channels[0], one.log_time, one.data, one.log_time)
-            writer.add_message(channels[1], one.log_time, other.data, one.log_time)
+        for message, other in zip(odd, numbered(20), strict=True):
+            writer.add_message(channels[0], message.log_time, message.data, message.log_time)
+            writer.add_message(channels[1], message.log_time, other.data, message.log_time)
         writer.finish()
     numbers, findings = read(tmp_path / "both.mcap")
     assert numbers == list(range(20)) and unread(findings) == []
@@ -215,14 +225,14 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
     robot, two = arm("a", "b", "c"), ("/arm/joint_states", "/gripper/joint_states")
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
-    one = WRITERS[kind](tmp_path / "one", arm_and_gripper(["/joint_states"] * 2))
+    message = WRITERS[kind](tmp_path / "one", arm_and_gripper(["/joint_states"] * 2))
     path = WRITERS[kind](tmp_path / "two", arm_and_gripper(two))
-    expected = dd.read_recording(one, robot)
+    expected = dd.read_recording(message, robot)
     assert len(expected) == 58 and np.isfinite(expected.tau).all()
     for topics in (two, list(reversed(two)), [*two, two[0]]):
-        found = dd.read_recording(path, robot, topic=topics)
-        assert found.counts == expected.counts and found.findings == expected.findings
-        assert_same_states(found, expected)
+        result = dd.read_recording(path, robot, topic=topics)
+        assert result.counts == expected.counts and result.findings == expected.findings
+        assert_same_states(result, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
     refused(
         rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"]
@@ -234,7 +244,9 @@ def test_topics_that_are_not_read_are_named(tmp_path):
     sent = [*arm_and_gripper(("/joint_states", "/gripper")), description(urdf_of("a"))]
     path = write_mcap(tmp_path / "x.mcap", sent)
     notes = [
-        one.text for one in dd.read_recording(path, arm("a", "b")).findings if one.cause == "note"
+        finding.text
+        for finding in dd.read_recording(path, arm("a", "b")).findings
+        if finding.cause == "note"
     ]
     what = "joint states of /joint_states are read, not those of /gripper (--topic reads several)."
     assert notes == [f"'{path}': {what}"]
@@ -255,15 +267,15 @@ def test_topics_that_are_not_read_are_named(tmp_path):
 def test_robots_of_several_namespaces(tmp_path):
     """The description is that in the namespace of the topics."""
     sent = [
-        one._replace(topic=f"/{side}/joint_states")
+        message._replace(topic=f"/{side}/joint_states")
         for side in ("left", "right")
-        for one in numbered(10)
+        for message in numbered(10)
     ]
     sent += [
         description(urdf_of(*names))._replace(topic=f"/{side}/robot_description")
         for side, names in SIDES.items()
     ]
-    path = write_mcap(tmp_path / "x.mcap", sorted(sent, key=lambda one: one.log_time))
+    path = write_mcap(tmp_path / "x.mcap", sorted(sent, key=lambda message: message.log_time))
     for side, names in SIDES.items():
         assert dd.read_recording(path, topic=f"/{side}/joint_states").model.joint_names == names
     refused(r"several topics of std_msgs/msg/String: .*\. Give the robot: --urdf", path)
@@ -277,15 +289,15 @@ SIDES = {"left": ("a",), "right": ("a", "b")}
 
 def write_table(folder, sent):
     """Write messages of two joints, all of one order, as CSV; return its path."""
-    messages = [JAZZY.deserialize_cdr(one.data, JOINT_STATE) for one in sent]
+    messages = [JAZZY.deserialize_cdr(entry.data, JOINT_STATE) for entry in sent]
     quantities = {"q": "position", "qd": "velocity", "tau": "effort"}
     header = ["t", *(f"{short}_{name}" for short in quantities for name in messages[0].name)]
     rows = [
         [
-            1e-9 * one.log_time,
+            1e-9 * entry.log_time,
             *(number for field in quantities.values() for number in getattr(message, field)),
         ]
-        for one, message in zip(sent, messages, strict=True)
+        for entry, message in zip(sent, messages, strict=True)
     ]
     np.savetxt(
         folder / "x.csv", rows, fmt="%.17g", delimiter=",", header=",".join(header), comments=""
@@ -346,7 +358,7 @@ def test_joint_names_of_later_messages(tmp_path):
     """
     arm_alone, gripper = moving("fer_a", count=30), moving("fer_b", count=30)[20:]
     path = write_mcap(
-        tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda one: one.log_time)
+        tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda message: message.log_time)
     )
     given = {"fer_a": "panda_a", "fer_b": "panda_b"}
     locked = {"parameters": {"locked_joints": ["panda_b=0.0"]}}
@@ -365,9 +377,11 @@ def test_joint_names_of_a_message_that_has_both(tmp_path):
     """A name that is mapped to a joint, and the joint's own, are named, be it in one message or in
     two.
     """
-    one = moving("fer_a", "panda_a", "panda_b")
-    two = sorted([*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda one: one.log_time)
-    for sent in (one, two):
+    message = moving("fer_a", "panda_a", "panda_b")
+    two = sorted(
+        [*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda message: message.log_time
+    )
+    for sent in (message, two):
         path, what = (
             write_mcap(tmp_path / "x.mcap", sent),
             "maps both 'fer_a' and 'panda_a' to joint 'panda_a'",

@@ -117,8 +117,8 @@ def test_records_that_are_no_messages(tmp_path):
         channel = writer.register_channel(
             "/a", "cdr", writer.register_schema(JOINT_STATE, "ros2msg", TEXT.encode())
         )
-        for one in numbered(20):
-            writer.add_message(channel, one.log_time, one.data, one.log_time)
+        for message in numbered(20):
+            writer.add_message(channel, message.log_time, message.data, message.log_time)
             writer.add_metadata("rosbag2", {"a": "b"})
             writer.add_attachment(1, 1, "image", "image/png", b"\5" + bytes(100))
             file.write(b"\x90\4" + bytes(7) + b"ours")
@@ -132,7 +132,7 @@ def test_records_that_are_no_messages(tmp_path):
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
 def test_older_sqlite(tmp_path, profiles):
     """Topics have fewer columns, and no definitions. Rows that are no messages are counted."""
-    path, rows = tmp_path / "x.db3", [(one.log_time, one.data) for one in numbered(100)]
+    path, rows = tmp_path / "x.db3", [(message.log_time, message.data) for message in numbered(100)]
     with sqlite3.connect(path) as database:
         database.execute(
             f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, "
@@ -162,7 +162,9 @@ def test_folders_of_several_files(tmp_path, plugin):
     same time.
     """
     messages = [*numbered(90, disorder=20), *numbered(110)[90:]]
-    parts = [sorted(messages[k : k + 10], key=lambda one: one.log_time) for k in range(0, 90, 10)]
+    parts = [
+        sorted(messages[k : k + 10], key=lambda message: message.log_time) for k in range(0, 90, 10)
+    ]
     parts += [
         messages[90:91],
         [messages[91]._replace(log_time=messages[90].log_time), *messages[92:]],
@@ -372,13 +374,13 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
 
 def chunks(content):
     """Return where the chunks of a file begin."""
-    found, at = [], 8
+    result, at = [], 8
     while at < len(content) - 8:
         kind, size = struct.unpack_from("<BQ", content, at)
         if kind == 6:
-            found.append(at)
+            result.append(at)
         at += 9 + size
-    return found
+    return result
 
 
 @pytest.mark.parametrize(
@@ -437,7 +439,7 @@ def test_messages_of_no_channel_and_of_no_time(tmp_path):
     messages = numbered(30)
     path = write_mcap(tmp_path / "x.mcap", messages, PLAIN, 10**6, enable_crcs=False)
     content = bytearray(path.read_bytes())
-    begin = [content.index(one.data) - 22 for one in messages[:2]]
+    begin = [content.index(message.data) - 22 for message in messages[:2]]
     content[begin[0] : begin[0] + 2] = b"\7\0"
     content[begin[1] + 13] = 0xFF
     path.write_bytes(content)
@@ -462,7 +464,7 @@ def database(tmp_path_factory):
 
 def test_damaged_sqlite(tmp_path, database):
     """It is read up to a page that is overwritten. Of one that is cut nothing is read."""
-    path, found = tmp_path / "x.db3", set()
+    path, result = tmp_path / "x.db3", set()
     for share in (0.999, 0.05):
         path.write_bytes(database[: int(share * len(database))])
         (lost,) = unread(read(path)[1])
@@ -474,8 +476,8 @@ def test_damaged_sqlite(tmp_path, database):
         numbers, findings = read(path)
         assert numbers == list(range(len(numbers)))
         assert len(numbers) == 800 or unread(findings), page
-        found.add(len(numbers))
-    assert len(found) > 3
+        result.add(len(numbers))
+    assert len(result) > 3
 
 
 @pytest.mark.parametrize("mode", ["WAL", "DELETE"])

@@ -121,12 +121,12 @@ def test_rows_equal_single_calls(dyn, name):
     (Q, QD, TAU), method = states(dyn), METHODS[name]
     expected = [method(dyn, *state) for state in zip(Q, QD, TAU, strict=True)]
     for threads in (1, 2, None):
-        found = method(dyn, Q, QD, TAU, threads=threads)
-        np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+        result = method(dyn, Q, QD, TAU, threads=threads)
+        np.testing.assert_allclose(result, expected, rtol=1e-11, atol=1e-11)
     names = dyn.model.coordinate_names
     dicts = [dict(zip(names, q, strict=True)) for q in Q]
     for rows in (Q.tolist(), dicts, dict(zip(names, Q.T, strict=True))):
-        np.testing.assert_array_equal(method(dyn, rows, QD, TAU), found)
+        np.testing.assert_array_equal(method(dyn, rows, QD, TAU), result)
 
 
 def evaluation_step(robot):

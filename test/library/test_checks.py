@@ -230,9 +230,9 @@ def by_name(dyn, vector):
 
 def test_dicts(dyn, state):
     named, expected = [by_name(dyn, x) for x in state], dyn.evaluate(*state)
-    found = dyn.evaluate(*named)
-    np.testing.assert_array_equal(found.nu, expected.nu)
-    np.testing.assert_array_equal(found.epsilon, expected.epsilon)
+    result = dyn.evaluate(*named)
+    np.testing.assert_array_equal(result.nu, expected.nu)
+    np.testing.assert_array_equal(result.epsilon, expected.epsilon)
     np.testing.assert_array_equal(dyn.model.integrate(*named[:2]), dyn.model.integrate(*state[:2]))
     Q, QD = (np.stack([x, 2 * x]) for x in state[:2])
     columns = dict(zip(reversed(dyn.model.dof_names), Q.T[::-1], strict=True))

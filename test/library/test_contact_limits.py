@@ -54,14 +54,14 @@ def test_mobilities_of_all_links(one):
     model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
     oracle = oracle_of(one, model.dof_names)
     q = robots.samples(one.id, oracle)[0].q
-    found = dd.DiagonalDynamics(model).mobilities(q)
-    assert found.shape == (len(model.link_names), 6, 6)
-    np.testing.assert_array_equal(found, found.transpose(0, 2, 1))
+    result = dd.DiagonalDynamics(model).mobilities(q)
+    assert result.shape == (len(model.link_names), 6, 6)
+    np.testing.assert_array_equal(result, result.transpose(0, 2, 1))
     M = oracle.mass_matrix(q)
     tolerance = 100 * EPS * np.linalg.cond(M)
     for k, name in enumerate(model.link_names):
         J = jacobian(oracle, q, name)
-        close(found[k], J @ np.linalg.solve(M, J.T), tolerance)
+        close(result[k], J @ np.linalg.solve(M, J.T), tolerance)
 
 
 def test_mobilities_refuse_what_is_wrong():
@@ -194,7 +194,7 @@ def test_batch_has_the_bits_of_single_states():
     Q, QD = np.array([model.random(rng) for _ in range(300)]), rng.normal(size=(300, model.nv))
     many = dyn.contact_limits(Q, QD, points, threads=2)
     for t in (0, 7, 299):
-        one = dyn.contact_limits(Q[t], QD[t], points)
+        single = dyn.contact_limits(Q[t], QD[t], points)
         for name in (
             "nu",
             "position",
@@ -206,8 +206,8 @@ def test_batch_has_the_bits_of_single_states():
             "point",
             "rest",
         ):
-            np.testing.assert_array_equal(getattr(one, name), getattr(many, name)[t])
-        assert many.worst[t] == one.worst
+            np.testing.assert_array_equal(getattr(single, name), getattr(many, name)[t])
+        assert many.worst[t] == single.worst
     QD[5, 2] = math.nan
     with pytest.raises(dd.InputError, match="state 5: qd of joint"):
         dyn.contact_limits(Q, QD, points)
@@ -273,19 +273,19 @@ def test_impact_with_what_is_clamped(one, restitution):
             restitution,
             0.0,
         )
-        found = dyn.impact(q, name, qd, u, r, restitution=restitution)
+        result = dyn.impact(q, name, qd, u, r, restitution=restitution)
         close(
-            found.qd_after,
+            result.qd_after,
             oracle.from_pin(after),
             100 * EPS * np.linalg.cond(oracle.mass_matrix(q)),
         )
-        assert found.mass_speed == 0.0
+        assert result.mass_speed == 0.0
         speed = norm(u)
-        energy = 0.5 * found.reflected_mass * speed**2
-        before, then = 0.5 * found.nu @ found.nu, 0.5 * found.nu_after @ found.nu_after
+        energy = 0.5 * result.reflected_mass * speed**2
+        before, then = 0.5 * result.nu @ result.nu, 0.5 * result.nu_after @ result.nu_after
         assert before - then == pytest.approx((1.0 - restitution**2) * energy, rel=1e-9)
-        close(found.rest + found.along, found.nu, 1e-13)
-        assert 0.5 * found.along @ found.along == pytest.approx(energy, rel=1e-9)
+        close(result.rest + result.along, result.nu, 1e-13)
+        assert 0.5 * result.along @ result.along == pytest.approx(energy, rel=1e-9)
 
 
 def test_impact_with_a_free_mass():
@@ -297,16 +297,16 @@ def test_impact_with_a_free_mass():
     q, qd, r = model.random(rng), rng.normal(size=model.nv), (0.0, 0.02, 0.1)
     u = dyn.link_velocity(q, "panda_hand", qd, r)[:3]
     for mass, e in ((4.0, 0.0), (40.0, 0.3), (0.6, 1.0)):
-        found = dyn.impact(q, "panda_hand", qd, u, r, mass=mass, restitution=e)
-        after = dyn.link_velocity(q, "panda_hand", found.qd_after, r)[:3] @ u / norm(u)
-        assert found.mass_speed - after == pytest.approx(e * found.speed, abs=1e-10)
-        assert found.impulse == pytest.approx(mass * found.mass_speed)
-        K = [0.5 * nu @ nu for nu in (found.nu, found.nu_after)]
-        assert K[0] - K[1] - 0.5 * mass * found.mass_speed**2 == pytest.approx(
-            found.loss, rel=1e-9, abs=1e-12
+        result = dyn.impact(q, "panda_hand", qd, u, r, mass=mass, restitution=e)
+        after = dyn.link_velocity(q, "panda_hand", result.qd_after, r)[:3] @ u / norm(u)
+        assert result.mass_speed - after == pytest.approx(e * result.speed, abs=1e-10)
+        assert result.impulse == pytest.approx(mass * result.mass_speed)
+        K = [0.5 * nu @ nu for nu in (result.nu, result.nu_after)]
+        assert K[0] - K[1] - 0.5 * mass * result.mass_speed**2 == pytest.approx(
+            result.loss, rel=1e-9, abs=1e-12
         )
         w = dyn.epsilon_from_wrench(q, "panda_hand", [*u, 0, 0, 0], r)
-        close(found.nu_after - w * (w @ found.nu_after) / (w @ w), found.rest, 1e-12)
+        close(result.nu_after - w * (w @ result.nu_after) / (w @ w), result.rest, 1e-12)
     away = dyn.impact(q, "panda_hand", qd, -u, r)
     assert away.impulse == away.loss == 0.0
     np.testing.assert_array_equal(away.nu_after, away.nu)
@@ -440,8 +440,8 @@ def test_points_of_primitives_hold_them(shapes):
     """The hull of at most 64 points holds every shape in any direction, and is hardly larger."""
     urdf = with_shapes(*shapes)
     model = dd.load_urdf(urdf)
-    found = dd.link_geometry(model, urdf)
-    (arm, tip) = found.points
+    result = dd.link_geometry(model, urdf)
+    (arm, tip) = result.points
     assert len(arm.points) <= 64
     np.testing.assert_array_equal(tip.points, np.zeros((1, 3)))
     u = np.random.default_rng(0).normal(size=(4000, 3))
@@ -464,10 +464,10 @@ def test_points_of_meshes(tmp_path):
 
     path = robots.robot_path(PANDA)
     model = dd.load_urdf(path)
-    found = dd.link_geometry(model, path, "meshes", 40)
-    assert not found.left_out and {one.link for one in found.points} <= set(model.link_names)
-    assert max(len(one.points) for one in found.points) <= 40
-    hand = next(one for one in found.points if one.name == "panda_hand")
+    result = dd.link_geometry(model, path, "meshes", 40)
+    assert not result.left_out and {point.link for point in result.points} <= set(model.link_names)
+    assert max(len(point.points) for point in result.points) <= 40
+    hand = next(point for point in result.points if point.name == "panda_hand")
     file = next(robots.robots_folder().rglob("collision/hand.stl"))
     vertices = np.asarray(trimesh.load(file).vertices)
     u = np.random.default_rng(0).normal(size=(500, 3))
@@ -478,7 +478,7 @@ def test_points_of_meshes(tmp_path):
     ).all()
     frames = dd.link_geometry(model, path, "primitives")
     assert "meshes" in frames.left_out["panda_link1"]
-    origins = {one.link: np.asarray(one.points)[0] for one in frames.points}
+    origins = {point.link: np.asarray(point.points)[0] for point in frames.points}
     assert not any(origins[link].any() for link in frames.left_out)  # frames of the link
 
 

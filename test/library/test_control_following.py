@@ -123,13 +123,13 @@ def goal(path=(), end=(), sec=0, nanosec=0, **more):
 def test_conventions_of_the_message():
     """0 keeps the default, -1 removes it."""
     kept = received.tolerances(goal([tolerance()], [tolerance()]), NAMES, TOLERANCES)
-    for one, default in zip(kept, TOLERANCES, strict=True):
-        np.testing.assert_array_equal(one, default)
+    for entry, default in zip(kept, TOLERANCES, strict=True):
+        np.testing.assert_array_equal(entry, default)
     changed = [tolerance(position=0.7, velocity=-1.0)], [tolerance("shoulder", -1.0, 0.8)]
-    found = received.tolerances(goal(*changed, sec=2, nanosec=S // 4), NAMES, TOLERANCES)
-    np.testing.assert_array_equal(found.path, [[0.1, 0.7], [INF, INF]])
-    np.testing.assert_array_equal(found.goal, [[INF, 0.02], [0.8, 0.06]])
-    assert found.time == 2.25
+    result = received.tolerances(goal(*changed, sec=2, nanosec=S // 4), NAMES, TOLERANCES)
+    np.testing.assert_array_equal(result.path, [[0.1, 0.7], [INF, INF]])
+    np.testing.assert_array_equal(result.goal, [[INF, 0.02], [0.8, 0.06]])
+    assert result.time == 2.25
     assert received.tolerances(goal(sec=-1), NAMES, TOLERANCES).time == INF
     assert TOLERANCES.path[0, 1] == 0.2
 

@@ -151,15 +151,17 @@ def test_a_set_point_is_gone_to_without_haste(period):
 
 def test_set_points_that_stream_are_followed():
     """A set-point with every state is followed; one that comes in fast motion brakes it."""
-    one, turns = np.ones(1), np.zeros(1, dtype=bool)
+    unit, turns = np.ones(1), np.zeros(1, dtype=bool)
     desired, largest = at_rest(np.zeros(1)), 0.0
     for k in range(3000):
-        point = SetPoint(np.array([0.4 * k * 1e-3]), k * MS, desired, one, 10.0 * one, turns)
+        point = SetPoint(np.array([0.4 * k * 1e-3]), k * MS, desired, unit, 10.0 * unit, turns)
         desired = point.sample((k + 1) * MS)
         largest = max(largest, desired.velocity[0])
     assert desired.velocity[0] == pytest.approx(0.4, rel=1e-3) and largest < 0.41
     assert 1.2 - desired.position[0] == pytest.approx(0.4 / 8.0, rel=0.01)  # √(2aδ) is 0.4 there
-    point = SetPoint(np.zeros(1), 0, desired._replace(velocity=3.0 * one), one, 10.0 * one, turns)
+    point = SetPoint(
+        np.zeros(1), 0, desired._replace(velocity=3.0 * unit), unit, 10.0 * unit, turns
+    )
     way = [point.sample(k * MS) for k in range(1, 6000)]
     assert max(np.abs(d.acceleration[0]) for d in way) == pytest.approx(3.0 / WITHIN)
     assert (

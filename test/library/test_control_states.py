@@ -116,10 +116,10 @@ def driven(arm, name, **options):
 
 @pytest.mark.parametrize(("name", "event", "after"), CASES)
 def test_states_and_events(strong, name, event, after):
-    one = driven(strong, name)
-    one.go(event)
-    assert one.state == after
-    assert bool(one.loop.supervisor.reason) == (one.loop.supervisor.phase != 1)
+    driver = driven(strong, name)
+    driver.go(event)
+    assert driver.state == after
+    assert bool(driver.loop.supervisor.reason) == (driver.loop.supervisor.phase != 1)
 
 
 @pytest.mark.parametrize("compensated", [False, True])
@@ -129,27 +129,27 @@ def test_commands_of_states(strong, name, compensated):
     their rate.
     """
     compensated = compensated and "START" not in name  # such an arm needs no start
-    one = driven(strong, name, compensated=compensated, mode=GRAVITY_COMPENSATION, hold=3000)
+    driver = driven(strong, name, compensated=compensated, mode=GRAVITY_COMPENSATION, hold=3000)
     gravity, law = gravity_of(Q), name in ("STARTING", "ACTIVE")
     for _ in range(2 + int(np.abs(gravity).max() / RATE * 1000)):
         if name == "STARTING":
-            one.go("valid")
+            driver.go("valid")
         elif name == "ACTIVE":
-            one.step(qd=MOVING)
+            driver.step(qd=MOVING)
         else:
-            one.without()
+            driver.without()
     if name == "WAITING":
-        assert one.sent is None
+        assert driver.sent is None
         return
     if name != "STARTING":
         goal = gravity * (name in ("ACTIVE", "HOLDING", "HOLDING_START") and not compensated)
-        np.testing.assert_allclose(one.sent.effort, goal, atol=1e-9)
-    assert (one.sent.command is not None) == law
+        np.testing.assert_allclose(driver.sent.effort, goal, atol=1e-9)
+    assert (driver.sent.command is not None) == law
     if name == "STARTING":  # brakes a moving arm, whatever the mode
-        one.step(qd=0.1 * MOVING)
-        assert one.sent.command.nu @ one.sent.command.epsilon < 0.0
+        driver.step(qd=0.1 * MOVING)
+        assert driver.sent.command.nu @ driver.sent.command.epsilon < 0.0
     elif law:
-        assert not one.sent.command.epsilon.any()
+        assert not driver.sent.command.epsilon.any()
 
 
 # --- Start
@@ -166,80 +166,80 @@ def test_a_start_lasts_until_the_efforts_carry_a_slow_arm(strong):
         (0.051, "STARTING"),
         (-0.051, "STARTING"),
     ):
-        one = Driven(strong)
-        one.carry()
-        one.step(qd=factor * limit)
-        assert one.state == after
+        driver = Driven(strong)
+        driver.carry()
+        driver.step(qd=factor * limit)
+        assert driver.state == after
     for _ in range(1000):
-        one.carry()
-        one.step(qd=0.2 * limit)
-    assert one.state == "STARTING"
-    one.step(qd=0.2 * limit)
-    assert one.state == "ACTIVE"
+        driver.carry()
+        driver.step(qd=0.2 * limit)
+    assert driver.state == "STARTING"
+    driver.step(qd=0.2 * limit)
+    assert driver.state == "ACTIVE"
 
 
 def test_a_start_takes_the_rate_of_efforts(strong):
     """From zero on, the law begins when one step reaches gravity compensation; the arm that needs
     none is not damped.
     """
-    one, cycles = Driven(strong, mode=GRAVITY_COMPENSATION), 0
-    while not cycles or one.state == "STARTING":
-        one.step()
+    driver, cycles = Driven(strong, mode=GRAVITY_COMPENSATION), 0
+    while not cycles or driver.state == "STARTING":
+        driver.step()
         cycles += 1
-        assert np.abs(one.sent.effort).max() <= RATE * 1e-3 * (cycles - 1) + 1e-9
+        assert np.abs(driver.sent.effort).max() <= RATE * 1e-3 * (cycles - 1) + 1e-9
     assert cycles == pytest.approx(np.abs(gravity_of(Q)).max() / RATE * 1e3, abs=2)
-    one = Driven(strong, compensated=True)
-    one.step()
-    assert one.state == "ACTIVE"
+    driver = Driven(strong, compensated=True)
+    driver.step()
+    assert driver.state == "ACTIVE"
 
 
 def test_a_start_goes_on_after_a_hold(strong):
     """The time for which the efforts carry the arm goes on, too; targets are refused until it is
     over.
     """
-    one, fast = Driven(strong, mode=TRACKING), 0.2 * strong.velocity_limit
-    one.carry()
-    one.step(qd=fast)
-    one.without()
-    assert one.state == "HOLDING_START"
+    driver, fast = Driven(strong, mode=TRACKING), 0.2 * strong.velocity_limit
+    driver.carry()
+    driver.step(qd=fast)
+    driver.without()
+    assert driver.state == "HOLDING_START"
     with pytest.raises(InputError, match="while the law is not in force: NaN"):
-        one.loop.take_set_point(Q)
-    one.carry()
-    one.step(qd=fast)
+        driver.loop.take_set_point(Q)
+    driver.carry()
+    driver.step(qd=fast)
     with pytest.raises(InputError, match="came while braking"):
-        one.loop.take_set_point(Q)
+        driver.loop.take_set_point(Q)
     assert (
-        one.state == "STARTING"
-        and one.sent.command.error is None
-        and one.sent.lyapunov_rate is None
+        driver.state == "STARTING"
+        and driver.sent.command.error is None
+        and driver.sent.lyapunov_rate is None
     )
     for _ in range(998):
-        one.carry()
-        one.step(qd=fast)
-    assert one.state == "STARTING"
-    one.step(qd=fast)
-    assert one.state == "ACTIVE"
+        driver.carry()
+        driver.step(qd=fast)
+    assert driver.state == "STARTING"
+    driver.step(qd=fast)
+    assert driver.state == "ACTIVE"
 
 
 def test_the_law_begins_where_a_start_ends(strong):
     """The target is the position at the end of the start, during which the arm may have sunk."""
-    one = Driven(strong, mode=TRACKING)
-    one.go("valid")
-    one.carry(Q + 0.01)
-    one.step(Q + 0.01)
-    assert one.state == "ACTIVE" and not one.sent.command.error.any()
+    driver = Driven(strong, mode=TRACKING)
+    driver.go("valid")
+    driver.carry(Q + 0.01)
+    driver.step(Q + 0.01)
+    assert driver.state == "ACTIVE" and not driver.sent.command.error.any()
 
 
 def test_a_start_after_the_ramp_is_a_new_one(strong):
     """The arm may have been moved: the time of an earlier start does not count."""
-    one, fast = Driven(strong), 0.2 * strong.velocity_limit
-    one.carry()
-    one.step(qd=fast)
-    one.go("timeout")
-    one.without(2 * S)
-    one.carry()
-    one.step(qd=fast)
-    assert one.state == "STARTING"
+    driver, fast = Driven(strong), 0.2 * strong.velocity_limit
+    driver.carry()
+    driver.step(qd=fast)
+    driver.go("timeout")
+    driver.without(2 * S)
+    driver.carry()
+    driver.step(qd=fast)
+    assert driver.state == "STARTING"
 
 
 @pytest.mark.parametrize("name", ["WAITING", "RAMPING_DOWN"])
@@ -250,16 +250,16 @@ def test_no_start_outside_of_limits(strong, name):
     for end, side in ((strong.upper, 1.0), (strong.lower, -1.0)):
         at_stop, beyond = Q.copy(), Q.copy()
         at_stop[2], beyond[2] = end[2] + side * 0.049, end[2] + side * 0.051
-        one = driven(strong, name)
-        one.step(beyond)
-        assert one.loop.supervisor.phase == (0 if name == "WAITING" else 3)
-        assert "'elbow_joint'" in one.loop.supervisor.reason
-        one = driven(strong, name)
-        one.step(at_stop)
-        assert one.loop.supervisor.phase == 1
-        one = driven(strong, "ACTIVE")
-        one.step(beyond)
-        assert one.state == "ACTIVE"
+        driver = driven(strong, name)
+        driver.step(beyond)
+        assert driver.loop.supervisor.phase == (0 if name == "WAITING" else 3)
+        assert "'elbow_joint'" in driver.loop.supervisor.reason
+        driver = driven(strong, name)
+        driver.step(at_stop)
+        assert driver.loop.supervisor.phase == 1
+        driver = driven(strong, "ACTIVE")
+        driver.step(beyond)
+        assert driver.state == "ACTIVE"
 
 
 # --- Mode switches
@@ -270,18 +270,20 @@ def test_a_mode_chosen_without_a_state(strong, name):
     """It is in force from the next state on, which is its target; without one it changes no
     effort.
     """
-    one = driven(strong, name)
-    before = one.loop.limits.sent.copy()
-    one.loop.switch(TRACKING)
+    driver = driven(strong, name)
+    before = driver.loop.limits.sent.copy()
+    driver.loop.switch(TRACKING)
     assert (
-        one.state == name and (one.loop.limits.sent == before).all() and one.loop.mode == TRACKING
+        driver.state == name
+        and (driver.loop.limits.sent == before).all()
+        and driver.loop.mode == TRACKING
     )
-    one.carry(Q + 0.2)
-    one.step(Q + 0.2)
+    driver.carry(Q + 0.2)
+    driver.step(Q + 0.2)
     assert (
-        one.state == "ACTIVE"
-        and not one.sent.command.error.any()
-        and one.sent.lyapunov_rate is None
+        driver.state == "ACTIVE"
+        and not driver.sent.command.error.any()
+        and driver.sent.lyapunov_rate is None
     )
 
 
@@ -289,23 +291,23 @@ def test_a_switch_voids_the_target_of_the_chosen_mode(strong):
     """The arm stays where it is, also where the mode had another target when it was last in
     force.
     """
-    one = driven(strong, "ACTIVE", mode=TRACKING)
-    one.loop.take_set_point(Q + 0.2)
+    driver = driven(strong, "ACTIVE", mode=TRACKING)
+    driver.loop.take_set_point(Q + 0.2)
     for _ in range(50):
-        one.step()
-    assert one.sent.command.error.any()
+        driver.step()
+    assert driver.sent.command.error.any()
     for mode in (DAMPING, TRACKING):
-        one.loop.switch(mode)
-        one.step()
-    assert not one.sent.command.error.any() and one.sent.lyapunov_rate is None
+        driver.loop.switch(mode)
+        driver.step()
+    assert not driver.sent.command.error.any() and driver.sent.lyapunov_rate is None
 
 
 def test_the_cause_of_the_ramp_is_the_first_one():
-    one = outage(1000, -1020, -1320)
-    one.invalid(2000 * MS, "NaN")
-    assert (one.reason, one.cause) == ("NaN", "late")
-    one.valid(2001 * MS)
-    assert (one.reason, one.cause) == ("", "late")
+    supervisor = outage(1000, -1020, -1320)
+    supervisor.invalid(2000 * MS, "NaN")
+    assert (supervisor.reason, supervisor.cause) == ("NaN", "late")
+    supervisor.valid(2001 * MS)
+    assert (supervisor.reason, supervisor.cause) == ("", "late")
 
 
 def test_modes_that_are_rejected(strong):
@@ -315,32 +317,32 @@ def test_modes_that_are_rejected(strong):
         ("ACTIVE", "pose", "'controlled_link' is empty"),
         ("RAMPING_DOWN", TRACKING, "no valid state yet: NaN"),
     ):
-        one = driven(strong, name)
+        driver = driven(strong, name)
         with pytest.raises(InputError, match=reason):
-            one.loop.switch(mode)
-        assert one.loop.mode == DAMPING
+            driver.loop.switch(mode)
+        assert driver.loop.mode == DAMPING
 
 
 @pytest.mark.parametrize("compensated", [False, True])
 def test_gravity_compensation_and_damping_after_the_ramp(strong, compensated):
     """The ramp ends in silence. An arm at rest gets gravity torque, a moving one is braked."""
-    one = driven(strong, "ACTIVE", mode=TRACKING, compensated=compensated)
-    one.loop.take_set_point(Q + 0.3)
-    one.go("timeout")
+    driver = driven(strong, "ACTIVE", mode=TRACKING, compensated=compensated)
+    driver.loop.take_set_point(Q + 0.3)
+    driver.go("timeout")
     for _ in range(300):
-        one.without()
-    assert one.sent.silent and not one.sent.effort.any() and one.loop.leave() is None
-    one.step(Q + 0.1, MOVING)
-    assert one.sent.command.nu @ one.sent.command.epsilon < 0.0
+        driver.without()
+    assert driver.sent.silent and not driver.sent.effort.any() and driver.loop.leave() is None
+    driver.step(Q + 0.1, MOVING)
+    assert driver.sent.command.nu @ driver.sent.command.epsilon < 0.0
     for _ in range(500):
-        one.step(Q + 0.1)
-        assert not one.sent.silent
+        driver.step(Q + 0.1)
+        assert not driver.sent.silent
     gravity = gravity_of(Q + 0.1) * (not compensated)
-    np.testing.assert_allclose(one.sent.effort, gravity, atol=1e-9)
-    assert (one.loop.mode, one.loop.supervisor.cause) == (DAMPING, "NaN")
-    one.loop.switch(TRACKING)
-    one.step(Q + 0.1)
-    assert not one.sent.command.error.any() and not one.loop.supervisor.cause
+    np.testing.assert_allclose(driver.sent.effort, gravity, atol=1e-9)
+    assert (driver.loop.mode, driver.loop.supervisor.cause) == (DAMPING, "NaN")
+    driver.loop.switch(TRACKING)
+    driver.step(Q + 0.1)
+    assert not driver.sent.command.error.any() and not driver.loop.supervisor.cause
 
 
 # --- Clocks and timeouts of an outage
@@ -390,11 +392,11 @@ def test_the_time_of_an_outage(times, phase):
 
 
 def test_a_whole_hold_after_the_ramp():
-    one = outage(1000, -1020, -1320)
-    one.valid(1400 * MS)
+    supervisor = outage(1000, -1020, -1320)
+    supervisor.valid(1400 * MS)
     for time, phase in ((1401, HOLDING), (1700, HOLDING), (1701, RAMPING_DOWN)):
-        one.invalid(time * MS, "late")
-        assert one.phase == phase
+        supervisor.invalid(time * MS, "late")
+        assert supervisor.phase == phase
 
 
 @pytest.mark.parametrize(("hold", "timeout"), [(0.3, 1.0), (2.5, 2.5)])
@@ -403,33 +405,33 @@ def test_a_clock_that_stands_still(hold, timeout):
     tick begins it anew.
     """
     machine = [0.0]
-    one = Supervisor(0.02, hold, machine_time=lambda: machine[0])
-    one.valid(S)
+    supervisor = Supervisor(0.02, hold, machine_time=lambda: machine[0])
+    supervisor.valid(S)
     machine[0] = 50.0
-    one.invalid(S, "late")
+    supervisor.invalid(S, "late")
     machine[0] += timeout
-    one.invalid(S, "late")
-    assert one.phase == HOLDING
-    one.invalid(S + 1, "late")
+    supervisor.invalid(S, "late")
+    assert supervisor.phase == HOLDING
+    supervisor.invalid(S + 1, "late")
     machine[0] += timeout
-    one.invalid(S + 1, "late")
-    assert one.phase == HOLDING
+    supervisor.invalid(S + 1, "late")
+    assert supervisor.phase == HOLDING
     machine[0] += 0.01
-    one.invalid(S + 1, "late")
-    assert one.phase == RAMPING_DOWN
-    assert "late; the clock stands still" in one.cause
+    supervisor.invalid(S + 1, "late")
+    assert supervisor.phase == RAMPING_DOWN
+    assert "late; the clock stands still" in supervisor.cause
 
 
 def test_the_ramp_of_a_clock_that_stood_still_goes_on():
     """A clock that moves again does not end it, though it never counted a whole hold."""
     machine = [0.0]
-    one = Supervisor(0.02, 0.3, machine_time=lambda: machine[0])
-    one.valid(S)
-    one.invalid(S, "late")
+    supervisor = Supervisor(0.02, 0.3, machine_time=lambda: machine[0])
+    supervisor.valid(S)
+    supervisor.invalid(S, "late")
     machine[0] = 1.1
-    one.invalid(S, "late")
-    one.invalid(S + MS, "late")
-    assert one.phase == RAMPING_DOWN
+    supervisor.invalid(S, "late")
+    supervisor.invalid(S + MS, "late")
+    assert supervisor.phase == RAMPING_DOWN
 
 
 def test_texts_of_the_age():
@@ -442,15 +444,19 @@ def test_texts_of_the_age():
 
 def test_an_outage_within_the_hold_keeps_the_target(strong):
     """And the start of the outage is no step of V."""
-    one = driven(strong, "ACTIVE", mode=TRACKING)
-    one.loop.take_set_point(Q + 0.01)
+    driver = driven(strong, "ACTIVE", mode=TRACKING)
+    driver.loop.take_set_point(Q + 0.01)
     for _ in range(20):
-        one.step()
+        driver.step()
     for _ in range(100):
-        one.without()
-        assert one.sent.lyapunov_rate is None and one.sent.command is None
-    one.step()
-    assert one.state == "ACTIVE" and one.sent.command.error.any() and one.sent.lyapunov_rate is None
+        driver.without()
+        assert driver.sent.lyapunov_rate is None and driver.sent.command is None
+    driver.step()
+    assert (
+        driver.state == "ACTIVE"
+        and driver.sent.command.error.any()
+        and driver.sent.lyapunov_rate is None
+    )
 
 
 # --- The end
@@ -464,18 +470,18 @@ def test_an_outage_within_the_hold_keeps_the_target(strong):
 def test_the_last_effort(strong, name, carries, compensated):
     """Gravity compensation, or zero in the ramp; none before the first state and after zero."""
     assert Driven(strong).loop.leave() is None
-    one = driven(strong, name, compensated=compensated and name != "STARTING")
+    driver = driven(strong, name, compensated=compensated and name != "STARTING")
     own = compensated and name != "STARTING"
-    effort = one.loop.leave()
+    effort = driver.loop.leave()
     if own and not carries:
         assert effort is None
     else:
         np.testing.assert_allclose(effort, gravity_of(Q) * (carries and not own), atol=1e-9)
-    one.loop.forget()
+    driver.loop.forget()
     assert (
-        one.state == "WAITING"
-        and one.loop.state is None
-        and one.loop.without_state(one.now, "late") is None
+        driver.state == "WAITING"
+        and driver.loop.state is None
+        and driver.loop.without_state(driver.now, "late") is None
     )
 
 
@@ -486,28 +492,30 @@ def test_the_clock_of_efforts(strong):
     """A step back within the longest cycle is ignored; after a longer one the rate counts from
     there.
     """
-    one = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION)
-    one.loop.limits.reset(np.zeros(6))
+    driver = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION)
+    driver.loop.limits.reset(np.zeros(6))
     for period, expected in ((-10, 0.0), (11, 0.4), (-101, 0.4), (1, 0.8)):
-        one.step(period=period * MS)
-        assert np.abs(one.sent.effort).max() == pytest.approx(expected, abs=1e-12)
+        driver.step(period=period * MS)
+        assert np.abs(driver.sent.effort).max() == pytest.approx(expected, abs=1e-12)
 
 
 def test_joints_that_their_effort_rate_limits(strong):
     """Each is named, and no other one."""
-    one, gravity = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION), gravity_of(Q)
-    one.loop.limits.reset(np.zeros(6))
-    one.step()
+    driver, gravity = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION), gravity_of(Q)
+    driver.loop.limits.reset(np.zeros(6))
+    driver.step()
     slow = np.abs(gravity) > RATE * 1e-3
     assert 0 < slow.sum() < 6
-    assert one.sent.saturated == tuple(np.array(strong.dof_names)[slow])
-    one.carry()
-    one.step()
-    assert one.sent.saturated == ()
+    assert driver.sent.saturated == tuple(np.array(strong.dof_names)[slow])
+    driver.carry()
+    driver.step()
+    assert driver.sent.saturated == ()
 
 
 @pytest.mark.parametrize("compensated", [False, True])
 def test_the_effort_that_acts_has_the_compensation_of_the_robot(strong, compensated):
-    one = driven(strong, "ACTIVE", compensated=compensated)
-    one.loop.limits.reset(np.ones(6))
-    np.testing.assert_allclose(one.loop.limits.acting, 1.0 + compensated * gravity_of(Q), atol=1e-9)
+    driver = driven(strong, "ACTIVE", compensated=compensated)
+    driver.loop.limits.reset(np.ones(6))
+    np.testing.assert_allclose(
+        driver.loop.limits.acting, 1.0 + compensated * gravity_of(Q), atol=1e-9
+    )

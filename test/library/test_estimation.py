@@ -75,20 +75,20 @@ PRIMITIVES = {
 @pytest.mark.parametrize("kind", PRIMITIVES)
 def test_primitives_against_pinocchio(kind):
     reference, numbers, volume, reach = PRIMITIVES[kind]
-    found, expected = solid(kind, numbers), reference(volume, *numbers)
-    assert found.volume == pytest.approx(volume, rel=1e-12)
-    assert np.abs(found.centre).max() < 1e-15
-    close(found.inertia, expected.inertia)
-    assert (np.abs(found.corners).max(axis=0) >= np.array(reach) - 1e-12).all()
+    result, expected = solid(kind, numbers), reference(volume, *numbers)
+    assert result.volume == pytest.approx(volume, rel=1e-12)
+    assert np.abs(result.centre).max() < 1e-15
+    close(result.inertia, expected.inertia)
+    assert (np.abs(result.corners).max(axis=0) >= np.array(reach) - 1e-12).all()
 
 
 def test_placements_against_pinocchio():
     placement = placed((0.3, -0.7, 1.9), (1.0, 2.0, -3.0))
-    found = solid("box", (0.2, 0.5, 0.9), placement)
+    result = solid("box", (0.2, 0.5, 0.9), placement)
     box = pin.Inertia.FromBox(0.09, 0.2, 0.5, 0.9).se3Action(pin.SE3(placement))
-    close(found.centre, box.lever)
-    close(found.inertia, box.inertia)
-    twice = united([found, solid("cylinder", (0.1, 0.3))])
+    close(result.centre, box.lever)
+    close(result.inertia, box.inertia)
+    twice = united([result, solid("cylinder", (0.1, 0.3))])
     both = box + pin.Inertia.FromCylinder(np.pi * 0.1**2 * 0.3, 0.1, 0.3)
     assert twice.volume == pytest.approx(both.mass, rel=1e-12)
     close(twice.centre, both.lever)
@@ -104,31 +104,35 @@ def test_meshes_against_closed_forms(tmp_path):
     size = np.array([0.2, 0.5, 1.0])
     stl(tmp_path / "box.stl", BOX * size, FACES)
     for scale in ((1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (-1.0, 1.0, 1.0)):
-        found, expected = (
+        result, expected = (
             mesh(tmp_path, "box.stl", scale),
             solid("box", tuple(size * np.abs(scale))),
         )
-        assert found.volume == pytest.approx(expected.volume, rel=1e-6) and found.of == ("box.stl",)
-        close(found.centre, 0.5 * size * scale, 1e-6)
-        close(found.inertia, expected.inertia, 1e-6)
+        assert result.volume == pytest.approx(expected.volume, rel=1e-6) and result.of == (
+            "box.stl",
+        )
+        close(result.centre, 0.5 * size * scale, 1e-6)
+        close(result.inertia, expected.inertia, 1e-6)
     stl(tmp_path / "inward.stl", BOX, [face[::-1] for face in FACES])
     assert mesh(tmp_path, "inward.stl").volume == pytest.approx(1.0, rel=1e-6)
 
     corners = np.array([[0, 0, 0], [0.3, 0, 0.1], [0, 0.4, 0], [0.1, 0.1, 0.5]])
     stl(tmp_path / "tetrahedron.stl", corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
-    found = mesh(tmp_path, "tetrahedron.stl")
+    result = mesh(tmp_path, "tetrahedron.stl")
     volume, centre = abs(np.linalg.det(corners[1:] - corners[0])) / 6.0, corners.mean(axis=0)
     second = volume / 20.0 * sum(np.outer(c, c) for c in corners - centre)
-    assert found.volume == pytest.approx(volume, rel=1e-6)
-    close(found.centre, centre, 1e-6)
-    close(found.inertia, np.trace(second) * np.eye(3) - second, 1e-6)
+    assert result.volume == pytest.approx(volume, rel=1e-6)
+    close(result.centre, centre, 1e-6)
+    close(result.inertia, np.trace(second) * np.eye(3) - second, 1e-6)
 
 
 def test_open_and_damaged_meshes(tmp_path):
     """An open mesh has the volume of its convex hull."""
     stl(tmp_path / "open.stl", BOX, FACES[2:])
-    found = mesh(tmp_path, "open.stl")
-    assert found.volume == pytest.approx(1.0, rel=1e-6) and found.of == ("convex hull of open.stl",)
+    result = mesh(tmp_path, "open.stl")
+    assert result.volume == pytest.approx(1.0, rel=1e-6) and result.of == (
+        "convex hull of open.stl",
+    )
     stl(tmp_path / "flat.stl", BOX, FACES[:2])
     (tmp_path / "none.stl").write_bytes(b"no mesh")
     (tmp_path / "none.dae").write_bytes(b"no mesh")
@@ -276,7 +280,7 @@ def bare(tmp_path):
 def estimating(source, **options):
     """Return the model and the texts of its warnings."""
     with pytest.warns(dd.InertiaWarning) as warned:
-        return dd.load_urdf(source, **options), [str(one.message) for one in warned]
+        return dd.load_urdf(source, **options), [str(warning.message) for warning in warned]
 
 
 def test_models_keep_the_names_of_estimated_links(bare):
@@ -303,10 +307,10 @@ def test_written_estimates(bare, tmp_path):
     """The URDF with estimates loads to the same bits and to Pinocchio's mass matrix; its other
     elements stay.
     """
-    found = estimated(BARE, 500.0, bare.parent)
+    result = estimated(BARE, 500.0, bare.parent)
     path = tmp_path / "elsewhere" / "new.urdf"
     path.parent.mkdir()
-    path.write_text(found.text)
+    path.write_text(result.text)
     model, written = estimating(bare, estimate_inertias=500.0)[0], dd.load_urdf(path)
     assert (
         model.bodies.tobytes() == written.bodies.tobytes()
@@ -316,10 +320,10 @@ def test_written_estimates(bare, tmp_path):
     for q in np.random.default_rng(0).uniform(-3, 3, (5, 2)):
         M = np.triu(pin.crba(reference, reference.createData(), q))
         close(np.triu(dd.DiagonalDynamics(model).mass_matrix(q)), M, 1e-12)
-    assert "<!-- of a catalogue -->" in found.text
+    assert "<!-- of a catalogue -->" in result.text
     for source in ("collision cylinder", "visual box + b- -ox.stl"):
-        assert f"estimated by diag_dynamics from {source} at 500 kg/m3 -->" in found.text
-    tree, before = etree.fromstring(found.text), etree.fromstring(BARE)
+        assert f"estimated by diag_dynamics from {source} at 500 kg/m3 -->" in result.text
+    tree, before = etree.fromstring(result.text), etree.fromstring(BARE)
     for link in tree.iter("link"):
         inertial = link.find("inertial")
         if inertial is not None and isinstance(inertial[0], etree._Comment):
@@ -327,13 +331,13 @@ def test_written_estimates(bare, tmp_path):
     assert [e.attrib for e in tree.iter(etree.Element)] == [
         e.attrib for e in before.iter(etree.Element)
     ]
-    again = estimated(found.text, 500.0, bare.parent)
-    assert again.estimates == () and again.text == found.text
-    for one, twice in zip(
-        found.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True
+    again = estimated(result.text, 500.0, bare.parent)
+    assert again.estimates == () and again.text == result.text
+    for entry, twice in zip(
+        result.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True
     ):
-        assert twice.mass == pytest.approx(2.0 * one.mass)
-        np.testing.assert_allclose(twice.inertia, 2.0 * one.inertia, rtol=1e-12)
+        assert twice.mass == pytest.approx(2.0 * entry.mass)
+        np.testing.assert_allclose(twice.inertia, 2.0 * entry.inertia, rtol=1e-12)
 
 
 def test_lost_meshes(tmp_path):
@@ -345,12 +349,12 @@ def test_lost_meshes(tmp_path):
     path.write_text(text)
     model, (warning,) = estimating(path, estimate_inertias=500.0)
     assert model.estimated_links == ("base", "upper") and "'lower' (mesh 'b--ox" in warning
-    found = estimated(text, 500.0, tmp_path)
-    assert [(one.link, one.source) for one in found.estimates] == [
+    result = estimated(text, 500.0, tmp_path)
+    assert [(estimate.link, estimate.source) for estimate in result.estimates] == [
         ("base", "visual box"),
         ("upper", "visual sphere"),
     ]
-    assert list(found.failed) == ["lower"]
+    assert list(result.failed) == ["lower"]
 
 
 @pytest.mark.parametrize("density", [0.0, np.inf, "1000", 1e6])

@@ -69,12 +69,12 @@ def test_joints_ranges_and_seeds(arm):
         "trials": 5,
         "duration": 10.0,
     }
-    one, same = (excite(arm, "friction", **options) for _ in range(2))
-    assert np.array_equal(one.position, same.position)
-    assert excite(arm, "friction", **(options | {"trials": 30})).condition < one.condition
-    assert (one.velocity[:, [0, 1, 5, 6]] == 0.0).all()
-    assert one.position[:, 2].min() >= -1e-12 and one.position[:, 2].max() <= 0.4 + 1e-12
-    assert np.ptp(one.position[:, 3]) > 0.1
+    entry, same = (excite(arm, "friction", **options) for _ in range(2))
+    assert np.array_equal(entry.position, same.position)
+    assert excite(arm, "friction", **(options | {"trials": 30})).condition < entry.condition
+    assert (entry.velocity[:, [0, 1, 5, 6]] == 0.0).all()
+    assert entry.position[:, 2].min() >= -1e-12 and entry.position[:, 2].max() <= 0.4 + 1e-12
+    assert np.ptp(entry.position[:, 3]) > 0.1
 
 
 PIECE = (
@@ -89,8 +89,8 @@ def two_joints(*limits, kind="revolute"):
     """Return the URDF of two joints, each with the attributes of its limit."""
     elements = [f"<limit {limit}/>" if limit else "" for limit in limits]
     pieces = [
-        PIECE.format(*one)
-        for one in zip(("upper", "lower"), (kind,) * 2, ("base", "upper"), elements, strict=True)
+        PIECE.format(*entry)
+        for entry in zip(("upper", "lower"), (kind,) * 2, ("base", "upper"), elements, strict=True)
     ]
     return f'<robot name="two"><link name="base"/>{"".join(pieces)}</robot>'
 
@@ -122,15 +122,15 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
         key = f"{which} limits of {names} are missing" if names else f"{which} limits"
         assert (key in str(error.value)) == bool(names)
     fast, there = {"*": 0.3} if velocity else None, {"*": (-0.4, 0.2)} if position else None
-    found = excite(model, trials=2, velocity=1.0, velocity_limits=fast, ranges=there)
+    result = excite(model, trials=2, velocity=1.0, velocity_limits=fast, ranges=there)
     slow, narrow = (
         np.array([name in (names or "") for name in BOTH.split(", ")])
         for names in (velocity, position)
     )
-    assert (abs(found.velocity).max(axis=0) <= np.where(slow, 0.3, 2.0) + 1e-12).all()
-    assert (found.position >= np.where(narrow, -0.4, -1.6)).all()
-    assert (found.position <= np.where(narrow, 0.2, 1.6)).all()
-    assert (np.ptp(found.position, axis=0) > 0.01).all()
+    assert (abs(result.velocity).max(axis=0) <= np.where(slow, 0.3, 2.0) + 1e-12).all()
+    assert (result.position >= np.where(narrow, -0.4, -1.6)).all()
+    assert (result.position <= np.where(narrow, 0.2, 1.6)).all()
+    assert (np.ptp(result.position, axis=0) > 0.01).all()
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ ARM = PANDA._replace(
     id="panda_arm", locked_joints={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
 )
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
-RANDOM = {one.id: one for one in robots.random_robots()}
-TEXTBOOK = {one.id: one for one in robots.textbook_robots()}
+RANDOM = {robot_id.id: robot_id for robot_id in robots.random_robots()}
+TEXTBOOK = {robot_id.id: robot_id for robot_id in robots.textbook_robots()}
 ROBOTS = (
     ARM,
     UR5,
@@ -88,7 +88,7 @@ def test_estimate_and_covariance(case, frame):
             observed = value >= 1.0
             inverse = S @ (vector[:, observed] / value[observed]) @ vector[:, observed].T @ S
             expected = inverse @ J @ np.linalg.solve(case.covariance, case.tau)
-            found = case.dyn.wrench(
+            result = case.dyn.wrench(
                 case.q,
                 link,
                 case.tau,
@@ -98,16 +98,16 @@ def test_estimate_and_covariance(case, frame):
                 max_deviation=scale,
             )
             size = np.abs(expected).max() + 1.0
-            np.testing.assert_allclose(found.wrench, expected, rtol=1e-8, atol=1e-9 * size)
+            np.testing.assert_allclose(result.wrench, expected, rtol=1e-8, atol=1e-9 * size)
             unknown = (np.abs(vector[:, ~observed]) > 1e-6).any(axis=1)
             inverse[unknown, unknown] = np.inf
             np.testing.assert_allclose(
-                found.covariance, inverse, rtol=1e-8, atol=1e-9 * (np.diag(S @ S).max() + 1)
+                result.covariance, inverse, rtol=1e-8, atol=1e-9 * (np.diag(S @ S).max() + 1)
             )
-            np.testing.assert_array_equal(found.observed, observed[::-1])
+            np.testing.assert_array_equal(result.observed, observed[::-1])
             unexplained = case.tau - J.T @ expected
             chi_square = unexplained @ np.linalg.solve(case.covariance, unexplained)
-            assert found.chi_square == pytest.approx(chi_square, rel=1e-8, abs=1e-9)
+            assert result.chi_square == pytest.approx(chi_square, rel=1e-8, abs=1e-9)
 
 
 def test_directions(case):
@@ -119,18 +119,18 @@ def test_directions(case):
         B = case.information(case.J(link), scale)
         value, vector = np.linalg.eigh(B)
         value, vector = value[::-1], vector[:, ::-1]
-        found = case.dyn.wrench(case.q, link, case.tau, case.covariance, max_deviation=scale)
-        U = found.directions / np.repeat(scale, 3)
+        result = case.dyn.wrench(case.q, link, case.tau, case.covariance, max_deviation=scale)
+        U = result.directions / np.repeat(scale, 3)
         np.testing.assert_allclose(U @ U.T, np.eye(6), atol=1e-12)
         size = max(value[0], 1.0)
         np.testing.assert_allclose(U @ B @ U.T, np.diag(value), atol=1e-11 * size)
-        assert all(a <= b * (1 + 1e-9) for a, b in itertools.pairwise(found.deviation))
+        assert all(a <= b * (1 + 1e-9) for a, b in itertools.pairwise(result.deviation))
         known = value > 1e-9 * size
-        np.testing.assert_allclose(found.deviation[known], value[known] ** -0.5, rtol=1e-6)
-        assert (found.deviation[~known] > 1e4 / np.sqrt(size)).all()
-        hidden, expected = U[~found.observed], vector[:, value < 1.0]
+        np.testing.assert_allclose(result.deviation[known], value[known] ** -0.5, rtol=1e-6)
+        assert (result.deviation[~known] > 1e4 / np.sqrt(size)).all()
+        hidden, expected = U[~result.observed], vector[:, value < 1.0]
         np.testing.assert_allclose(hidden.T @ hidden, expected @ expected.T, atol=1e-9 * size)
-        np.testing.assert_allclose(hidden @ (found.wrench / np.repeat(scale, 3)), 0.0, atol=1e-9)
+        np.testing.assert_allclose(hidden @ (result.wrench / np.repeat(scale, 3)), 0.0, atol=1e-9)
 
 
 def test_force_alone(case):
@@ -141,17 +141,17 @@ def test_force_alone(case):
         J = case.J(link, POINT)[:3]
         tau = J.T @ case.push[:3] + 0.1 * case.tau
         A = J @ np.linalg.solve(case.covariance, J.T)
-        found = case.dyn.wrench(
+        result = case.dyn.wrench(
             case.q, link, tau, case.covariance, point=POINT, force_only=True, max_deviation=WIDE
         )
-        np.testing.assert_array_equal(found.wrench[3:], 0.0)
-        assert not found.observed[3:].any() and found.observed.sum() == np.linalg.matrix_rank(
+        np.testing.assert_array_equal(result.wrench[3:], 0.0)
+        assert not result.observed[3:].any() and result.observed.sum() == np.linalg.matrix_rank(
             J, 1e-9
         )
-        assert not found.covariance[3:].any() and not found.covariance[:, 3:].any()
+        assert not result.covariance[3:].any() and not result.covariance[:, 3:].any()
         inverse = np.linalg.pinv(A, rcond=1e-12, hermitian=True)
         np.testing.assert_allclose(
-            J.T @ found.wrench[:3],
+            J.T @ result.wrench[:3],
             J.T @ inverse @ J @ np.linalg.solve(case.covariance, tau),
             rtol=1e-6,
             atol=1e-7,
@@ -165,11 +165,11 @@ def test_without_covariance(robot):
     link = case.links[-1]
     J = case.J(link)
     for deviation in ((10.0, 1.0), (1e-3, 1e-3)):
-        found = case.dyn.wrench(case.q, link, case.tau, max_deviation=deviation)
+        result = case.dyn.wrench(case.q, link, case.tau, max_deviation=deviation)
         expected = np.linalg.lstsq(J.T, case.tau, rcond=None)[0]
-        np.testing.assert_allclose(found.wrench, expected, rtol=1e-9)
-        np.testing.assert_allclose(found.covariance, np.linalg.inv(J @ J.T), rtol=1e-8)
-        assert found.observed.all()
+        np.testing.assert_allclose(result.wrench, expected, rtol=1e-9)
+        np.testing.assert_allclose(result.covariance, np.linalg.inv(J @ J.T), rtol=1e-8)
+        assert result.observed.all()
 
 
 def test_batch_has_the_same_bits():
@@ -184,8 +184,8 @@ def test_batch_has_the_same_bits():
         many = case.dyn.wrench(Q, "panda_hand", TAU, case.covariance, threads=threads, **options)
         assert many.wrench.shape == (600, 6) and many.chi_square.shape == (600,)
         for t in range(0, 600, 37):
-            one = case.dyn.wrench(Q[t], "panda_hand", TAU[t], case.covariance, **options)
-            for a, b in zip(one, many, strict=True):
+            single = case.dyn.wrench(Q[t], "panda_hand", TAU[t], case.covariance, **options)
+            for a, b in zip(single, many, strict=True):
                 np.testing.assert_array_equal(a, b[t])
     assert not any(array.flags.writeable for array in many)
     with pytest.raises(
@@ -257,7 +257,7 @@ def candidates(model, oracle):
     """
     full = getattr(oracle, "full", oracle)
     frames = [f for f in full.model.frames if f.type == pin.FrameType.BODY]
-    found = {}
+    result = {}
     for joint in range(1, full.model.njoints):
         own = [f for f in frames if f.parentJoint == joint]
         link = min(own, key=lambda f: model.link_names.index(f.name))
@@ -270,8 +270,8 @@ def candidates(model, oracle):
         body = full.model.inertias[joint]
         points += [body.lever] if body.mass else []
         points = np.array([link.placement.actInv(p) for p in points])
-        found[link.name] = points.min(axis=0) - 0.05, points.max(axis=0) + 0.05
-    return {name: found[name] for name in model.link_names if name in found}
+        result[link.name] = points.min(axis=0) - 0.05, points.max(axis=0) + 0.05
+    return {name: result[name] for name in model.link_names if name in result}
 
 
 def posterior(case, tau, forces):
@@ -306,20 +306,20 @@ def test_probability_of_each_link(case):
             tau = case.J(link, POINT)[:3].T @ (10.0 * rng.normal(size=3)) + L @ rng.normal(
                 size=case.model.nv
             )
-            found = case.dyn.touched_link(
+            result = case.dyn.touched_link(
                 case.q, tau, case.covariance, significance=0.0, forces=forces
             )
             links, p = posterior(case, tau, forces)
-            assert found.chi_square == pytest.approx(
+            assert result.chi_square == pytest.approx(
                 tau @ np.linalg.solve(case.covariance, tau), rel=1e-9
             )
-            if not found.link:
+            if not result.link:
                 continue
-            assert sorted(found.links) == sorted(links)
-            own = [found.links.index(name) for name in links]
-            np.testing.assert_allclose(found.probability[own], p, rtol=1e-6, atol=1e-9)
-            assert found.confidence == found.probability.max()
-            assert found.link == found.links[found.probability.argmax()]
+            assert sorted(result.links) == sorted(links)
+            own = [result.links.index(name) for name in links]
+            np.testing.assert_allclose(result.probability[own], p, rtol=1e-6, atol=1e-9)
+            assert result.confidence == result.probability.max()
+            assert result.link == result.links[result.probability.argmax()]
 
 
 @pytest.mark.parametrize("near_origin", [False, True], ids=["along the link", "near its origin"])
@@ -360,20 +360,20 @@ def test_noise_alone_touches_no_link():
     case, rng, count = Case(ARM), np.random.default_rng(8), 40_000
     noise = rng.normal(size=(count, 7)) @ np.linalg.cholesky(case.covariance).T
     Q = np.tile(case.q, (count, 1))
-    found = case.dyn.touched_link(Q, noise, case.covariance)
-    assert found.chi_square.mean() == pytest.approx(7.0, rel=0.02)
-    share = (found.link != "").mean()
+    result = case.dyn.touched_link(Q, noise, case.covariance)
+    assert result.chi_square.mean() == pytest.approx(7.0, rel=0.02)
+    share = (result.link != "").mean()
     assert 0.0008 < share < 0.0019  # the tail beyond 3 σ is 0.00135
-    np.testing.assert_allclose(found.probability.sum(axis=1), found.link != "", rtol=1e-14)
-    np.testing.assert_array_equal(found.confidence == 0.0, found.link == "")
-    for t in (0, 17, int(np.argmax(found.chi_square))):
-        one = case.dyn.touched_link(Q[t], noise[t], case.covariance)
-        assert (one.link, one.confidence, one.chi_square) == (
-            found.link[t],
-            found.confidence[t],
-            found.chi_square[t],
+    np.testing.assert_allclose(result.probability.sum(axis=1), result.link != "", rtol=1e-14)
+    np.testing.assert_array_equal(result.confidence == 0.0, result.link == "")
+    for t in (0, 17, int(np.argmax(result.chi_square))):
+        single = case.dyn.touched_link(Q[t], noise[t], case.covariance)
+        assert (single.link, single.confidence, single.chi_square) == (
+            result.link[t],
+            result.confidence[t],
+            result.chi_square[t],
         )
-        np.testing.assert_array_equal(one.probability, found.probability[t])
+        np.testing.assert_array_equal(single.probability, result.probability[t])
 
 
 # --- Simulated contacts, against KDL's estimator

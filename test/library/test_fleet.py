@@ -91,11 +91,11 @@ def scheduler():
 @pytest.fixture(scope="module")
 def expected(archive, tmp_path_factory):
     """Summaries of recordings that are analysed by themselves, by path."""
-    out, found = tmp_path_factory.mktemp("expected") / "summary.json", {}
+    out, result = tmp_path_factory.mktemp("expected") / "summary.json", {}
     for path in (str(archive / name) for name in GOOD):
         assert main(["analyse", path, "--json", str(out), "--quiet"]) in (0, 1)
-        found[path] = json.loads(out.read_text(encoding="utf-8"))
-    return found
+        result[path] = json.loads(out.read_text(encoding="utf-8"))
+    return result
 
 
 def summaries_of(out):

@@ -70,7 +70,7 @@ def with_rotors(urdf, names):
     robot = ET.fromstring(urdf)
     for name in names:
         rotor = copy.deepcopy(
-            next(one for one in robot.findall("joint") if one.get("name") == name)
+            next(entry for entry in robot.findall("joint") if entry.get("name") == name)
         )
         rotor.set("name", f"{name}_rotor")
         rotor.find("child").set("link", f"{name}_rotor")
@@ -117,8 +117,8 @@ def test_terms_against_pinocchio(panda, seed):
     assert_close(e.gravity, np.linalg.solve(m, oracle.gravity_torque(q_all)), 1e-12)
     own = [FLEXIBLE[name] for name in NAMES]
     torque = [
-        one["stiffness"] * (theta[i] - q[at[i]]) + one["damping"] * (thetad[i] - qd[at[i]])
-        for i, one in enumerate(own)
+        entry["stiffness"] * (theta[i] - q[at[i]]) + entry["damping"] * (thetad[i] - qd[at[i]])
+        for i, entry in enumerate(own)
     ]
     effort = np.append(tau, tau[at] - torque)
     effort[at] = torque
@@ -169,9 +169,9 @@ def test_frequencies_against_a_dense_eigenproblem(panda, held):
     )
     n = nv if held else nv + nf
     wanted = scipy.linalg.eigh(k[:n, :n], M[:n, :n], eigvals_only=True)
-    found = panda.squared_frequencies(q, motors_held=held)
-    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * wanted[-1])
-    assert found.shape == (n,) and (np.diff(found) >= 0).all() and (found > 0).sum() == nf
+    result = panda.squared_frequencies(q, motors_held=held)
+    np.testing.assert_allclose(result, wanted, rtol=1e-12, atol=1e-12 * wanted[-1])
+    assert result.shape == (n,) and (np.diff(result) >= 0).all() and (result > 0).sum() == nf
 
 
 # --- simulation
@@ -263,9 +263,9 @@ def test_copies_models_and_resets(panda):
     sim.advance(tau, steps=3)
     assert norm(sim.qd) < 1e-9
     twin = copy.copy(sim)
-    for one in (sim, twin):
-        one.change_model(panda.model.with_payload("panda_hand", 2.0))
-        one.advance(tau, steps=20)
+    for entry in (sim, twin):
+        entry.change_model(panda.model.with_payload("panda_hand", 2.0))
+        entry.advance(tau, steps=20)
     assert np.array_equal(sim.theta, twin.theta) and norm(sim.qd) > 1e-3
     assert abs(sim.audit.residual) < 1e-4
     e = dd.FlexibleDynamics(sim.model).evaluate(sim.q, sim.theta, sim.qd, sim.thetad, tau)
@@ -295,9 +295,9 @@ def test_simulated_joint_states(motion):
         ("motor", "spring"),
     ]
     own = {
-        name: one
+        name: entry
         | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
-        for (name, one), (position, effort) in zip(FLEXIBLE.items(), kinds, strict=True)
+        for (name, entry), (position, effort) in zip(FLEXIBLE.items(), kinds, strict=True)
     }
     robot = plant(own, motion=motion, rate=1000.0)
     if motion == "free":

@@ -210,9 +210,9 @@ def test_one_mode_held(arm):
     q = arm.random(4)
     k = arm.dof_names.index("a/y1")
     part = arm.with_locked_joints({"a/y1": q[k]})
-    one, other = (dd.DiagonalDynamics(model) for model in (part, arm))
+    entry, other = (dd.DiagonalDynamics(model) for model in (part, arm))
     M = np.delete(np.delete(other.mass_matrix(q), k, 0), k, 1)
-    assert np.abs(one.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
+    assert np.abs(entry.mass_matrix(np.delete(q, k)) - M).max() < 1e-13 * np.abs(M).max()
 
 
 def test_nodes():
@@ -301,19 +301,19 @@ def test_frequencies(payload):
     exact = roots(characteristic, 2) ** 2 * UNIT
     for k, factor in ((0, 1.0), (4, np.sqrt(2.0))):
         own = slice(k, k + 4)
-        found = np.sqrt(eigh(np.diag(link.frequencies[own] ** 2), M[own, own], eigvals_only=True))
-        assert abs(found[0] / (factor * exact[0]) - 1.0) < 1e-5
-        assert abs(found[1] / (factor * exact[1]) - 1.0) < 1e-2
+        result = np.sqrt(eigh(np.diag(link.frequencies[own] ** 2), M[own, own], eigvals_only=True))
+        assert abs(result[0] / (factor * exact[0]) - 1.0) < 1e-5
+        assert abs(result[1] / (factor * exact[1]) - 1.0) < 1e-2
     assert link.frequencies[0] != pytest.approx(link.frequencies[4], rel=0.1)
 
 
 def test_torsion():
     """Frequencies of torsion of a clamped beam, (k − ½)π √(GJ/I_p L)."""
     model = beam([0, 0, 4])
-    found = model.flexible_links["beam"].frequencies
+    result = model.flexible_links["beam"].frequencies
     exact = (np.arange(2) + 0.5) * np.pi * np.sqrt(7.0 / 1e-3 / LENGTH)
-    assert abs(found[0] / exact[0] - 1.0) < 1e-6
-    assert abs(found[1] / exact[1] - 1.0) < 1e-2
+    assert abs(result[0] / exact[0] - 1.0) < 1e-6
+    assert abs(result[1] / exact[1] - 1.0) < 1e-2
 
 
 @pytest.mark.parametrize("payload", [0.0, 0.4])
@@ -355,16 +355,16 @@ def test_large_bending():
     def shape(x, k):  # the first mode from a beam's powers, by its values at the sections
         return np.polyval(np.polyder(curve, k), x)
 
-    at = [one.at[0] for one in (*link.sections, tip)]
-    values = [one.shape[1, 0] for one in (*link.sections, tip)]
+    at = [entry.at[0] for entry in (*link.sections, tip)]
+    values = [entry.shape[1, 0] for entry in (*link.sections, tip)]
     powers = np.linalg.lstsq(np.power.outer(at, np.arange(2, 5)), values, rcond=None)[0]
     curve = np.array([*powers[::-1], 0.0, 0.0]) * eta[0]
     exact = quad(lambda x: 0.5 * EI * shape(x, 2) ** 2 / (1.0 - shape(x, 1) ** 2), 0.0, LENGTH)[0]
     linear = 0.5 * (link.frequencies[0] * eta[0]) ** 2
     assert abs(strain_energy(link, eta) - exact) < 2e-4 * (exact - linear)
     eta, step = np.array([0.02, 0.01, 0.003, -0.02, 0.01, 0.001]), 1e-5
-    for k, one in enumerate(np.eye(6)):
-        values = [strain_energy(link, eta + x * step * one) for x in (-2, -1, 1, 2)]
+    for k, entry in enumerate(np.eye(6)):
+        values = [strain_energy(link, eta + x * step * entry) for x in (-2, -1, 1, 2)]
         slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
         assert (
             abs(link.effort(eta, np.zeros(6))[k] + slope)

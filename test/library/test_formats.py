@@ -547,7 +547,7 @@ def test_omitted_forces(mujoco, case):
     with pytest.warns(dd.ModelWarning) as warned:
         model = dd.load_mjcf(text)
     assert list(model.omitted) == omitted and len(warned) == 1
-    assert all(one in str(warned[0].message) for one in omitted)
+    assert all(entry in str(warned[0].message) for entry in omitted)
     assert model.with_gravity([0, 0, -1]).with_payload("tool", 0.1).omitted == model.omitted
     compare(mujoco, text, omits=True)
 
@@ -738,7 +738,7 @@ def largest_effort(mujoco, text):
     """Return MuJoCo's largest effort at `turn`, at states and controls of either sign far beyond
     any range.
     """
-    m, found = mujoco.MjModel.from_xml_string(text), 0.0
+    m, result = mujoco.MjModel.from_xml_string(text), 0.0
     j = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, "turn")
     for value in (-1e9, 1e9):
         d = mujoco.MjData(m)
@@ -747,8 +747,8 @@ def largest_effort(mujoco, text):
         mujoco.mj_fwdPosition(m, d)
         mujoco.mj_fwdVelocity(m, d)
         mujoco.mj_fwdActuation(m, d)
-        found = max(found, abs(d.qfrc_actuator[m.jnt_dofadr[j]]))
-    return found
+        result = max(result, abs(d.qfrc_actuator[m.jnt_dofadr[j]]))
+    return result
 
 
 def effort_limit(text):
@@ -764,9 +764,9 @@ def test_effort_limits(mujoco, case):
     text = changed(
         '<joint name="turn"', f'<joint name="turn" {of_joint}', with_actuators(actuators)
     )
-    found = largest_effort(mujoco, text)
+    result = largest_effort(mujoco, text)
     assert effort_limit(text) == limit
-    assert found == pytest.approx(limit) if np.isfinite(limit) else found > 1e8
+    assert result == pytest.approx(limit) if np.isfinite(limit) else result > 1e8
 
 
 def test_recording_of_an_mjcf(mujoco, tmp_path):
@@ -841,7 +841,9 @@ GIVEN = dd.Parameters(
 def test_written_numbers():
     """Our reader and Pinocchio find them; armature and offsets have no place in a URDF."""
     text = urdf_with(PANDA.read_text(), GIVEN)
-    beside = {name: one._replace(damping=None, friction=None) for name, one in GIVEN.joints.items()}
+    beside = {
+        name: entry._replace(damping=None, friction=None) for name, entry in GIVEN.joints.items()
+    }
     written = dd.load_urdf(text, parameters=dd.Parameters(joints=beside))
     expected = dd.load_urdf(PANDA, parameters=GIVEN)
     np.testing.assert_array_equal(written.damping, expected.damping)

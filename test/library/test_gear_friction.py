@@ -57,9 +57,11 @@ def test_friction_is_that_of_its_equation(v0, tmp_path):
     many = dyn.evaluate(Q, QD, TAU, friction=True)
     for k in range(len(Q)):
         np.testing.assert_allclose(dyn.friction_torque(QD[k], Q[k]), expected[k], atol=1e-10)
-        one = dyn.evaluate(Q[k], QD[k], TAU[k], friction=True)
-        np.testing.assert_allclose(one.friction, dyn.epsilon_from_tau(Q[k], expected[k]), atol=1e-9)
-        np.testing.assert_allclose(many.friction[k], one.friction, atol=1e-10)
+        single = dyn.evaluate(Q[k], QD[k], TAU[k], friction=True)
+        np.testing.assert_allclose(
+            single.friction, dyn.epsilon_from_tau(Q[k], expected[k]), atol=1e-9
+        )
+        np.testing.assert_allclose(many.friction[k], single.friction, atol=1e-10)
     with pytest.raises(dd.InputError, match="q is missing"):
         dyn.friction_torque(QD)
 

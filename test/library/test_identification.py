@@ -94,29 +94,29 @@ def test_inertias_and_friction_predict_another_motion_exactly(panda):
     model, oracle = panda
     start = model.perturbed(0.35, 3)
     assert residual(start, model, oracle, seed=78)[0] > 4.0
-    found = dd.identify(
+    result = dd.identify(
         recording(start, oracle, 2, shortened(20.0, 6.0), rate=1000.0), start, WITH_ALL
     )
-    assert {"friction", "inertias"} <= set(found.quality["taken"])
-    assert max(residual(found.model, model, oracle, seed=78)) < 1e-3
-    refuse_unphysical(found.model)
-    assert any("not observable" in text for text in found.quality["warnings"])
+    assert {"friction", "inertias"} <= set(result.quality["taken"])
+    assert max(residual(result.model, model, oracle, seed=78)) < 1e-3
+    refuse_unphysical(result.model)
+    assert any("not observable" in text for text in result.quality["warnings"])
 
 
 def test_rotors_and_friction_are_recovered(panda):
     model, oracle = panda
-    found = dd.identify(
+    result = dd.identify(
         recording(model, oracle, 4, shortened(20.0, 6.0), 1000.0, rotors=ROTORS), model
     )
-    assert found.quality["taken"] == ["friction", "rotors"]
+    assert result.quality["taken"] == ["friction", "rotors"]
     for key, truth in (
         ("armature", ROTORS),
         ("damping", DAMPING),
         ("friction", FRICTION),
         ("effort_offset", OFFSET),
     ):
-        np.testing.assert_allclose(getattr(found.model, key), truth, atol=1e-3)
-    assert any("kinetic energy is" in text for text in found.quality["warnings"])
+        np.testing.assert_allclose(getattr(result.model, key), truth, atol=1e-3)
+    assert any("kinetic energy is" in text for text in result.quality["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -131,18 +131,18 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
         name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)
     }
     known = model.with_parameters({"joints": joints})
-    found = dd.identify(
+    result = dd.identify(
         recording(known, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), known, what
     )
-    np.testing.assert_allclose(found.model.armature, felt * ROTORS, atol=2e-3)
-    np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.03)
+    np.testing.assert_allclose(result.model.armature, felt * ROTORS, atol=2e-3)
+    np.testing.assert_allclose(result.model.friction, FRICTION, atol=0.03)
     left_out = [
         text
-        for text in found.quality["warnings"]
+        for text in result.quality["warnings"]
         if "rotor inertias of the model are omitted" in text
     ]
     assert len(left_out) == (felt == 0.0)
-    quality = found.quality
+    quality = result.quality
     assert felt or (
         "rotors" not in quality["kept"]
         and not any("rotors" in rung["steps"] for rung in quality["ladder"])
@@ -154,22 +154,24 @@ def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
     does.
     """
     model, oracle = panda
-    found = dd.identify(
+    result = dd.identify(
         recording(model, oracle, 4, shortened(20.0, 16.0), noise=1.0, rotors=3.0),
         model,
         ("friction", "rotors"),
     )
-    steps = [(rung["steps"], rung["taken"]) for rung in found.quality["ladder"]]
+    steps = [(rung["steps"], rung["taken"]) for rung in result.quality["ladder"]]
     assert steps == [
         ([], True),
         (["friction"], False),
         (["rotors"], True),
         (["friction", "rotors"], True),
     ]
-    deviations = np.array([joint["armature"] for joint in found.quality["deviations"].values()])
-    assert (np.abs(found.model.armature - 3.0) < 2.0 * deviations).all() and deviations.max() < 0.06
-    np.testing.assert_allclose(found.model.friction, FRICTION, atol=0.05)
-    assert not any("the model's values are kept" in text for text in found.quality["warnings"])
+    deviations = np.array([joint["armature"] for joint in result.quality["deviations"].values()])
+    assert (
+        np.abs(result.model.armature - 3.0) < 2.0 * deviations
+    ).all() and deviations.max() < 0.06
+    np.testing.assert_allclose(result.model.friction, FRICTION, atol=0.05)
+    assert not any("the model's values are kept" in text for text in result.quality["warnings"])
 
 
 LOAD = 1.2, np.array([0.03, -0.02, 0.12]), np.diag([0.004, 0.005, 0.003])
@@ -204,19 +206,19 @@ def test_payload(panda, known, seed):
         if known
         else recording(start, oracle, 100 + seed, 20.0, noise=1.0, resist=np.zeros_like)
     )
-    found = dd.identify(data, start, "payload:panda_hand", reference=reference)
-    told, (mass, centre, _) = found.quality["payload"], LOAD
+    result = dd.identify(data, start, "payload:panda_hand", reference=reference)
+    told, (mass, centre, _) = result.quality["payload"], LOAD
     assert told["mass"] == pytest.approx(mass, rel=6e-3)
     np.testing.assert_allclose(told["com"], centre, atol=3e-3)
     assert abs(told["mass"] - mass) < 2.0 * told["mass_deviation"]
     assert told["mass_deviation"] > 0.05 * mass / np.sqrt(7.0)
     assert (np.abs(told["com"] - centre) < 4.0 * np.array(told["com_deviation"])).all()
     assert re.search("error of 20 to 50 %|not observable", told["inertia_known"])
-    assert found.parameters.payloads["panda_hand"].mass == told["mass"]
-    assert not found.parameters.links and not found.parameters.joints
-    assert found.model.total_mass == pytest.approx(start.total_mass + told["mass"])
+    assert result.parameters.payloads["panda_hand"].mass == told["mass"]
+    assert not result.parameters.links and not result.parameters.joints
+    assert result.model.total_mass == pytest.approx(start.total_mass + told["mass"])
     assert (
-        any("assume a correct model of the robot" in text for text in found.quality["warnings"])
+        any("assume a correct model of the robot" in text for text in result.quality["warnings"])
         == known
     )
 
@@ -248,8 +250,8 @@ def test_a_centre_beyond_the_reach_of_the_arm_is_named(panda):
     )
     for arm, named in ((loaded(oracle), False), (light, True)):
         tau = efforts(arm, q, qd, qdd)
-        found = dd.identify(recorded(model, t, q, qd, tau), model, "payload:panda_hand")
-        assert any("beyond the arm's reach" in text for text in found.quality["warnings"]) == named
+        result = dd.identify(recorded(model, t, q, qd, tau), model, "payload:panda_hand")
+        assert any("beyond the arm's reach" in text for text in result.quality["warnings"]) == named
 
 
 def test_recordings_of_different_payloads_are_named(panda):
@@ -261,8 +263,8 @@ def test_recordings_of_different_payloads_are_named(panda):
     )
     without = recording(model, oracle, 2, 10.0, 100.0, 1.0, resist=np.zeros_like)
     for data, named in (([same, other], False), ([same, without], True)):
-        found = dd.identify(data, model, "payload:panda_hand")
-        text = " ".join(found.quality["warnings"])
+        result = dd.identify(data, model, "payload:panda_hand")
+        text = " ".join(result.quality["warnings"])
         assert ("have different payloads: recordings[1]" in text) == named
 
 
@@ -274,14 +276,14 @@ def test_a_negative_payload(panda):
     bare = without_hand(PANDA)
     missing = model.total_mass - dd.load_urdf(bare, locked_joints=HELD).total_mass
     oracle = Oracle(bare, model.dof_names, locked_joints=HELD)
-    found = dd.identify(
+    result = dd.identify(
         recording(model, oracle, 5, noise=1.0, resist=np.zeros_like), model, "payload:panda_link7"
     )
-    assert missing > 0.5 and found.quality["payload"]["mass"] == pytest.approx(-missing, abs=0.02)
-    refuse_unphysical(found.model)
-    assert found.parameters.origin["locked_joints"] == HELD
+    assert missing > 0.5 and result.quality["payload"]["mass"] == pytest.approx(-missing, abs=0.02)
+    refuse_unphysical(result.model)
+    assert result.parameters.origin["locked_joints"] == HELD
     with pytest.raises(dd.InputError, match=r"'panda_link7' is -0\.7\d* kg, which leaves -0"):
-        require_masses(found.model, found.parameters.payloads)
+        require_masses(result.model, result.parameters.payloads)
 
 
 @pytest.fixture(scope="module")
@@ -334,10 +336,10 @@ def test_a_joint_that_does_not_move_keeps_its_friction(panda):
     t, q, qd, qdd = motion(model, 6, 20.0, 250.0)
     q[:, 4], qd[:, 4], qdd[:, 4] = q[0, 4], 0.0, 0.0
     tau = efforts(oracle, q, qd, qdd) + friction(qd)
-    found = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
-    assert found.quality["velocity_delay"] == [0.0]
-    assert "panda_joint5" not in found.parameters.joints and len(found.parameters.joints) == 6
-    assert any("'panda_joint5' moves 0 s forward" in text for text in found.quality["findings"])
+    result = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
+    assert result.quality["velocity_delay"] == [0.0]
+    assert "panda_joint5" not in result.parameters.joints and len(result.parameters.joints) == 6
+    assert any("'panda_joint5' moves 0 s forward" in text for text in result.quality["findings"])
     with pytest.raises(dd.InputError, match=r"^recordings\[0\]: no joint moves enough"):
         dd.identify(
             recorded(model, t, np.tile(q[:1], (len(t), 1)), 0.0 * qd, tau), model, "friction"
@@ -349,15 +351,16 @@ def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(
     model, _ = panda
     tau = noisy.tau.copy()
     tau[:, 6] += np.linspace(-1.0, 1.0, len(tau)) - friction(noisy.qd)[:, 6]
-    found = dd.identify(changed(model, noisy, tau=tau), model, "friction")
-    ((joint, (without, own)),) = found.quality["kept"]["friction"].items()
+    result = dd.identify(changed(model, noisy, tau=tau), model, "friction")
+    ((joint, (without, own)),) = result.quality["kept"]["friction"].items()
     assert joint == "panda_joint7" and own > 0.97 * without
-    assert set(found.parameters.joints) == set(model.dof_names[:6])
-    assert found.model.friction[6] == found.model.effort_offset[6] == 0.0
-    before, after = found.quality["row_residual"]["panda_joint7"]
+    assert set(result.parameters.joints) == set(model.dof_names[:6])
+    assert result.model.friction[6] == result.model.effort_offset[6] == 0.0
+    before, after = result.quality["row_residual"]["panda_joint7"]
     assert after == pytest.approx(before)
     assert any(
-        "friction of panda_joint7: the model's values" in text for text in found.quality["warnings"]
+        "friction of panda_joint7: the model's values" in text
+        for text in result.quality["warnings"]
     )
 
 
@@ -408,9 +411,9 @@ def test_a_part_whose_fit_does_not_converge_is_left_out(panda, noisy, monkeypatc
         return fit_rows(layout, rows, free, *others)
 
     monkeypatch.setattr("diag_dynamics.identification.selection.fit_rows", fit)
-    found = dd.identify(noisy, panda[0], ("friction", part))
-    assert found.quality["taken"] == ["friction"]
-    assert any(f"Leave {part} out of what" in text for text in found.quality["warnings"])
+    result = dd.identify(noisy, panda[0], ("friction", part))
+    assert result.quality["taken"] == ["friction"]
+    assert any(f"Leave {part} out of what" in text for text in result.quality["warnings"])
     if part != "rotors":
         with pytest.raises(ConvergenceError, match=f"Leave {part} out of what"):
             dd.identify(noisy, panda[0], part)
@@ -427,11 +430,11 @@ def eventful(panda):
     fine = np.arange(0.0, 44.9, 1e-3)
     rng = np.random.default_rng(31)
     q, qd, tau = (
-        np.column_stack([np.interp(fine, t, one) for one in column.T]) for column in columns
+        np.column_stack([np.interp(fine, t, entry) for entry in column.T]) for column in columns
     )
-    qd = np.column_stack([np.interp(fine - 0.012, fine, one) for one in qd.T]) + 1e-2 * rng.normal(
-        size=qd.shape
-    )
+    qd = np.column_stack(
+        [np.interp(fine - 0.012, fine, entry) for entry in qd.T]
+    ) + 1e-2 * rng.normal(size=qd.shape)
     tau = tau + NOISE * rng.normal(size=qd.shape)
     tau[9000:9003] = np.nan
     fine[500] = fine[499]
@@ -484,15 +487,15 @@ def test_held_out_part_of_delayed_velocities(panda):
 def test_a_file_gives_the_same_model(panda, noisy, tmp_path):
     model, _ = panda
     start = model.perturbed(0.2, 9)
-    found = dd.identify(changed(start, noisy), start, ("friction", "inertias"))
-    assert json.loads(json.dumps(found.quality)) == found.quality
-    found.save(tmp_path / "arm.yaml")
+    result = dd.identify(changed(start, noisy), start, ("friction", "inertias"))
+    assert json.loads(json.dumps(result.quality)) == result.quality
+    result.save(tmp_path / "arm.yaml")
     again = start.with_parameters(tmp_path / "arm.yaml")
     for name in ("damping", "friction", "effort_offset", "armature"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(found.model, name))
-    np.testing.assert_array_equal(again.bodies, found.model.bodies)
+        np.testing.assert_array_equal(getattr(again, name), getattr(result.model, name))
+    np.testing.assert_array_equal(again.bodies, result.model.bodies)
     origin = dd.Parameters.load(tmp_path / "arm.yaml").origin
     assert origin["method"].endswith("friction, inertias") and origin["recordings"][0][
         "states"
     ] == len(noisy)
-    assert set(found.quality["torque_rms"]) == set(model.dof_names)
+    assert set(result.quality["torque_rms"]) == set(model.dof_names)

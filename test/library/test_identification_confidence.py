@@ -80,8 +80,10 @@ def require_hidden(described):
     """Fail unless the data do not show the inertia about the first axis, but most other base
     parameters.
     """
-    names = [one["name"] for one in described["parameters"]]
-    hidden = [one["name"] for one in described["parameters"] if one["from_data"] is None]
+    names = [parameter["name"] for parameter in described["parameters"]]
+    hidden = [
+        parameter["name"] for parameter in described["parameters"] if parameter["from_data"] is None
+    ]
     about_axis = [name for name in names if "Izz(shoulder_link)" in name]
     assert about_axis and set(about_axis) <= set(hidden) and len(hidden) < 0.5 * len(names)
 
@@ -106,19 +108,19 @@ def test_intervals_contain_the_parameters(arm, seeds):
     """Load and root friction, late velocities, no efforts of the last joint. Joints without a
     rejected step.
     """
-    found = [
+    result = [
         dd.identify(recording(arm, seed, missing=[5]), arm[0], ("friction", "rotors", "gears"))
         for seed in seeds
     ]
     own = []
-    for one in found:
-        require_hidden(one.quality["base_parameters"])  # beside an unknown rotor of that joint
-        assert one.quality["taken"] == ["friction", "rotors", "gears"]
-        assert one.quality["velocity_delay"][0] == pytest.approx(DELAY, abs=1e-3)
-        assert "wrist_3_joint" not in one.quality["deviations"]
-        for name in one.quality["kept"].get("gears", ()):  # its friction has another meaning
-            del one.quality["deviations"][name]
-        own += errors(one)
+    for entry in result:
+        require_hidden(entry.quality["base_parameters"])  # beside an unknown rotor of that joint
+        assert entry.quality["taken"] == ["friction", "rotors", "gears"]
+        assert entry.quality["velocity_delay"][0] == pytest.approx(DELAY, abs=1e-3)
+        assert "wrist_3_joint" not in entry.quality["deviations"]
+        for name in entry.quality["kept"].get("gears", ()):  # its friction has another meaning
+            del entry.quality["deviations"][name]
+        own += errors(entry)
     require_coverage(own, 20 * len(seeds), 0.9, 5.0)
 
 
@@ -128,9 +130,9 @@ def test_intervals_of_gains_and_of_what_depends_on_them(arm):
     own = []
     for seed in range(1, 6):
         data = recording(arm, seed, missing=[5], gains=GAINS)
-        found = dd.identify(data, arm[0], ("gains", "friction", "rotors", "gears"))
-        pairs = zip(found.quality["effort_gain"].values(), GAINS, strict=True)
-        own += errors(found) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
+        result = dd.identify(data, arm[0], ("gains", "friction", "rotors", "gears"))
+        pairs = zip(result.quality["effort_gain"].values(), GAINS, strict=True)
+        own += errors(result) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
     require_coverage(own, 50, 0.85, 6.0)
 
 
@@ -204,15 +206,15 @@ def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
     q, qd, qdd = fourier(rng, t, np.full(6, -2.0), np.full(6, 2.0))
     q[:, 0], qd[:, 0], qdd[:, 0] = 0.3, 0.0, 0.0
     tau = efforts(oracle, q, qd, qdd) + 2.0 * np.tanh(qd / V0) + 0.1 * rng.normal(size=q.shape)
-    found = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
-    assert found.quality["taken"] == ["friction"]
-    described = found.quality["base_parameters"]
+    result = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
+    assert result.quality["taken"] == ["friction"]
+    described = result.quality["base_parameters"]
     require_hidden(described)
-    curves = found.curves
+    curves = result.curves
     for k, error in enumerate(
         (curves.error_before, curves.error_after)
     ):  # of so few states, none is left out
-        rms = [pair[k] for pair in found.quality["torque_rms"].values()]
+        rms = [pair[k] for pair in result.quality["torque_rms"].values()]
         np.testing.assert_allclose(np.sqrt(np.nanmean(error**2, axis=0)), rms, rtol=1e-9)
         np.testing.assert_allclose(
             curves.measured - (curves.before, curves.after)[k], error, atol=1e-9
@@ -221,7 +223,7 @@ def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
         np.abs(tau[:, 1]).max(), rel=0.02
     )
     whole = dd.identify(recording(arm, 0, 8.0), model, "friction").quality["base_parameters"]
-    assert all(one["from_data"] for one in whole["parameters"])
+    assert all(parameter["from_data"] for parameter in whole["parameters"])
 
 
 @pytest.mark.full
@@ -231,8 +233,12 @@ def test_intervals_of_base_parameters(arm):
     layout = Layout(model, Regressors(model))
     truth, own = BaseParameters(layout).matrix @ layout.known[: layout.robot], []
     for seed in range(5):
-        found = dd.identify(recording(arm, seed, 30.0), model.perturbed(0.35, 10 + seed))
-        assert "inertias" in found.quality["taken"]
-        rows = zip(found.quality["base_parameters"]["parameters"], truth, strict=True)
-        own += [(one["value"] - true) / one["from_data"] for one, true in rows if one["from_data"]]
+        result = dd.identify(recording(arm, seed, 30.0), model.perturbed(0.35, 10 + seed))
+        assert "inertias" in result.quality["taken"]
+        rows = zip(result.quality["base_parameters"]["parameters"], truth, strict=True)
+        own += [
+            (entry["value"] - true) / entry["from_data"]
+            for entry, true in rows
+            if entry["from_data"]
+        ]
     require_coverage(own, 100, 0.9, 10.0)

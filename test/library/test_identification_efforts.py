@@ -119,8 +119,8 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks):
     model, real = (loaded, arm) if lacks else (arm, loaded)
     t, q, qd, _ = motion()
     tau = dd.DiagonalDynamics(real).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
-    found = dd.identify(recorded(model, t, q, qd, worn(tau, qd)), model, "friction")
-    said = " ".join(found.quality["findings"])
+    result = dd.identify(recorded(model, t, q, qd, worn(tau, qd)), model, "friction")
+    said = " ".join(result.quality["findings"])
     assert not re.search("effort (doubtful|not judged)", said)
     first, second = ("model", "robot") if lacks else ("robot", "model")
     mass = re.search(rf"the {first} seems to have about (.*) kg at fore that the {second}", said)
@@ -131,13 +131,13 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks):
 def test_efforts_of_a_desk_arm_that_are_right(arm, wear):
     """The factor is 1 within its standard errors, and friction is found."""
     t, q, qd, tau = motion()
-    found = dd.identify(recording(t, q, qd, worn(tau, qd) if wear else tau), arm, "friction")
-    assert found.quality["efforts_judged"]
-    factor, error = np.transpose([found.quality["effort_factor"][name] for name in arm.dof_names])
+    result = dd.identify(recording(t, q, qd, worn(tau, qd) if wear else tau), arm, "friction")
+    assert result.quality["efforts_judged"]
+    factor, error = np.transpose([result.quality["effort_factor"][name] for name in arm.dof_names])
     assert (abs(factor - 1.0) < 4.0 * error + 1e-3).all() and error[1] < 0.1
-    assert found.quality["taken"] == (["friction"] if wear else [])
+    assert result.quality["taken"] == (["friction"] if wear else [])
     if wear:
-        np.testing.assert_allclose(found.model.friction, 0.3 * tau.std(axis=0).max(), rtol=0.15)
+        np.testing.assert_allclose(result.model.friction, 0.3 * tau.std(axis=0).max(), rtol=0.15)
 
 
 def test_residuals_of_neighbours_in_time_are_alike(arm):
@@ -146,9 +146,9 @@ def test_residuals_of_neighbours_in_time_are_alike(arm):
     """
     t, q, qd, tau = motion(rate=1000.0)
     knots = np.random.default_rng(0).normal(size=(13, 3)) * tau.std(axis=0).max()
-    drift = np.column_stack([np.interp(t, np.arange(13.0), one) for one in knots.T])
-    found = dd.identify(recording(t, q, qd, tau + drift), arm, "friction")
-    factor, error = found.quality["effort_factor"]["lift"]
+    drift = np.column_stack([np.interp(t, np.arange(13.0), entry) for entry in knots.T])
+    result = dd.identify(recording(t, q, qd, tau + drift), arm, "friction")
+    factor, error = result.quality["effort_factor"]["lift"]
     assert abs(factor - 1.0) < 4.0 * error < 2.0
 
 
@@ -219,9 +219,9 @@ def test_light_joints_are_judged_by_their_own_errors(name, case):
     scale = np.ones(model.nv)
     for k, factor in factors.items():
         scale[k] = factor
-    found = dd.identify(recorded(model, t, q, qd, scale * tau), model, "friction")
-    said = " ".join(text for text in found.quality["findings"] if "effort doubtful" in text)
-    assert found.quality["taken"] == ["friction"] and found.quality["efforts_judged"] == (
+    result = dd.identify(recorded(model, t, q, qd, scale * tau), model, "friction")
+    said = " ".join(text for text in result.quality["findings"] if "effort doubtful" in text)
+    assert result.quality["taken"] == ["friction"] and result.quality["efforts_judged"] == (
         key is None
     )
     for k in factors:
@@ -234,9 +234,10 @@ def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
     the model.
     """
     t, q, qd, tau = motion(seed=4)
-    found = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
+    result = dd.identify(recording(t, q, qd, tau * [1.0, 1.0, 0.01]), arm, "friction")
     assert any(
-        "effort doubtful: the effort of joint 'elbow'" in text for text in found.quality["findings"]
+        "effort doubtful: the effort of joint 'elbow'" in text
+        for text in result.quality["findings"]
     )
     with pytest.raises(dd.InputError, match="joint 'elbow' has the opposite sign"):
         dd.identify(recording(t, q, qd, tau * [1.0, 1.0, -1.0]), arm, "friction")
@@ -374,7 +375,10 @@ FAULTS = {
         lambda t, q, qd, tau: (t, q, qd * [1.0, 1.0, 20.0], tau),
         "joint 'elbow'",
     ),
-    "no run without a gap": (lambda *columns: [one[:8] for one in columns], "no run of 10 states"),
+    "no run without a gap": (
+        lambda *columns: [entry[:8] for entry in columns],
+        "no run of 10 states",
+    ),
 }
 
 

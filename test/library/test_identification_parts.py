@@ -48,10 +48,10 @@ def test_parameters_are_pinocchios():
         np.testing.assert_allclose(
             inertias.moved(ours, M.homogeneous), placed, rtol=1e-11, atol=1e-11
         )
-        for found, truth in zip(
+        for result, truth in zip(
             inertias.about_centre(ours), (body.mass, body.lever, body.inertia), strict=True
         ):
-            np.testing.assert_allclose(found, truth, atol=1e-10)
+            np.testing.assert_allclose(result, truth, atol=1e-10)
 
 
 def test_positive_numbers_have_a_closed_form():
@@ -152,11 +152,11 @@ def test_rows_are_pinocchios(one):
             regressors.evaluate(q[None], qd[None]), (momentum, bias), strict=True
         ):
             pairs = zip(regressors.rows, regressors.columns, strict=True)
-            found = np.array([rows[0, part][:-1] @ x[columns] for part, columns in pairs])
+            result = np.array([rows[0, part][:-1] @ x[columns] for part, columns in pairs])
             limit = 1e-12 * (
                 1.0 + np.abs(momentum).max() + np.abs(gravity).max() + np.abs(bias).max()
             )
-            np.testing.assert_allclose(found, G.T @ oracle.from_pin(expected), rtol=0, atol=limit)
+            np.testing.assert_allclose(result, G.T @ oracle.from_pin(expected), rtol=0, atol=limit)
 
 
 def test_filtered_rows_hold_for_the_true_parameters():

@@ -111,11 +111,11 @@ def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias
         ((("friction", "rotors"),), {"friction"}, friction),
         ((), {"inertias"}, inertias),
     ):
-        found = dd.identify(first, model, *options)
+        result = dd.identify(first, model, *options)
         assert (
-            taken <= set(found.quality["taken"]) and "rotors" not in found.quality["taken"]
+            taken <= set(result.quality["taken"]) and "rotors" not in result.quality["taken"]
         )  # sensors behind the gear
-        assert torque_error(found.model, second) <= limit
+        assert torque_error(result.model, second) <= limit
 
 
 @FULL
@@ -124,17 +124,17 @@ def test_the_wrist_whose_torque_goes_with_its_posture(kuka):
     0.155 to 0.28 N m.
     """
     model, read = kuka
-    found = dd.identify(read(None, None), model, ("friction", "inertias"))
-    assert list(found.quality["kept"]["friction"]) == ["lwr_6_joint"]
-    assert found.parameters.joints["lwr_6_joint"] == dd.JointParameters(
+    result = dd.identify(read(None, None), model, ("friction", "inertias"))
+    assert list(result.quality["kept"]["friction"]) == ["lwr_6_joint"]
+    assert result.parameters.joints["lwr_6_joint"] == dd.JointParameters(
         armature=0.0
     )  # sensors feel no rotor
-    before, after = np.transpose(list(found.quality["torque_rms"].values()))
+    before, after = np.transpose(list(result.quality["torque_rms"].values()))
     assert (after <= 1.1 * before).all() and after.mean() < 0.29
     assert (
         sum(
-            "friction of lwr_6_joint: the model's values are kept" in one
-            for one in found.quality["warnings"]
+            "friction of lwr_6_joint: the model's values are kept" in warning
+            for warning in result.quality["warnings"]
         )
         == 1
     )
@@ -148,11 +148,11 @@ def test_the_hand_that_the_panda_lacks(measured):
     model = dd.load_robot("panda", locked_joints=HELD)
     data = dd.read_recording(measured, model)
     for what, least in (("payload:panda_hand", 0.94), (("payload:panda_hand", "friction"), 0.97)):
-        found = dd.identify(data, model, what)
-        assert found.quality["payload"]["mass"] == pytest.approx(-0.7, abs=0.07)
-        before, after = found.quality["explained"]
+        result = dd.identify(data, model, what)
+        assert result.quality["payload"]["mass"] == pytest.approx(-0.7, abs=0.07)
+        before, after = result.quality["explained"]
         assert before < 0.6 and after >= least
-    assert 0.004 < found.quality["velocity_delay"][0] < 0.007
+    assert 0.004 < result.quality["velocity_delay"][0] < 0.007
     unaware = dd.identify(data, model, ("friction", "rotors")).quality["warnings"]
     assert any("add payload:LINK to what" in text for text in unaware)
 

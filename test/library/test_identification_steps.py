@@ -78,20 +78,22 @@ def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
         recording(start, oracle, seed, 8.0 + seed, noise=np.array([1.0] * 5 + [0.03]))
         for seed in range(2)
     ]
-    one, other = (dd.identify(some, start, ("rotors", "inertias")) for some in (files, files[::-1]))
-    before, after = (rung["score"] for rung in one.quality["ladder"] if rung["taken"])
+    entry, other = (
+        dd.identify(some, start, ("rotors", "inertias")) for some in (files, files[::-1])
+    )
+    before, after = (rung["score"] for rung in entry.quality["ladder"] if rung["taken"])
     assert (
-        one.quality["taken"] == ["inertias"]
-        and one.parameters.links
+        entry.quality["taken"] == ["inertias"]
+        and entry.parameters.links
         and 0.02 < 1.0 - after / before < 0.05
     )
-    pairs = np.array(list(one.quality["row_residual"].values()))
+    pairs = np.array(list(entry.quality["row_residual"].values()))
     assert (
         0.7 < pairs[5, 1] / pairs[5, 0] < 0.85
         and np.abs(pairs[:5, 1] / pairs[:5, 0] - 1.0).max() < 0.05
     )
-    assert other.quality["ladder"] == one.quality["ladder"]
-    np.testing.assert_array_equal(other.model.bodies, one.model.bodies)
+    assert other.quality["ladder"] == entry.quality["ladder"]
+    np.testing.assert_array_equal(other.model.bodies, entry.model.bodies)
 
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial>
@@ -110,11 +112,11 @@ def test_a_pendulum_takes_the_few_parameters_that_it_has(seed):
     model, rng, t = dd.load_urdf(wrong), np.random.default_rng(seed), np.arange(0.0, 15.0, 0.01)
     q, qd, qdd = fourier(rng, t, np.array([-2.0]), np.array([2.0]), fastest=5.0)
     tau = efforts(Oracle(true, model.dof_names), q, qd, qdd) + 0.05 * qd + 0.1 * np.tanh(qd / 5e-3)
-    found = dd.identify(recorded(model, t, q, qd, tau + 0.02 * rng.normal(size=tau.shape)), model)
-    assert found.quality["taken"] == ["friction", "inertias"]
-    about_joint = dd.DiagonalDynamics(found.model).mass_matrix([0.0])[0, 0]
+    result = dd.identify(recorded(model, t, q, qd, tau + 0.02 * rng.normal(size=tau.shape)), model)
+    assert result.quality["taken"] == ["friction", "inertias"]
+    about_joint = dd.DiagonalDynamics(result.model).mass_matrix([0.0])[0, 0]
     assert about_joint == pytest.approx(0.01 + 1.2 * 0.3**2, rel=0.02)
-    assert found.model.damping[0] == pytest.approx(0.05, abs=0.01)
+    assert result.model.damping[0] == pytest.approx(0.05, abs=0.01)
 
 
 LOAD, ROOT = np.array([0.0, 0.15, 0.2, 0.1, 0.2, 0.0]), np.array([0.0, 6.0, 4.0, 2.0, 1.5, 1.0])
@@ -134,7 +136,7 @@ def geared(arm):
         return friction(qd, g) + LOAD * np.abs(g) * np.tanh(qd / 5e-3) + ROOT * root
 
     data = [recording(model, oracle, seed, 30.0, noise=0.3, resist=resist) for seed in SEEDS]
-    return truth, [dd.identify(one, model, ("friction", "gears")) for one in data]
+    return truth, [dd.identify(entry, model, ("friction", "gears")) for entry in data]
 
 
 def test_friction_of_gears(geared):
@@ -143,9 +145,9 @@ def test_friction_of_gears(geared):
     """
     truth, results = geared
     names, errors = results[0].model.dof_names, []
-    for found in results:
-        assert found.quality["taken"] == ["friction", "gears"]
-        deviations = found.parameters.origin["quality"]["deviations"]
+    for result in results:
+        assert result.quality["taken"] == ["friction", "gears"]
+        deviations = result.parameters.origin["quality"]["deviations"]
         assert {"elbow_joint", "shoulder_lift_joint"} <= {
             name for name in names if "root_friction" in deviations[name]
         }
@@ -153,7 +155,7 @@ def test_friction_of_gears(geared):
         assert "load_friction" not in without_load
         joints = [k for k, name in enumerate(names) if "root_friction" in deviations[name]]
         errors += [
-            (getattr(found.model, key)[k] - values[k]) / deviations[names[k]][key]
+            (getattr(result.model, key)[k] - values[k]) / deviations[names[k]][key]
             for key, values in truth.items()
             for k in joints
             if key in deviations[names[k]]
@@ -183,16 +185,16 @@ def test_efforts_of_some_joints_only(worn, kind):
     """
     tau, model = worn.tau.copy(), worn.model
     tau[:, 3] = {"missing": np.nan, "constant": 2.5}[kind]
-    found = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
-    quality, others = found.quality, np.array([0, 1, 2, 4, 5])
-    assert "friction" in quality["taken"] and model.dof_names[3] not in found.parameters.joints
-    np.testing.assert_allclose(found.model.friction[others], FRICTION[others], rtol=0.15)
+    result = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
+    quality, others = result.quality, np.array([0, 1, 2, 4, 5])
+    assert "friction" in quality["taken"] and model.dof_names[3] not in result.parameters.joints
+    np.testing.assert_allclose(result.model.friction[others], FRICTION[others], rtol=0.15)
     assert any("efforts of wrist_1_joint are" in text for text in quality["findings"])
     assert quality["torque_rms"]["wrist_1_joint"] == [None, None]
     assert quality["partial"] == [model.dof_names[k] for k in others]
     assert None not in quality["torque_rms"]["elbow_joint"] and quality["explained"][1] > 0.9
     masses = [
-        dd.DiagonalDynamics(one).mass_matrix(np.zeros(6))[3, 3] for one in (model, found.model)
+        dd.DiagonalDynamics(entry).mass_matrix(np.zeros(6))[3, 3] for entry in (model, result.model)
     ]
     assert 0.5 < masses[1] / masses[0] < 1.5
     with pytest.raises(dd.InputError, match="no effort follows the motion"):
@@ -204,12 +206,13 @@ def test_efforts_that_one_of_two_recordings_lacks(worn):
     tau = worn.tau.copy()
     tau[:, 3] = np.nan
     both, alone = (
-        dd.identify(one, worn.model, "friction") for one in ([worn, changed(worn, tau=tau)], worn)
+        dd.identify(entry, worn.model, "friction")
+        for entry in ([worn, changed(worn, tau=tau)], worn)
     )
     for key in ("torque_rms", "observer_spread", "explained"):
         assert str(both.quality[key]).count("None") == 0
     for key in ("torque_rms", "observer_spread"):
-        pairs = (one.quality[key]["wrist_1_joint"] for one in (both, alone))
+        pairs = (entry.quality[key]["wrist_1_joint"] for entry in (both, alone))
         np.testing.assert_allclose(*pairs, rtol=0.1)
 
 
@@ -222,20 +225,20 @@ def late(data, delay):
 
 @pytest.mark.parametrize("delay", [0.173, -0.06])
 def test_long_delays_of_velocities_are_removed(worn, delay):
-    found = dd.identify(late(worn, delay), worn.model, "friction")
-    assert found.quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
-    np.testing.assert_allclose(found.model.friction, FRICTION, rtol=0.15)
+    result = dd.identify(late(worn, delay), worn.model, "friction")
+    assert result.quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
+    np.testing.assert_allclose(result.model.friction, FRICTION, rtol=0.15)
 
 
 def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
     """Friction of 0.5 to 5 N m is no external torque once it is known; it is that of `observe`."""
-    found = dd.identify(worn, worn.model, "friction")
-    for column, model in enumerate((worn.model, found.model)):
+    result = dd.identify(worn, worn.model, "friction")
+    for column, model in enumerate((worn.model, result.model)):
         observed = dd.observe(dd.DiagonalDynamics(model), worn)
         spread = observed.external_torque[observed.valid].std(axis=0)
-        told = [found.quality["observer_spread"][name][column] for name in worn.model.dof_names]
+        told = [result.quality["observer_spread"][name][column] for name in worn.model.dof_names]
         np.testing.assert_allclose(told, spread, rtol=0.25)
-    before, after = np.transpose(list(found.quality["observer_spread"].values()))
+    before, after = np.transpose(list(result.quality["observer_spread"].values()))
     assert (after < 0.5 * before).all()
 
 
@@ -243,9 +246,9 @@ def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
     validate, count = quality.validate, np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
 
     def validate_with_one_quiet_joint(models, *arguments):
-        found, curves = validate(models, *arguments)
+        result, curves = validate(models, *arguments)
         factor = count if models[0] is worn.model else 1.0
-        return found | {"observer_spread": found["observer_spread"] * factor}, curves
+        return result | {"observer_spread": result["observer_spread"] * factor}, curves
 
     monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
     warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
@@ -268,15 +271,15 @@ def with_late_efforts(data, delay):
 def test_delays_of_efforts_are_removed(worn, delay, wrong):
     """Beside friction, also of a model whose inertias are wrong by up to a third."""
     model = worn.model.perturbed(0.3, 1) if wrong else worn.model
-    found = dd.identify(with_late_efforts(worn, delay), model, "friction")
-    assert found.quality["effort_delay"] == [pytest.approx(delay, abs=5e-3)]
+    result = dd.identify(with_late_efforts(worn, delay), model, "friction")
+    assert result.quality["effort_delay"] == [pytest.approx(delay, abs=5e-3)]
     size, late = (
-        f"{1e3 * abs(found.quality['effort_delay'][0]):.1f}",
+        f"{1e3 * abs(result.quality['effort_delay'][0]):.1f}",
         "later" if delay > 0.0 else "earlier",
     )
     text = f"effort delay: efforts are {size} ms {late} than positions; the delay was removed"
-    assert (text in found.quality["findings"]) == bool(delay)
-    assert wrong or np.abs(found.model.friction / FRICTION - 1.0).max() < 0.15
+    assert (text in result.quality["findings"]) == bool(delay)
+    assert wrong or np.abs(result.model.friction / FRICTION - 1.0).max() < 0.15
 
 
 def test_the_end_of_the_search_is_no_delay_of_efforts(worn):
@@ -318,12 +321,12 @@ def test_friction_of_joints_that_stick(seed):
         simulation.advance(tau)
     rng, columns = np.random.default_rng(seed), np.array(states)[::5].swapaxes(0, 1)
     noise = np.array([1e-5, 1e-3, 5e-3])[:, None, None] * rng.normal(size=columns.shape)
-    found = dd.identify(recorded(model, t[::5], *(columns + noise)), model, "friction")
-    assert (columns[1] == 0.0).mean() > 0.1 and found.quality["taken"] == ["friction"]
+    result = dd.identify(recorded(model, t[::5], *(columns + noise)), model, "friction")
+    assert (columns[1] == 0.0).mean() > 0.1 and result.quality["taken"] == ["friction"]
     for key, values in true.items():
         for k, name in enumerate(model.dof_names):
-            error = getattr(found.model, key)[k] - values[k]
-            assert abs(error) < 2.0 * found.quality["deviations"][name][key] < values[k]
+            error = getattr(result.model, key)[k] - values[k]
+            assert abs(error) < 2.0 * result.quality["deviations"][name][key] < values[k]
 
 
 RATIO = -0.7  # of the last motor's rate to that of the joint before
@@ -351,8 +354,8 @@ def test_friction_of_a_coupled_wrist(wrist):
     """
     for data in wrist[1:]:  # the gate has 10 CPU-s
         model = data.model.with_parameters(COUPLING)
-        found = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
-        motor, deviations = found.model.couplings["wrist_3_joint"], found.quality["deviations"]
+        result = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
+        motor, deviations = result.model.couplings["wrist_3_joint"], result.quality["deviations"]
         for value, truth, key in (
             (motor.damping, 0.4, "motor_damping"),
             (motor.friction, 0.9, "motor_friction"),
@@ -360,14 +363,14 @@ def test_friction_of_a_coupled_wrist(wrist):
             assert abs(value - truth) < 3.0 * deviations["wrist_3_joint"][key] < 0.4 * truth
         for k, name in ((4, "wrist_2_joint"), (5, "wrist_3_joint")):
             assert (
-                abs(found.model.friction[k] - FRICTION[k])
+                abs(result.model.friction[k] - FRICTION[k])
                 < 3.0 * deviations[name]["friction"]
                 < 0.4 * FRICTION[k]
             )
         without = dd.identify(data, data.model, "friction")
         left = [
-            [one.quality["torque_rms"][name][1] for name in data.model.dof_names[4:]]
-            for one in (found, without)
+            [entry.quality["torque_rms"][name][1] for name in data.model.dof_names[4:]]
+            for entry in (result, without)
         ]
         assert (np.array(left[0]) < 0.9 * np.array(left[1])).all()
 
@@ -384,8 +387,8 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     efforts[-1, 5] = np.nan
     names = data.model.dof_names
     columns = {
-        f"{kind}_{name}": one[:, k]
-        for kind, one in zip(("q", "qd", "tau"), (data.q, data.qd, efforts), strict=True)
+        f"{kind}_{name}": entry[:, k]
+        for kind, entry in zip(("q", "qd", "tau"), (data.q, data.qd, efforts), strict=True)
         for k, name in enumerate(names)
     }
     np.savez(table, t=data.t, **columns)
@@ -428,11 +431,11 @@ def test_a_known_payload_shows_gains_of_light_joints(arm, seed):
     carrying, reference = (
         recording(model, oracle, seed + k, **resist) for k, oracle in enumerate((loaded, unloaded))
     )
-    carrying, reference = (changed(one, tau=one.tau / gains) for one in (carrying, reference))
-    found = dd.identify(
+    carrying, reference = (changed(entry, tau=entry.tau / gains) for entry in (carrying, reference))
+    result = dd.identify(
         carrying, model, ("gains", "payload:wrist_3_link=2.805"), reference=reference
     )
-    quality = found.quality
+    quality = result.quality
     found_gains = [quality["effort_gain"][name][0] for name in model.dof_names[1:]]
     np.testing.assert_allclose(found_gains[:-1], gains[1:-1], rtol=0.02)
     assert found_gains[-1] == pytest.approx(gains[-1], rel=0.1)  # beside an unknown inertia

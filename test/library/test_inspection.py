@@ -68,9 +68,9 @@ def moments(old, *new):
 def masses(*values):
     return arm(
         *(
-            f'mass value="{one}"'
+            f'mass value="{entry}"'
             for pair in zip((10, 3.2, 1.2), values, strict=True)
-            for one in pair
+            for entry in pair
         )
     )
 

@@ -33,11 +33,13 @@ def estimates(times, positions, time, *, turns=False, longest=LONG):
     """
     options = Options({"*": 1e-9 * longest}, estimate_velocity=True, velocity_filter_time=time)
     assembler = StateAssembler(Joints(("joint",), continuous=frozenset(["joint"] * turns)), options)
-    found = [
-        accept(assembler, ("joint",), *one, [NAN])
-        for one in zip(times, np.reshape(positions, (-1, 1)), strict=True)
+    result = [
+        accept(assembler, ("joint",), *estimate, [NAN])
+        for estimate in zip(times, np.reshape(positions, (-1, 1)), strict=True)
     ]
-    return np.array([NAN if one.state is None else one.state.velocity[0] for one in found])
+    return np.array(
+        [NAN if estimate.state is None else estimate.state.velocity[0] for estimate in result]
+    )
 
 
 def grid(dt, count):
@@ -123,7 +125,7 @@ def test_many_positions_of_each_stamp(count, dt, time):
 
 def texts(period, count, position, velocity, timeout=0.5):
     """Return the text after each state of two joints, by functions of time."""
-    names, found = ("shoulder", "elbow"), []
+    names, result = ("shoulder", "elbow"), []
     assembler = StateAssembler(Joints(names), Options(stuck_timeout=timeout))
     for k in range(count):
         accept(
@@ -133,9 +135,9 @@ def texts(period, count, position, velocity, timeout=0.5):
             position(1e-9 * k * period),
             velocity(1e-9 * k * period),
         )
-        found.append(assembler.stuck_text)
-    assert set(assembler.stuck) == set(found) - {""}
-    return found
+        result.append(assembler.stuck_text)
+    assert set(assembler.stuck) == set(result) - {""}
+    return result
 
 
 @pytest.mark.parametrize("period", [MS, 8 * MS, 100 * MS, 400 * MS])
@@ -149,11 +151,11 @@ def texts(period, count, position, velocity, timeout=0.5):
 )
 def test_stuck(period, position, velocity, text):
     """It is found once the timeout is over, a state later at most, and then stays."""
-    found = texts(period, 2 * S // period, position, velocity)
-    first = next(k for k, one in enumerate(found) if one)
+    result = texts(period, 2 * S // period, position, velocity)
+    first = next(k for k, estimate in enumerate(result) if estimate)
     latest = 1.0 if "moves" in text else 0.61
     assert 0.4 <= 1e-9 * first * period <= max(latest, 1.21 * (period == 400 * MS))
-    assert all(text in one and "stuck_timeout" in one for one in found[first:])
+    assert all(text in estimate and "stuck_timeout" in estimate for estimate in result[first:])
 
 
 @pytest.mark.parametrize(

@@ -134,13 +134,13 @@ others.
 
 def rejections(robot, parameters, messages):
     """Return the place and the cause of each rejected message."""
-    reader, found = Reader(model(robot), parameters), []
+    reader, result = Reader(model(robot), parameters), []
     for k, message in enumerate(messages):
         before = Counter(reader.counts)
         reader.read(message)
         causes = [name.partition("rejected: ")[2] for name in Counter(reader.counts) - before]
-        found += [(k, cause) for cause in causes if cause and cause not in ACCEPTED]
-    return found
+        result += [(k, cause) for cause in causes if cause and cause not in ACCEPTED]
+    return result
 
 
 def assert_no_trace(robot, parameters, messages, k, cause):
@@ -157,8 +157,8 @@ def assert_no_trace(robot, parameters, messages, k, cause):
         before, count = read(messages[:k])
         if len(states) == len(before) or any(counts[name] > count[name] for name in TURNED):
             return
-    found, found_counts = read(messages[:end])
-    assert found == states
+    actual, found_counts = read(messages[:end])
+    assert actual == states
     found_counts.subtract(
         [name for name in found_counts if name.endswith(f"rejected: {cause}")][:1]
     )
@@ -194,8 +194,8 @@ def test_parameters_that_change():
         before = Counter(reader.result().counts)
         raw = joint_state(names, position[: len(names)], velocity, (), NOW + k * MS)
         reader.read(Message(raw, NOW + k * MS))
-        (found,) = (Counter(reader.result().counts) - before).keys() - {"received"}
-        return found
+        (result,) = (Counter(reader.result().counts) - before).keys() - {"received"}
+        return result
 
     assert [outcome(0), outcome(1)] == ["awaiting velocity", "published"]
     assert (
@@ -294,7 +294,7 @@ def test_interleaved_layouts_of_one_length_are_read_once():
         for k in range(4)
         for names in (NAMES, NAMES[::-1])
     ]
-    size = np.array([len(one) for one in raw])
+    size = np.array([len(entry) for entry in raw])
     data = np.frombuffer(b"".join(raw), np.uint8)
     parts, errors = decoding.Decoder().decode(data, np.cumsum(size) - size, size, np.arange(8))
     assert [part.rows.tolist() for part in parts] == [[0, 2, 4, 6], [1, 3, 5, 7]] and not errors
@@ -324,13 +324,17 @@ def test_long_messages_fill_no_memory():
         read(f"joint {k:04}", decoding.MAX_BYTES // 5)
         read(f"joint {k:04}", 2 * decoding.MAX_BYTES)
     kept = [
-        one
-        for one in gc.get_objects()
-        if type(one) is decoding.Places and len(one.names[-1]) > 1000
+        entry
+        for entry in gc.get_objects()
+        if type(entry) is decoding.Places and len(entry.names[-1]) > 1000
     ]
-    assert 0 < sum(one.length for one in kept) <= 2 * decoding.MAX_BYTES
-    lists = [one for one in gc.get_objects() if type(one) is tuple and len(one) == 4]
-    texts = [one[3] for one in lists if all(type(name) is str for name in one) and one[:3] == NAMES]
+    assert 0 < sum(entry.length for entry in kept) <= 2 * decoding.MAX_BYTES
+    lists = [entry for entry in gc.get_objects() if type(entry) is tuple and len(entry) == 4]
+    texts = [
+        entry[3]
+        for entry in lists
+        if all(type(name) is str for name in entry) and entry[:3] == NAMES
+    ]
     assert len({id(text) for text in texts if len(text) > 1000}) <= 12
     assert list(reader.assembler.arrived) == list(NAMES)
     assert reader.result().counts["published"] == 100

@@ -28,12 +28,12 @@ def arm():
 @pytest.fixture(scope="module")
 def motion(arm):
     """Positions, velocities and efforts of each episode."""
-    found = []
+    result = []
     for seed, length in enumerate(LENGTHS):
         driver = Driver(arm, seed)
         states = [driver.state(START + k * 1000 * MS // FPS) for k in range(length)]
-        found.append([np.array([state[k] for state in states], np.float32) for k in (1, 2, 3)])
-    return found
+        result.append([np.array([state[k] for state in states], np.float32) for k in (1, 2, 3)])
+    return result
 
 
 def feature(names, size=None):
@@ -50,9 +50,9 @@ def columns(number, values, features):
         "index": np.arange(n) + sum(LENGTHS[:number]),
         "task_index": np.zeros(n, int),
     }
-    for name, one in zip(features, values, strict=True):
-        one = np.ascontiguousarray(one)
-        table[name] = pa.FixedSizeListArray.from_arrays(pa.array(one.ravel()), one.shape[1])
+    for name, entry in zip(features, values, strict=True):
+        entry = np.ascontiguousarray(entry)
+        table[name] = pa.FixedSizeListArray.from_arrays(pa.array(entry.ravel()), entry.shape[1])
     return pa.table(table, metadata={b"huggingface": b'{"info": {"features": {}}}'})
 
 
@@ -72,24 +72,24 @@ def write_dataset(root, version, episodes, features, fps=FPS):
     }
     info = {"codebase_version": version, "fps": fps, "chunks_size": 2, "data_path": path}
     info["features"] = features | video | own
-    tables = [columns(k, one, features) for k, one in enumerate(episodes)]
+    tables = [columns(k, entry, features) for k, entry in enumerate(episodes)]
     (root / "meta").mkdir(parents=True)
     (root / "meta" / "info.json").write_text(json.dumps(info))
     if is_new:  # two episodes in the first file
         where = [(0, 0), (0, 0), (0, 1)][: len(tables)]
         for place in sorted(set(where)):
-            some = [table for table, one in zip(tables, where, strict=True) if one == place]
+            some = [table for table, entry in zip(tables, where, strict=True) if entry == place]
             save(
                 pa.concat_tables(some),
                 root / path.format(chunk_index=place[0], file_index=place[1]),
             )
         meta = {"episode_index": range(len(tables)), "length": map(len, tables)}
         meta |= {
-            f"data/{name}_index": [one[k] for one in where]
+            f"data/{name}_index": [entry[k] for entry in where]
             for k, name in enumerate(("chunk", "file"))
         }
         save(
-            pa.table({name: list(one) for name, one in meta.items()}),
+            pa.table({name: list(entry) for name, entry in meta.items()}),
             root / "meta/episodes/chunk-000/file-000.parquet",
         )
     else:
@@ -126,8 +126,8 @@ def test_episodes_are_recordings(dataset, arm, motion):
     """Numbers are those of the files to the last bit, and times are multiples of the period."""
     for k, (q, qd, tau) in enumerate(motion):
         recording = dd.read_recording(f"{dataset}#{k}", arm, RADIANS)
-        for found, expected in ((recording.q, q), (recording.qd, qd), (recording.tau, tau)):
-            np.testing.assert_array_equal(found, expected)
+        for result, expected in ((recording.q, q), (recording.qd, qd), (recording.tau, tau)):
+            np.testing.assert_array_equal(result, expected)
         np.testing.assert_array_equal(
             recording.stamp - recording.offset, np.arange(len(q)) * 20_000_000
         )

@@ -60,17 +60,19 @@ def check_counts(count, seed=0):
             motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
             torque = arm.load_torque(motion, mass, center)
             torque[: round(1.0 / STEP)] = 0.0  # picked up after 1 s of motion without it
-            found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
-            loads.append(any(one.is_load for one in found))
-            errors.append(abs(found[-1].mass - mass) - 0.2 * mass - 3.0 * found[-1].mass_deviation)
+            result = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
+            loads.append(any(estimate.is_load for estimate in result))
+            errors.append(
+                abs(result[-1].mass - mass) - 0.2 * mass - 3.0 * result[-1].mass_deviation
+            )
             time, force = np.arange(0.0, 2.0, STEP), rng.normal(size=3)
             force *= rng.uniform(10.0, 60.0) / np.linalg.norm(force)
             motion, during = arm.motion(rng, time), (time >= 0.5) & (time < 0.8)
             push = arm.push_torque(
                 motion[0], rng.choice(moving), rng.uniform(-0.1, 0.1, 3), during[:, None] * force
             )
-            found = estimates(estimator_of(arm), motion, arm.observed(rng, push))
-            pushes.append(any(one.is_load for one in found))
+            result = estimates(estimator_of(arm), motion, arm.observed(rng, push))
+            pushes.append(any(estimate.is_load for estimate in result))
         assert np.mean(loads) >= 0.95, (name, np.mean(loads))
         assert not any(pushes), name
         assert max(errors) < 0.0, name  # a part of the mass is missing by states before the pick-up
@@ -117,14 +119,14 @@ def test_any_tree_carries_a_load(id):
     )
     still, count, step = np.zeros(model.nv), 400, 0.5 * STEP
     q = np.array([oracle.moved(start, k * step * rate) for k in range(count)])
-    torque = np.array([oracle.inverse_dynamics(one, rate, still) for one in q])
+    torque = np.array([oracle.inverse_dynamics(estimate, rate, still) for estimate in q])
     loaded = Coupled(
         TREES[id].urdf,
         model.dof_names,
         payloads={link: (0.8, CENTER, no_inertia(0.8))},
         **TREES[id].options,
     )
-    torque -= [loaded.inverse_dynamics(one, rate, still) for one in q]
+    torque -= [loaded.inverse_dynamics(estimate, rate, still) for estimate in q]
     estimator = dd.LoadEstimator(s.dyn, link, GAIN, 1e-8 * np.eye(model.nv))
     seen = low_pass(torque, step)
     for k in range(count):
@@ -141,11 +143,11 @@ def test_load_ends_when_it_is_put_down():
     motion = arm.motion(rng, np.arange(0.0, 4.0, STEP))
     torque = arm.load_torque(motion, 1.5, (0.0, 0.0, 0.1))
     torque[500:] = 0.0  # after 2 s
-    found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
-    assert found[490].is_load and not any(one.is_load for one in found[700:])
-    assert abs(found[-1].mass) < 0.4  # after three time constants of the memory
-    assert found[490].mass == pytest.approx(1.5, abs=3.0 * found[490].mass_deviation)
-    assert (np.abs(found[490].center - (0.0, 0.0, 0.1)) < 3.0 * found[490].center_deviation).all()
+    result = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
+    assert result[490].is_load and not any(estimate.is_load for estimate in result[700:])
+    assert abs(result[-1].mass) < 0.4  # after three time constants of the memory
+    assert result[490].mass == pytest.approx(1.5, abs=3.0 * result[490].mass_deviation)
+    assert (np.abs(result[490].center - (0.0, 0.0, 0.1)) < 3.0 * result[490].center_deviation).all()
 
 
 def test_accepted_payload_takes_the_load_off():
@@ -205,7 +207,7 @@ def test_payload_that_is_put_down():
     arm, rng = Arm("panda"), np.random.default_rng(7)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = arm.observed(rng, -arm.load_torque(motion, 1.0, CENTER))
-    assert not any(one.is_load for one in estimates(estimator_of(arm), motion, seen))
+    assert not any(estimate.is_load for estimate in estimates(estimator_of(arm), motion, seen))
     carrying = dd.DiagonalDynamics(
         arm.dynamics.model.with_payload(arm.link, 1.0, CENTER, 1e-3 * np.eye(3))
     )
@@ -256,21 +258,23 @@ def test_long_pushes_are_no_loads(name, size, moves):
     for duration in (1.0, 2.0, 5.0):
         during = ((time >= 0.5) & (time < 0.5 + duration))[:, None]
         observed = arm.observed(rng, during * push)
-        assert not any(one.is_load for one in estimates(estimator_of(arm), motion, observed))
+        assert not any(
+            estimate.is_load for estimate in estimates(estimator_of(arm), motion, observed)
+        )
 
 
 def test_load_begins_in_motion_and_lasts_at_rest():
     arm, rng = Arm("panda"), np.random.default_rng(11)
     moving, count = arm.motion(rng, np.arange(0.0, 2.0, STEP)), 500
-    last = [np.repeat(one[-1:], 2 * count, axis=0) for one in moving]
+    last = [np.repeat(estimate[-1:], 2 * count, axis=0) for estimate in moving]
     last[1:] = np.zeros((2, *last[0].shape))  # stands after the motion, and before it
     for parts, expected in (([moving, last], True), ([last], False), ([last, moving], True)):
-        motion = [np.concatenate(one) for one in zip(*parts, strict=True)]
+        motion = [np.concatenate(estimate) for estimate in zip(*parts, strict=True)]
         torque = arm.load_torque(motion, 1.5, CENTER)
-        found = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
-        assert found[-1].is_load == expected
+        result = estimates(estimator_of(arm), motion, arm.observed(rng, torque))
+        assert result[-1].is_load == expected
         if parts[0] is last:
-            assert not any(one.is_load for one in found[: 2 * count])
+            assert not any(estimate.is_load for estimate in result[: 2 * count])
 
 
 def test_far_centre_is_no_load():

@@ -187,16 +187,16 @@ class Case:
 
 def closed(motion, q):
     """Return positions of followers by joint; the last ones choose the branch."""
-    found = motion.at(q)
-    return dict(zip(found.names, found.position, strict=True))
+    result = motion.at(q)
+    return dict(zip(result.names, result.position, strict=True))
 
 
 def ratios(model, q):
     """Return G of all joints, (joints, nv), and all positions, both by joint."""
-    found = model.followers_at(q)
-    at = zip((*model.coordinate_names, *found.names), (*q, *found.position), strict=True)
+    result = model.followers_at(q)
+    at = zip((*model.coordinate_names, *result.names), (*q, *result.position), strict=True)
     return dict(
-        zip((*model.dof_names, *found.names), (*np.eye(model.nv), *found.ratios), strict=True)
+        zip((*model.dof_names, *result.names), (*np.eye(model.nv), *result.ratios), strict=True)
     ), dict(at)
 
 
@@ -209,10 +209,10 @@ def case(name):
     loops = str(beside) if beside.exists() else None
     model = dd.load_urdf(urdf, loops=loops)
     pairs = [
-        (one.a.link, p, one.b.link, q)
+        (entry.a.link, p, entry.b.link, q)
         for own in model.loops
-        for one in own
-        for p, q in one.points[: 1 if one.type != "weld" else 3]
+        for entry in own
+        for p, q in entry.points[: 1 if entry.type != "weld" else 3]
     ]
     mimic = (
         {"right_crank_joint": ("left_crank_joint", polynomial([0.0, -1.0]))}
@@ -473,8 +473,8 @@ def test_elements(element, tmp_path):
     for loops in (str(path), [{"name": "bar", "independent": ["j1"]}]):
         model = dd.load_urdf(with_element(element), loops=loops)
         for own in (model, pickle.loads(pickle.dumps(model))):
-            found = dd.DiagonalDynamics(own).evaluate(q, qd)
-            assert np.abs(found.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
+            result = dd.DiagonalDynamics(own).evaluate(q, qd)
+            assert np.abs(result.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
     assert (
         dd.load_urdf(with_element(element)).nv == 2
         and dd.load_urdf(with_element(element), loops=[]).nv == 4

@@ -64,15 +64,15 @@ def tip_of_rocker(crank):
 @pytest.mark.parametrize("crank", ANGLES)
 def test_followers_of_a_four_bar(bar, crank):
     """Positions, G and Ġ of coupler and rocker follow from the law of cosines."""
-    found = bar.followers_at([crank, 0.3], [1.7, -2.0])
-    assert found.names == ("coupler", "rocker")
-    np.testing.assert_allclose(found.position, four_bar_followers(crank), atol=1e-12)
-    np.testing.assert_allclose(found.ratios, np.outer(rates_of(crank), [1.0, 0.0]), atol=1e-8)
-    np.testing.assert_allclose(found.rate, 1.7 * rates_of(crank), atol=1e-8)
+    result = bar.followers_at([crank, 0.3], [1.7, -2.0])
+    assert result.names == ("coupler", "rocker")
+    np.testing.assert_allclose(result.position, four_bar_followers(crank), atol=1e-12)
+    np.testing.assert_allclose(result.ratios, np.outer(rates_of(crank), [1.0, 0.0]), atol=1e-8)
+    np.testing.assert_allclose(result.rate, 1.7 * rates_of(crank), atol=1e-8)
     second = (rates_of(crank + 1e-4) - rates_of(crank - 1e-4)) / 2e-4
-    np.testing.assert_allclose(found.ratio_rates[:, 0], 1.7 * second, atol=1e-5)
+    np.testing.assert_allclose(result.ratio_rates[:, 0], 1.7 * second, atol=1e-5)
     np.testing.assert_allclose(
-        found.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8
+        result.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8
     )
 
 
@@ -87,10 +87,10 @@ def test_followers_of_mimic_joints():
         '<mimic joint="c" multiplier="2" offset="0.5"/></joint>',
     )
     model = dd.load_urdf(urdf, loops=[FIVE_BAR])
-    found = model.followers_at(model.start + np.array([0.1, 0.0, 0.0]), [1.0, 2.0, 3.0])
-    assert found.names == ("m", "p2", "r2")
-    assert (found.position[0], found.rate[0]) == (pytest.approx(0.7), 2.0)
-    assert len(found.singularity) == 1 and found.singularity[0] > 0.1
+    result = model.followers_at(model.start + np.array([0.1, 0.0, 0.0]), [1.0, 2.0, 3.0])
+    assert result.names == ("m", "p2", "r2")
+    assert (result.position[0], result.rate[0]) == (pytest.approx(0.7), 2.0)
+    assert len(result.singularity) == 1 and result.singularity[0] > 0.1
 
 
 def test_random_positions(tmp_path):
@@ -183,9 +183,9 @@ def test_rounded_axes():
     askew = askew.replace('<origin xyz="0.5 0 0"/>', f'<origin xyz="0.5 0 0" rpy="{turned}"/>')
     for kind in ("point", "revolute"):
         model = dd.load_urdf(askew, loops=[FOUR_BAR | {"type": kind, "axis": [0, 0, -1]}])
-        found = model.followers_at(model.start, [1.0, 0.5])
-        np.testing.assert_allclose(found.position, four_bar_followers(model.start[0]), atol=1e-5)
-        energies, _ = LoopBalance(model).energies(model.start, np.array([1.0, 0.5]), found.rate)
+        result = model.followers_at(model.start, [1.0, 0.5])
+        np.testing.assert_allclose(result.position, four_bar_followers(model.start[0]), atol=1e-5)
+        energies, _ = LoopBalance(model).energies(model.start, np.array([1.0, 0.5]), result.rate)
         assert energies["bar"] < 1e-20
         free = FOUR_BAR | {"type": kind, "axis": [0, 0, -1], "independent": []}
         assert dd.load_urdf(askew, loops=[free]).nv == 2
@@ -224,12 +224,12 @@ def test_nearly_singular_loop():
     q[k] = dead - 1e-14
     with pytest.warns(
         dd.LoopWarning, match=r"loop 'bar' \(crank, coupler, rocker\) .* nearly singular"
-    ) as found:
+    ) as result:
         dynamics.evaluate(q, np.zeros(2))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         dynamics.evaluate(q, np.zeros(2))
-    assert len(found) == 1
+    assert len(result) == 1
     q[k] = dead + 1e-6
     with pytest.raises(LoopError, match="loop 'bar'"):
         dynamics.evaluate(q, np.zeros(2))
@@ -294,8 +294,8 @@ def test_friction_of_followers():
     for (crank, _), (rate, _) in zip(Q, QD, strict=True):
         G = rates_of(crank)[1]
         expected.append([friction(rate) + G * friction(G * rate), 0.0])
-    found = [dynamics.friction_torque(qd, q) for q, qd in zip(Q, QD, strict=True)]
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    result = [dynamics.friction_torque(qd, q) for q, qd in zip(Q, QD, strict=True)]
+    np.testing.assert_allclose(result, expected, atol=1e-6)
     np.testing.assert_allclose(dynamics.friction_torque(QD, Q), expected, atol=1e-6)
     with pytest.raises(dd.InputError, match="q is missing"):
         dynamics.friction_torque(QD[0])
@@ -416,14 +416,14 @@ def test_joint_states_of_an_open_loop():
     accepted.
     """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
-    assembler, found = StateAssembler(joints_of(model), Options()), []
+    assembler, result = StateAssembler(joints_of(model), Options()), []
     for k, position in enumerate(((0.1, -0.3, 0.4), (0.1, -1.5, 1.5), (0.1, -0.31, 0.41)), 1):
-        found.append(
+        result.append(
             assembler.accept_values(("c", "p1", "r1"), k, 0, (position, np.zeros(3), ()), 0)
         )
-    assert [type(one) for one in found] == [Accepted, Rejected, Accepted]
-    assert found[1].cause == "open loop"
-    assert found[1].text.startswith("loop 'five' (p1, p2, r1, r2) cannot be closed")
+    assert [type(entry) for entry in result] == [Accepted, Rejected, Accepted]
+    assert result[1].cause == "open loop"
+    assert result[1].text.startswith("loop 'five' (p1, p2, r1, r2) cannot be closed")
 
 
 def test_energy_that_breaks_a_loop(bar):

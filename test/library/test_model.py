@@ -51,18 +51,18 @@ def with_all(request):
 
 def fields(model):
     """Return every public field as something that can be compared: arrays as their bytes."""
-    found = {}
+    result = {}
     for name, value in vars(model).items():
         if isinstance(value, np.ndarray):
-            found[name] = (value.dtype.descr, value.shape, value.tobytes())
+            result[name] = (value.dtype.descr, value.shape, value.tobytes())
         elif name == "payloads":
-            found[name] = {
+            result[name] = {
                 link: [np.array(part).tobytes() for part in payload]
                 for link, payload in value.items()
             }
         elif name != "description" and not name.startswith("_"):
-            found[name] = dict(value) if name == "locked_joints" else value
-    return found
+            result[name] = dict(value) if name == "locked_joints" else value
+    return result
 
 
 def answers(model):

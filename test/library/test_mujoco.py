@@ -131,7 +131,7 @@ def test_ball_joint_near_the_singularity_of_its_hinges(angle, is_near, tmp_path)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         dd.load_mjcf(PARALLEL, loops=loops)
-    assert ["singular at ±90°" in str(one.message) for one in caught] == [True] * is_near
+    assert ["singular at ±90°" in str(warning.message) for warning in caught] == [True] * is_near
     path = tmp_path / "parallel.xml"
     path.write_text(PARALLEL)
     report = inspect_robot(path, loops=loops)

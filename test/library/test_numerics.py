@@ -366,14 +366,14 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
         ignore=lambda folder, names: [n for n in names if "." in n and not n.endswith(".py")],
     )
     monkeypatch.setattr(cache, "PACKAGE", copy)
-    found = cache.source_hash.__wrapped__
-    expected = found(f"diag_dynamics.{module}")
+    result = cache.source_hash.__wrapped__
+    expected = result(f"diag_dynamics.{module}")
     for stale, edited in ((True, CLOSURES[module][0]), (False, CLOSURES[module][1])):
         for other in edited:
             path = copy.joinpath(*other.split(".")).with_suffix(".py")
             text = path.read_text()
             path.write_text(text + "\n")
-            assert (found(f"diag_dynamics.{module}") != expected) is stale, other
+            assert (result(f"diag_dynamics.{module}") != expected) is stale, other
             path.write_text(text)
     assert "diag_dynamics.sweeps.spatial" in cache.sources(__name__)
 

@@ -80,12 +80,13 @@ def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
     npm test in web/.
     """
     stored, made = json.loads(page_fixture.PATH.read_text(encoding="utf-8")), page_fixture.content()
-    for one in (stored, made):
-        one["frames"] = [numbers_of(unpacked(text)) for text in one["frames"]]
-        one["columns"]["data"], one["times"], one["mesh"] = (
-            unpacked(text).hex() for text in (one["columns"]["data"], one["times"], one["mesh"])
+    for entry in (stored, made):
+        entry["frames"] = [numbers_of(unpacked(text)) for text in entry["frames"]]
+        entry["columns"]["data"], entry["times"], entry["mesh"] = (
+            unpacked(text).hex()
+            for text in (entry["columns"]["data"], entry["times"], entry["mesh"])
         )
-        one["tracks"]["blocks"] = [len(unpacked(text)) for text in one["tracks"]["blocks"]]
+        entry["tracks"]["blocks"] = [len(unpacked(text)) for text in entry["tracks"]["blocks"]]
     require_same(made, stored)
 
 
@@ -221,12 +222,12 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
-        found, wanted = value(frame, maker.layout, name), np.ravel(wanted)
+        result, wanted = value(frame, maker.layout, name), np.ravel(wanted)
         finite = wanted[np.isfinite(wanted)]
         atol = FLOAT * (
             scale if name.startswith("p_") else max(np.abs(finite).max(initial=0.0), 1e-3)
         )
-        np.testing.assert_allclose(found, wanted, rtol=FLOAT, atol=atol, err_msg=name)
+        np.testing.assert_allclose(result, wanted, rtol=FLOAT, atol=atol, err_msg=name)
     assert np.isnan(value(frame, maker.layout, "dK"))
     assert (
         0.0 <= value(frame, maker.layout, "coriolis_work") < 1e-14
@@ -331,7 +332,7 @@ def test_a_frame_is_made_once_for_each_link(panda):
     evaluated = States.of(1.0, q, qd, tau, dyn.evaluate(q, qd, tau))
     states[:] = [Received(evaluated, 0.0, 3)]
     newest = [stream.newest(link) for link in ("panda_hand", "nobody", "panda_link3")]
-    assert [one.link for one in newest] == ["panda_hand", "panda_hand", "panda_link3"]
+    assert [entry.link for entry in newest] == ["panda_hand", "panda_hand", "panda_link3"]
     assert newest[0].frame is newest[1].frame != newest[2].frame
     common = 8 + 4 * Layout(panda).common
     assert newest[0].frame[:common] == newest[2].frame[:common]
@@ -440,7 +441,7 @@ def test_scenes_of_robots(id, meshes):
     model = dd.load_urdf(path)
     drawn = scene_of(model, path.read_text(), library)
     assert (drawn["missing"], len(library.meshes)) == ({}, meshes)
-    assert [one["name"] for one in drawn["links"]] == list(model.link_names)
+    assert [element["name"] for element in drawn["links"]] == list(model.link_names)
     assert (np.array(drawn["rest"]) >= model.lower).all() and (
         np.array(drawn["rest"]) <= model.upper
     ).all()
@@ -452,7 +453,7 @@ def test_the_tree_of_a_panda(panda):
     none, for the base.
     """
     tree = tree_of(panda)
-    dofs = dict(zip(panda.link_names, (one["dofs"] for one in tree["links"]), strict=True))
+    dofs = dict(zip(panda.link_names, (element["dofs"] for element in tree["links"]), strict=True))
     assert [dofs[name] for name in ("panda_link0", "panda_link3", "panda_hand")] == [[], [2], [6]]
     assert dofs["panda_leftfinger"] == dofs["panda_rightfinger"] == [7]
     assert tree["link_of_dof"] == [*(f"panda_link{k}" for k in range(1, 8)), "panda_leftfinger"]
@@ -550,7 +551,7 @@ def test_primitives():
         ("sphere", [0.1]),
     ]
     assert drawn["links"][1]["visuals"][0]["origin"][11] == 1.0
-    assert [stands_in(one) for one in drawn["links"]] == [False, False, True]
+    assert [stands_in(element) for element in drawn["links"]] == [False, False, True]
 
 
 def test_collision_shapes_of_a_link_without_visual_ones():

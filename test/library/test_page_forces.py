@@ -49,9 +49,10 @@ class Pushed:
         state = States.of(
             0.0, self.q, zero, zero, self.dyn.evaluate(self.q, zero, zero), **observed, **others
         )
-        (one,) = maker.frames(state._replace(touched_link=index))
+        (entry,) = maker.frames(state._replace(touched_link=index))
         return {
-            name: one["numbers"][place].astype(float) for name, place in maker.layout.places.items()
+            name: entry["numbers"][place].astype(float)
+            for name, place in maker.layout.places.items()
         }
 
 
@@ -122,10 +123,10 @@ def test_the_touched_link_of_states_in_contact(pushed):
         contact=np.array([True, False, True, False]), collision=np.array([False] * 3 + [True])
     )
     states = Forces(pushed.dyn, ForceOptions(pushed.covariance)).with_touched_links(states)
-    found = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
-    assert found.link and 0.2 < found.confidence < 1.0
-    index = pushed.model.link_names.index(found.link)
+    result = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
+    assert result.link and 0.2 < result.confidence < 1.0
+    index = pushed.model.link_names.index(result.link)
     np.testing.assert_array_equal(states.touched_link, [index, np.nan, np.nan, -1])
     np.testing.assert_array_equal(
-        states.touched_confidence, [found.confidence, np.nan, np.nan, 0.0]
+        states.touched_confidence, [result.confidence, np.nan, np.nan, 0.0]
     )

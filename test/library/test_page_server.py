@@ -119,8 +119,8 @@ def test_files_and_their_headers(serve, arm, tmp_path, monkeypatch):
     ],
 )
 def test_requests_that_are_rejected(address, status, path):
-    found, headers, _ = get(address, path)
-    assert found == status or (found, status) == (403, 404)
+    result, headers, _ = get(address, path)
+    assert result == status or (result, status) == (403, 404)
     assert headers["X-Content-Type-Options"] == "nosniff"
 
 
@@ -179,7 +179,7 @@ def test_robots_and_meshes(address):
     with Stream(address, robot="/other") as stream:
         assert stream.next(HEARTBEAT)["waiting"] == "waiting for a robot"
     layout = get_json(address, "/layout?robot=/arm")
-    shas = {shape["mesh"] for one in layout["scene"]["links"] for shape in one["visuals"]}
+    shas = {shape["mesh"] for element in layout["scene"]["links"] for shape in element["visuals"]}
     assert len(shas) == 10
     for sha in shas:
         status, headers, body = get(address, f"/mesh/{sha}")

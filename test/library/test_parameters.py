@@ -335,18 +335,18 @@ def test_errors_name_the_file(panda, tmp_path):
 def test_perturbed_inertias():
     """Errors are at most the given fraction, bodies stay rigid, and the seed determines them."""
     model = dd.load_urdf(PANDA, armature=0.1, payloads={"panda_hand": (0.5, (0, 0, 0.1))})
-    one, again, other = (model.perturbed(*x) for x in ((0.3, 1), (0.3, 1), (0.3, 2)))
+    entry, again, other = (model.perturbed(*x) for x in ((0.3, 1), (0.3, 1), (0.3, 2)))
     np.testing.assert_allclose(
         evaluation(model.perturbed(0.0), False).nu, evaluation(model, False).nu, rtol=1e-10
     )
-    assert same(one, again) and not same(one, other)
+    assert same(entry, again) and not same(entry, other)
     assert (
-        dict(one.payloads) == dict(model.payloads)
-        and one.armature.tolist() == model.armature.tolist()
+        dict(entry.payloads) == dict(model.payloads)
+        and entry.armature.tolist() == model.armature.tolist()
     )
-    bare = [m.without_payload("panda_hand").links["mass"] for m in (model, one)]
+    bare = [m.without_payload("panda_hand").links["mass"] for m in (model, entry)]
     assert 0.15 < abs(bare[1] / bare[0] - 1.0).max() <= 0.3
-    for body in (part.inertial for part in one.description.links.values()):
+    for body in (part.inertial for part in entry.description.links.values()):
         assert body is None or not_physical(np.asarray(body.inertia), body.mass) is None
     for arguments, key in (((1.0,), "part is 1.0"), ((0.3, -1), "seed is -1")):
         with pytest.raises(dd.InputError, match=key):
@@ -440,8 +440,8 @@ def test_parameters_of_other_nodes(tmp_path):
 )
 def test_lists_on_a_command_line(assignments, expected):
     """Commas separate entries, and repetitions of a list of entries add some."""
-    found = parameters_of((), assignments)
-    assert {name: found[name] for name in expected} == expected
+    result = parameters_of((), assignments)
+    assert {name: result[name] for name in expected} == expected
 
 
 @pytest.mark.parametrize("numbers", [{"damping": np.nan}, {"friction": -3.0}, {"armature": -5.0}])

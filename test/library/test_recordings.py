@@ -83,18 +83,21 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
             (newest, "newest"),
             (oldest, "oldest"),
         ):
-            assert actual.tobytes() == np.array([getattr(one, field) for one in expected]).tobytes()
-        assert with_effort.tolist() == [one.effort is not None for one in expected]
-        known = [one.effort for one in expected if one.effort is not None]
+            assert (
+                actual.tobytes()
+                == np.array([getattr(state, field) for state in expected]).tobytes()
+            )
+        assert with_effort.tolist() == [state.effort is not None for state in expected]
+        known = [state.effort for state in expected if state.effort is not None]
         assert effort[with_effort].tobytes() == np.array(known).tobytes()
         some = [
-            np.frombuffer(one.partial) if one.partial else nothing
-            for one in expected
-            if one.effort is None
+            np.frombuffer(state.partial) if state.partial else nothing
+            for state in expected
+            if state.effort is None
         ]
         np.testing.assert_array_equal(effort[~with_effort], np.reshape(some, (-1, len(nothing))))
-        assert received.tolist() == [one.received for one in expected]
-        assert estimated.tolist() == [one.estimated for one in expected]
+        assert received.tolist() == [state.received for state in expected]
+        assert estimated.tolist() == [state.estimated for state in expected]
         total += counts
     assert seeds != (0, 1) or not [key for key in case.counts if not total[key]]
 
@@ -143,9 +146,9 @@ def test_two_sources_are_a_finding(tmp_path):
     ]
     recording = dd.read_recording(states_written(tmp_path / "two.mcap", pairs), arm("a"))
     assert len(recording) == 100 and (recording.q == 0.0).all()
-    found = {finding.cause: finding for finding in recording.findings}
-    assert found["rejected: interleaved sources"].count == 99
-    text = found["rejected: interleaved sources"].text
+    result = {finding.cause: finding for finding in recording.findings}
+    assert result["rejected: interleaved sources"].count == 99
+    text = result["rejected: interleaved sources"].text
     assert "two sources" in text and "(100 states accepted, 99 messages rejected)" in text
 
 

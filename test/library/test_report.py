@@ -223,11 +223,11 @@ def test_mean_powers_are_works_by_time():
     t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
     powers = np.repeat(6.0 * t[:, None], 4, axis=1)
     powers[1500:1600, 0] = np.nan
-    found = mean_powers(t, powers, t * t)
+    result = mean_powers(t, powers, t * t)
     inner = np.r_[50:900, 1050:1450, 1650:1950]
-    np.testing.assert_allclose(found[inner][:, [4, 0]], np.outer(t[inner], [2.0, 6.0]), rtol=1e-6)
-    assert np.isnan(found[1510:1590, 0]).all() and np.isfinite(found[1510:1590, 1]).all()
-    assert np.isnan(found[995:1005]).all()
+    np.testing.assert_allclose(result[inner][:, [4, 0]], np.outer(t[inner], [2.0, 6.0]), rtol=1e-6)
+    assert np.isnan(result[1510:1590, 0]).all() and np.isfinite(result[1510:1590, 1]).all()
+    assert np.isnan(result[995:1005]).all()
 
 
 # --- How numbers are packed ---
@@ -260,15 +260,15 @@ def test_packed_numbers_come_back():
     numbers = np.stack(columns, axis=1)
     numbers[100:200, 0], numbers[5, 1] = np.nan, np.inf
     packed = pack(numbers)
-    found = unpacked(packed.data, packed.columns, len(numbers))
+    result = unpacked(packed.data, packed.columns, len(numbers))
     numbers[5, 1] = np.nan
-    np.testing.assert_array_equal(np.isnan(found), np.isnan(numbers))
+    np.testing.assert_array_equal(np.isnan(result), np.isnan(numbers))
     error, span = (
-        np.nanmax(np.abs(found - numbers), axis=0),
+        np.nanmax(np.abs(result - numbers), axis=0),
         np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0),
     )
     assert (error <= 0.51 * span / LEVELS).all()
-    np.testing.assert_array_equal(found[:, 2:], numbers[:, 2:])
+    np.testing.assert_array_equal(result[:, 2:], numbers[:, 2:])
     smooth = 30.0 * np.sin(3.0 * t) + 10.0 * (t > 2.0)
     noisy = smooth + rng.normal(0.0, 0.1, len(t))
     (_, step), (_, least) = pack(np.stack([noisy, smooth], axis=1), 16_000, 1.0 / 3.0).columns
@@ -297,13 +297,13 @@ def track_of(told, blocks, track):
     """Return times of a track, and its fields by name with their states."""
     first, *others = (blocks[k] for k in track["blocks"])
     steps = np.frombuffer(gzip.decompress(first), np.uint8).reshape(-1, track["rows"])
-    sizes, found = {field["name"]: field["size"] for field in told["layout"]["fields"]}, {}
+    sizes, result = {field["name"]: field["size"] for field in told["layout"]["fields"]}, {}
     for part, data in zip(track["parts"], others, strict=False):
         every = slice(None, None, part["every"])
         numbers = unpacked(data, part["columns"], -(-track["rows"] // part["every"]))
         for name in part["fields"]:
-            found[name], numbers = (numbers[:, : sizes[name]], every), numbers[:, sizes[name] :]
-    return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 0.5e-6, found
+            result[name], numbers = (numbers[:, : sizes[name]], every), numbers[:, sizes[name] :]
+    return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 0.5e-6, result
 
 
 COMPARED = (
@@ -346,7 +346,7 @@ def test_the_numbers_are_those_of_frames(recording):
     maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
     hand, places = told["layout"]["end_effector"], maker.layout.places
     for track in told["tracks"]:
-        t, found = track_of(told, blocks, track)
+        t, result = track_of(told, blocks, track)
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
@@ -361,7 +361,7 @@ def test_the_numbers_are_those_of_frames(recording):
         numbers[:, mass] = np.log10(numbers[:, mass])
         smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
         for name in COMPARED:
-            (columns, every), expected = found[name], numbers[:, places[name]]
+            (columns, every), expected = result[name], numbers[:, places[name]]
             is_slow = name in SLOW and track is whole
             assert (every.step or 1) == (EVERY if is_slow else 1)
             error, size = np.abs(columns - expected[every]), np.abs(expected).max()
@@ -409,12 +409,12 @@ def test_states_without_an_effort_are_counted(recording):
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
     assert f"unknown at {unknown} of 4000 states" in summary["observer"]["text"]
     told, blocks = parts_of(html)
-    t, found = track_of(told, blocks, told["tracks"][0])
+    t, result = track_of(told, blocks, told["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18
     assert all(
-        np.isnan(found[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort")
+        np.isnan(result[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort")
     )
-    assert all(np.isfinite(found[name][0]).all() for name in ("coriolis", "K", "p_gravity"))
+    assert all(np.isfinite(result[name][0]).all() for name in ("coriolis", "K", "p_gravity"))
 
 
 def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypatch):
@@ -486,12 +486,12 @@ def test_contacts_and_the_touched_link(recording):
     t, q, qd, tau = recording.motion(((2.0, 2.3), (5.0, 5.4)), (40.0, 12.0))
     options = "--quiet", "--parameters", recording.folder / "pushes.yaml"
     html, summary = recording.analyse("pushes", *options, t=t, q=q, qd=qd, tau=tau)
-    assert [round(one["start"], 1) for one in summary["collisions"]] == [2.1]
-    assert [round(one["start"], 1) for one in summary["contacts"]] == [2.0, 5.0]
+    assert [round(entry["start"], 1) for entry in summary["collisions"]] == [2.1]
+    assert [round(entry["start"], 1) for entry in summary["contacts"]] == [2.0, 5.0]
     told, blocks = parts_of(html)
     assert told["layout"]["frames"] == ["tool"]
-    times, found = track_of(told, blocks, told["tracks"][0])
-    fields = {name: columns for name, (columns, _) in found.items()}
+    times, result = track_of(told, blocks, told["tracks"][0])
+    fields = {name: columns for name, (columns, _) in result.items()}
     flags, links = fields["flags"][:, 0].astype(int), recording.model.link_names
     pushed = (flags & (CAUSES["contact"] | CAUSES["collision"])) > 0
     assert all(pushed[np.abs(times - at) < 0.3].sum() > 4 for at in (2.2, 5.2))

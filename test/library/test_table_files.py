@@ -49,12 +49,16 @@ def read(path, columns=None, joints=("a",), parameters=FREE):
 
 def lost(recording):
     """Return what could not be read, without the name of the file."""
-    return [one.text.partition(", ")[2] for one in recording.findings if one.cause == "unread"]
+    return [
+        finding.text.partition(", ")[2]
+        for finding in recording.findings
+        if finding.cause == "unread"
+    ]
 
 
 def notes(recording):
     """Return how the columns were understood."""
-    return [one.text for one in recording.findings if one.cause == "note"]
+    return [finding.text for finding in recording.findings if finding.cause == "note"]
 
 
 @pytest.fixture
@@ -142,7 +146,9 @@ def test_what_others_write_is_read_to_the_last_bit(
     np.testing.assert_array_equal(recording.states.effort[known], table[known, 5:])
     exact = [round(Fraction(t) * 10**9) + recording.offset for t in table[:, 0].tolist()]
     assert (
-        max(abs(one - other) for one, other in zip(recording.stamp.tolist(), exact, strict=True))
+        max(
+            abs(entry - other) for entry, other in zip(recording.stamp.tolist(), exact, strict=True)
+        )
         <= 1
     )
 
@@ -163,7 +169,7 @@ def long_text():
     its positions.
     """
     positions, pad = [random.Random(4).random() + 1e-6 * k for k in range(25_000)], "x" * 20
-    rows = "".join(f"{k / 1000},{one},0,{pad}\n" for k, one in enumerate(positions))
+    rows = "".join(f"{k / 1000},{entry},0,{pad}\n" for k, entry in enumerate(positions))
     return f"t,q1,qd1,pad\n{rows}1\n".encode(), positions
 
 
@@ -383,8 +389,8 @@ def test_rows_of_other_topics_are_no_messages(written):
     ):
         recording = dd.read_recording(written(content), robot("a"))
         counts = [
-            recording.counts.get(one, 0)
-            for one in ("rows of other topics", "rejected: no position")
+            recording.counts.get(entry, 0)
+            for entry in ("rows of other topics", "rejected: no position")
         ]
         assert (counts, len(recording), lost(recording)) == ([others, rejected], states, [])
         assert recording.offset == 10**9  # a stamp of zero is none
@@ -421,8 +427,8 @@ def found(recording):
     """
     states = recording.states
     q, qd, tau = (
-        [round(10 * (x - 0.02), 6) for x in one[-1]]
-        for one in (states.position, states.velocity, states.effort)
+        [round(10 * (x - 0.02), 6) for x in entry[-1]]
+        for entry in (states.position, states.velocity, states.effort)
     )
     estimated, effort = states.velocity_estimated[-1], states.effort_known[-1]
     return (
@@ -651,7 +657,7 @@ EXACT = {
     "Parquet ns": (pa.array(TWO), {"scale": {"time": "ns"}}),
     "Parquet timestamps": (pa.array(TWO, pa.timestamp("ns", "Europe/Berlin")), None),
     "Parquet durations": (pa.array(TWO, pa.duration("ns")), None),
-    "Parquet decimals": (pa.array([Decimal(one).scaleb(-9) for one in TWO]), None),
+    "Parquet decimals": (pa.array([Decimal(entry).scaleb(-9) for entry in TWO]), None),
     "npz dates": (np.array(TWO, "M8[ns]"), None),
 }
 
@@ -809,7 +815,7 @@ def test_logs_of_universal_robots(written, delimiter):
     values[:, 0] = 1000 + np.arange(30) / 500
     lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in values.tolist())]
     path, at = written("\n".join(lines) + "\n"), {name: header.index(f"{name}_0") for name in RTDE}
-    recording = read(path, {key: one for key, one in columns.items() if key != "scale"}, UR)
+    recording = read(path, {key: entry for key, entry in columns.items() if key != "scale"}, UR)
     for numbers, name in (
         (recording.q, "actual_q"),
         (recording.qd, "actual_qd"),
@@ -881,7 +887,7 @@ def test_files_side_by_side(tmp_path):
     values, t = side_by_side(30_000), np.arange(30_000) / 500
     for names, more in ((ARM, {}), (("j1", "j2", "j3"), {}), ((), {"header": False})):
         paths = [
-            save(tmp_path, f"log_{name}.csv", None, one, names) for name, one in values.items()
+            save(tmp_path, f"log_{name}.csv", None, entry, names) for name, entry in values.items()
         ]
         recording = read(paths, {"rate": 500} | more, ARM)
         assert_same(recording, values)
@@ -889,8 +895,8 @@ def test_files_side_by_side(tmp_path):
             recording
         )
     paths = [
-        save(tmp_path, f"{name}.csv", t if name == "q" else None, one)
-        for name, one in values.items()
+        save(tmp_path, f"{name}.csv", t if name == "q" else None, entry)
+        for name, entry in values.items()
     ]
     assert_same(read(paths, None, ARM), values)  # only one has times
     recording = read("+".join(map(str, paths)), None, ARM)

@@ -75,8 +75,8 @@ def test_quaternions_turn_origins(length):
             [[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]
         )
         corners = corners @ pin.rpy.rpyToMatrix(*TURN).T + [0.1, 0.2, 0.3]
-        found = np.asarray(point.points)
-        assert all(np.linalg.norm(found - corner, axis=1).min() < 1e-12 for corner in corners)
+        result = np.asarray(point.points)
+        assert all(np.linalg.norm(result - corner, axis=1).min() < 1e-12 for corner in corners)
 
 
 # --- Probable mistakes
@@ -393,7 +393,7 @@ def test_rotor_inertia_of_a_mimic_joint():
     )
     text = with_more(link("t", **BOX) + follower.format(' multiplier="-2"'), TWO)
     bare, geared = (
-        dd.load_urdf(one) for one in (text, with_more(motor(ROTOR + GEAR, joint="tip"), text))
+        dd.load_urdf(entry) for entry in (text, with_more(motor(ROTOR + GEAR, joint="tip"), text))
     )
     np.testing.assert_allclose(geared.armature - bare.armature, [0.0, 8.0], rtol=1e-12)
     difference = dd.DiagonalDynamics(geared).mass_matrix([0.1, 0.2]) - dd.DiagonalDynamics(

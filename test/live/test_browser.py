@@ -31,8 +31,8 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture(scope="module")
 def chromium():
-    with browser() as one:
-        yield one
+    with browser() as browser_:
+        yield browser_
 
 
 def still(dynamics):

@@ -74,7 +74,7 @@ def test_robot_by_path(tmp_path, number):
     with demo(tmp_path, "--robot", "my robot.urdf") as process:
         process.wait_for_text("peak energy")
         address = re.search(r"Open (http://127\.0\.0\.1:\d+/)", process.output)[1]
-        wait_for_robot(address, lambda one: one["alive"])
+        wait_for_robot(address, lambda entry: entry["alive"])
         with Stream(address) as stream:  # of the one robot that there is
             assert stream.next(FRAME)["K"] >= 0.0
             assert stream.layout["robot"] == "ur5"

@@ -121,20 +121,20 @@ def allowed(node):
     """Return the names that a node may use, by kind and by use, as the graph has them."""
     (profile,) = ElementTree.parse(POLICY).findall(f".//profile[@node='{node}']")
     assert profile.get("ns") == "/"
-    found = {way: set() for way in GRAPH}
+    result = {way: set() for way in GRAPH}
     for group in profile:
         if group.tag == "actions":
             assert group.attrib == {"call": "ALLOW", "execute": "ALLOW"}
             for action, (way, parts) in itertools.product(group, ACTION.items()):
                 name = action.text.replace("~", f"/{node}")
-                found[way] |= {f"{name}/_action/{part}" for part in parts}
+                result[way] |= {f"{name}/_action/{part}" for part in parts}
             continue
         ((use, verdict),) = group.items()
         assert verdict == "ALLOW"
         for element in group:
             name = element.text.replace("~", f"/{node}")
-            found[element.tag, use].add(name if name.startswith("/") else f"/{name}")
-    return found
+            result[element.tag, use].add(name if name.startswith("/") else f"/{name}")
+    return result
 
 
 def used(peer, node):

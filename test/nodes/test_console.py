@@ -46,8 +46,8 @@ def send(monitor, names, seconds):
 def lines(monitor, status):
     """Return the lines of warnings about a status."""
     start = f"[WARN] [diag_dynamics]: {status}: "
-    found = [line for line in monitor.process.output.splitlines() if line.startswith(start)]
-    return [line.removeprefix(start) for line in found]
+    result = [line for line in monitor.process.output.splitlines() if line.startswith(start)]
+    return [line.removeprefix(start) for line in result]
 
 
 @pytest.mark.parametrize("fault", ODD)

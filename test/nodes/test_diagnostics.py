@@ -84,7 +84,7 @@ def test_every_entry(monitor, panda, sample):
     assert (model["robot"], model["degrees of freedom"]) == ("panda", "8")
     assert (model["mimic joints"], model["locked joints"]) == ("1: panda_finger_joint2", "0")
     mass = sum(
-        float(found.get("value")) for found in panda.oracle.xml.findall("link/inertial/mass")
+        float(result.get("value")) for result in panda.oracle.xml.findall("link/inertial/mass")
     )
     assert float(model["total mass [kg]"]) == pytest.approx(mass, rel=1e-5)
     assert int(model["model revision"]) == monitor.topics["state"].messages[-1].model_revision

@@ -236,9 +236,9 @@ def arguments(name, moment):
     )
     links = [name for name in model.link_names if model.placement_in_body(name)[0] or not model.nv]
     scale = 10.0 ** rng.integers(-1, 2)
-    found = None
+    result = None
     if moment.effort and model.nv:
-        found = dyn.wrench(
+        result = dyn.wrench(
             q,
             links[moment.seed % len(links)],
             tau,
@@ -257,8 +257,8 @@ def arguments(name, moment):
         **dict.fromkeys(MATRICES, (dyn, state, moment.inverse)),
         "contact_limits": (dyn.contact_limits(q, moment.effort * qd, points), state),
         "external_torque": (seen, state, alarming, touched),
-        "external_wrench_estimates": (links[moment.seed % len(links)], found, state),
-    } | ({"external_wrench": (links[0], found, state)} if found else {})
+        "external_wrench_estimates": (links[moment.seed % len(links)], result, state),
+    } | ({"external_wrench": (links[0], result, state)} if result else {})
 
 
 _POINTS = {}
@@ -461,7 +461,7 @@ def plain(value):
 )
 def test_read_as_rclpy_reads(kind, make):
     """Good bytes and damaged ones: the same values, or an error."""
-    rng, found, count = np.random.default_rng(1), Counter(), shortened(20_000, 1500)
+    rng, result, count = np.random.default_rng(1), Counter(), shortened(20_000, 1500)
     name = f"{'sensor' if kind is JointState else 'nav'}_msgs/msg/{kind.__name__}"
     for k in range(count):
         raw = serialize_message(make(rng))
@@ -475,8 +475,8 @@ def test_read_as_rclpy_reads(kind, make):
         except ValueError:
             actual = None
         assert actual == expected, raw.hex()
-        found["refused" if expected is None else "read"] += 1
-    assert found["read"] > count // 5 and found["refused"] > count // 10
+        result["refused" if expected is None else "read"] += 1
+    assert result["read"] > count // 5 and result["refused"] > count // 10
 
 
 IN_IDL = {"bool": "boolean", "byte": "octet", "float32": "float", "float64": "double"}
@@ -503,9 +503,9 @@ def test_definitions_equal_those_of_ros(name):
     """Of each message and of all in it, as another library understands the text."""
     types = get_types_from_msg(definition_with_parts(name), name)
     assert name in types
-    for one, (_, fields) in types.items():
-        package, _, part = one.split("/")
+    for entry, (_, fields) in types.items():
+        package, _, part = entry.split("/")
         declared = getattr(
             importlib.import_module(f"{package}.msg"), part
         ).get_fields_and_field_types()
-        assert [(field, idl(parsed)) for field, parsed in fields] == list(declared.items()), one
+        assert [(field, idl(parsed)) for field, parsed in fields] == list(declared.items()), entry

@@ -218,11 +218,11 @@ def test_description_refused_by_parameter(monitor, panda, text, reason):
 
 def test_one_source_of_the_robot(by_topic, monitor):
     """A robot by topic is not replaced by the parameter, nor the other way round."""
-    for found, value, reason in (
+    for actual, value, reason in (
         (by_topic, str(robot(UR5).path), "cannot replace the topic"),
         (monitor, "", "become empty"),
     ):
-        result = found.set_parameters({"robot_description": value})
+        result = actual.set_parameters({"robot_description": value})
         assert not result.successful and reason in result.reason
 
 

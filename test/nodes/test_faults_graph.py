@@ -127,12 +127,14 @@ def test_messages_that_the_middleware_lost(monitor):
     """They are counted beside those received."""
     before = monitor.next_report()
     (states,) = [
-        one
-        for one in monitor.process.node.subscriptions
-        if one.topic_name == "/default/joint_states"
+        entry
+        for entry in monitor.process.node.subscriptions
+        if entry.topic_name == "/default/joint_states"
     ]
     (handler,) = [
-        one for one in states.event_handlers if one.event_type == Lost.RCL_SUBSCRIPTION_MESSAGE_LOST
+        entry
+        for entry in states.event_handlers
+        if entry.event_type == Lost.RCL_SUBSCRIPTION_MESSAGE_LOST
     ]
     handler.callback(SimpleNamespace(total_count=7, total_count_change=3))
     assert monitor.next_report().since(before) == {"lost in transport": 3}

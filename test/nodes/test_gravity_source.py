@@ -53,8 +53,8 @@ class Carried(Monitor):
         """Return ε_g of the state, which is published now; None if it is rejected."""
         stamp = self.tick(20 * MS)
         self.publish(joint_state(robot(PANDA).names, self.state.q, self.state.qd, (), stamp))
-        found = self.topics["coriolis"].at(stamp)
-        return None if found is None else np.array(found.gravity)
+        result = self.topics["coriolis"].at(stamp)
+        return None if result is None else np.array(result.gravity)
 
 
 def expected(rotation, state):
@@ -131,9 +131,9 @@ def test_observer_goes_on(peer):
             tilt = pin.rpy.rpyToMatrix(0.005 * k, 0.0, 0.0)
             motion = Motion(robot(PANDA), size=0.0, gravity=tuple(-G * tilt[2]))
             monitor.send(orientation=tilt)
-            (found,) = feed(monitor, [motion(0)])
-            assert found.valid == (k > 0)
-        assert np.abs(found.external_torque).max() < 1e-6
+            (result,) = feed(monitor, [motion(0)])
+            assert result.valid == (k > 0)
+        assert np.abs(result.external_torque).max() < 1e-6
         assert monitor.node._revision == 1
 
 

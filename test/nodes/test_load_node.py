@@ -57,12 +57,12 @@ def payload(monitor):
 
 
 def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
-    found = feed(monitor, map(LOADED, range(900)))
-    assert any(one.collision for one in found[:400]) and not any(
-        one.collision for one in found[750:]
+    result = feed(monitor, map(LOADED, range(900)))
+    assert any(message.collision for message in result[:400]) and not any(
+        message.collision for message in result[750:]
     )
     assert (
-        np.linalg.norm(found[-1].external_torque) > 5.0
+        np.linalg.norm(result[-1].external_torque) > 5.0
     )  # the message has all of the external torque
     force = monitor.wrench.messages[-1].wrench.force
     assert math.hypot(force.x, force.y, force.z) < 0.2 * 9.81 * MASS  # the wrench lacks the load
@@ -80,7 +80,7 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     q, qd, tau = zip(*map(LOADED, range(900, 1100)), strict=True)
     push = 30.0 * np.array([name == "panda_joint2" for name in NAMES])
     pushed = feed(monitor, zip(q, qd, np.array(tau) - push, strict=True))
-    assert any(one.collision for one in pushed[:30])
+    assert any(message.collision for message in pushed[:30])
     assert monitor.next_report().entries[TORQUE].level == WARN
 
 

@@ -96,8 +96,8 @@ def test_simulator_of_a_four_bar(peer, loops_file):
     crank, arm, *followers = message.position
     assert abs(crank - model.start[0]) > 0.05
     np.testing.assert_allclose(np.array(followers), four_bar_followers(crank), atol=1e-9)
-    found = model.followers_at([crank, arm], message.velocity[:2])
-    np.testing.assert_allclose(message.velocity[2:], found.rate, atol=1e-12)
+    result = model.followers_at([crank, arm], message.velocity[:2])
+    np.testing.assert_allclose(message.velocity[2:], result.rate, atol=1e-12)
 
 
 GRIPPER = Path(__file__).parents[2] / "examples/closed_loops/four_bar_gripper"
@@ -113,8 +113,8 @@ def test_health_of_one_degree_of_freedom():
         np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]]),
         np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]]),
     )
-    found = coriolis_work(nu, np.array([[0.1, 0.2], [1e-14, 0.0], [0.0, 0.0]]), qd)
-    np.testing.assert_allclose(found, [0.05 / np.sqrt(0.1 * 0.05), np.nan, np.nan])
+    result = coriolis_work(nu, np.array([[0.1, 0.2], [1e-14, 0.0], [0.0, 0.0]]), qd)
+    np.testing.assert_allclose(result, [0.05 / np.sqrt(0.1 * 0.05), np.nan, np.nan])
 
 
 @pytest.mark.filterwarnings("ignore::diag_dynamics.LoopWarning")

@@ -64,10 +64,10 @@ class Drawn:
 
 
 def by_space(message):
-    found = {}
+    result = {}
     for marker in message.markers:
-        found.setdefault(marker.ns, []).append(marker)
-    return found
+        result.setdefault(marker.ns, []).append(marker)
+    return result
 
 
 def matrix(pose):
@@ -105,7 +105,7 @@ def test_links(name, floating):
     ]
     moved_by = zip(drawn.model.link_names, tree_of(drawn.model)["links"], strict=True)
     moved_by = {
-        link: drawn.model.dof_names[one["dofs"][-1]] for link, one in moved_by if one["dofs"]
+        link: drawn.model.dof_names[entry["dofs"][-1]] for link, entry in moved_by if entry["dofs"]
     }
     for (link, shape), marker in zip(shapes, drawn.markers["links"], strict=True):
         if shape is not None:  # else an ellipsoid stands for it
@@ -168,7 +168,7 @@ class Watch(CollisionWatch):
             drawn.model.dof_names,
             0.01 * np.eye(drawn.model.nv),
         )
-        values = {name: one.default for name, one in PARAMETERS.items()}
+        values = {name: entry.default for name, entry in PARAMETERS.items()}
         values |= {
             "external_torque.gain": 25.0,
             "collision.threshold": ["total=2"],

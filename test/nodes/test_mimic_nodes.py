@@ -59,14 +59,14 @@ def monitor(peer):
 
 def use(monitor, id):
     """Put a robot in force, all joints fresh, and return it."""
-    found = robot(id)
-    monitor.describe(found.urdf)
+    result = robot(id)
+    monitor.describe(result.urdf)
     monitor.wait_for_report(
-        lambda report: report.values.get("robot") == found.oracle.xml.get("name"), id
+        lambda report: report.values.get("robot") == result.oracle.xml.get("name"), id
     )
-    monitor.feed(Whole(found).message(monitor.tick()))
+    monitor.feed(Whole(result).message(monitor.tick()))
     monitor.forget()
-    return found
+    return result
 
 
 @pytest.fixture
@@ -132,10 +132,10 @@ def answer(monitor, service, state, success=True, **fields):
 @pytest.mark.parametrize("listed", [True, False])
 def test_services(monitor, listed):
     """Efforts of mimic joints are reflected, their velocities and accelerations ignored."""
-    found = use(monitor, GRIPPER)
-    own = {name: 1.0 + k for k, name in enumerate(found.oracle.coupling.mimics)} if listed else {}
-    whole = Whole(found, 1, **own)
-    state, truth = whole.message(0, whole.names if listed else found.names), whole.truth
+    result = use(monitor, GRIPPER)
+    own = {name: 1.0 + k for k, name in enumerate(result.oracle.coupling.mimics)} if listed else {}
+    whole = Whole(result, 1, **own)
+    state, truth = whole.message(0, whole.names if listed else result.names), whole.truth
     truth.check_state(answer(monitor, "diagonalize", state).state)
     for name in own:
         state.velocity[state.name.index(name)] = 1e3
@@ -143,10 +143,10 @@ def test_services(monitor, listed):
     assert_close(
         response.acceleration * truth.unit, truth.state.acceleration * truth.unit, truth.tolerance
     )
-    acceleration = dict(zip(found.names, whole.qdd.tolist(), strict=True))
+    acceleration = dict(zip(result.names, whole.qdd.tolist(), strict=True))
     acceleration = [acceleration.get(name, -1e3) for name in state.name]
     response = answer(monitor, "inverse_dynamics", state, acceleration=acceleration)
-    expected = found.oracle.inverse_dynamics(whole.q, whole.qd, whole.qdd)
+    expected = result.oracle.inverse_dynamics(whole.q, whole.qd, whole.qdd)
     assert_close(response.effort / truth.unit, expected / truth.unit, truth.tolerance)
 
 

@@ -244,11 +244,11 @@ def test_every_parameter_is_described(monitor):
     request = DescribeParameters.Request(names=names)
     described = monitor.call(DescribeParameters, "describe_parameters", request).descriptors
     values = monitor.peer.get_parameters(monitor.name, names)
-    for name, found in zip(names, described, strict=True):
-        assert len(found.description) > 20
-        assert found.read_only == PARAMETERS[name].read_only
+    for name, result in zip(names, described, strict=True):
+        assert len(result.description) > 20
+        assert result.read_only == PARAMETERS[name].read_only
         if isinstance(values[name], float):
-            (bounds,) = found.floating_point_range
+            (bounds,) = result.floating_point_range
             assert bounds.from_value <= values[name] <= bounds.to_value
     by_name = dict(zip(names, described, strict=True))
     for name, choices in (
@@ -406,10 +406,10 @@ def test_payload_outlives_a_description(by_topic, panda, tool):
     replaced(by_topic, panda.urdf, "panda")
     assert by_topic.call(SetPayload, "set_payload", load).success
     payloads = {HAND: (2.0, (0.0, 0.0, 0.0), np.diag([0.01, 0.02, 0.025]))}
-    for found, name in ((tool, "panda_with_tool"), (robot(UR5), "ur5"), (panda, "panda")):
+    for result, name in ((tool, "panda_with_tool"), (robot(UR5), "ur5"), (panda, "panda")):
         applied = name != "ur5"
-        model = replaced(by_topic, found.urdf, name).entries["model"]
-        by_topic.serves(found.changed(payloads=payloads) if applied else found, 1)
+        model = replaced(by_topic, result.urdf, name).entries["model"]
+        by_topic.serves(result.changed(payloads=payloads) if applied else result, 1)
         assert {pair.key: pair.value for pair in model.values}["payloads"] == (
             f"1: {HAND}" if applied else "0"
         )

@@ -207,17 +207,17 @@ def external_torque(messages):
     """Return stamps, torques, norms and flags of messages of external_torque."""
     return [
         (
-            nanoseconds(one.header.stamp),
-            list(one.external_torque),
-            one.norm,
+            nanoseconds(message.header.stamp),
+            list(message.external_torque),
+            message.norm,
             *(
-                one.valid,
-                one.collision,
-                list(one.joint_collision),
-                list(one.collision_threshold),
+                message.valid,
+                message.collision,
+                list(message.joint_collision),
+                list(message.collision_threshold),
             ),
         )
-        for one in messages
+        for message in messages
     ]
 
 
@@ -232,9 +232,9 @@ def analysed(folder, parameters, topics=("external_torque",)):
     assert main(["analyse", str(folder / "in.mcap"), *given, *outputs]) < 2
     with out.open("rb") as stream:
         sent = {topic: [] for topic in topics}
-        for _, channel, one in make_reader(stream).iter_messages():
+        for _, channel, message in make_reader(stream).iter_messages():
             topic = channel.topic.rpartition("/")[2]
-            sent[topic].append(deserialize_message(one.data, TYPES[topic]))
+            sent[topic].append(deserialize_message(message.data, TYPES[topic]))
     count = len(json.loads(summary.read_text(encoding="utf-8"))["collisions"])
     out.unlink()
     summary.unlink()
@@ -266,17 +266,21 @@ def test_every_field_of_a_recording_is_that_of_the_monitor(peer, tmp_path, flag)
         live.feed(messages)
     for name, topic in published.items():
         assert len(topic.messages) == len(offline[name]) > 50
-        for one, other in zip(topic.messages, offline[name], strict=True):
-            for field in one.get_fields_and_field_types():
-                values = getattr(one, field), getattr(other, field)
+        for message, other in zip(topic.messages, offline[name], strict=True):
+            for field in message.get_fields_and_field_types():
+                values = getattr(message, field), getattr(other, field)
                 if hasattr(values[0], "__float__") or isinstance(values[0], array):
                     np.testing.assert_allclose(*values, rtol=1e-6, atol=1e-6, err_msg=field)
                 else:
                     assert values[0] == values[1], field
     torque = offline["external_torque"]
-    assert {tuple(one.touched_links) for one in torque} == {(), ("upper", "lower")}
-    assert {one.contact for one in torque} == {one.valid for one in torque} == {False, True}
-    assert {one.effort_valid for one in offline["state"]} == {False, True}
+    assert {tuple(message.touched_links) for message in torque} == {(), ("upper", "lower")}
+    assert (
+        {message.contact for message in torque}
+        == {message.valid for message in torque}
+        == {False, True}
+    )
+    assert {message.effort_valid for message in offline["state"]} == {False, True}
 
 
 def test_every_parameter_is_compared():
@@ -305,7 +309,7 @@ def test_live_and_offline_agree(peer, tmp_path, name):
     (sent, count), (others, other_count) = (
         analysed(tmp_path, chosen) for chosen in (parameters, common)
     )
-    offline, others = (external_torque(one["external_torque"]) for one in (sent, others))
+    offline, others = (external_torque(message["external_torque"]) for message in (sent, others))
     live = Live(peer, f"/pushed{place}", tmp_path / "arm.urdf", parameters)
     with live.process:
         live.feed(messages)
@@ -315,9 +319,9 @@ def test_live_and_offline_agree(peer, tmp_path, name):
         }
     assert int(values["collisions"]) == count
     assert len(published) == len(offline) > 50
-    for one, other in zip(published, offline, strict=True):
-        assert one[0] == other[0] and one[3:] == other[3:]
-        np.testing.assert_allclose(one[1], other[1], rtol=1e-6, atol=1e-6)
-        assert one[2] == pytest.approx(other[2], rel=1e-6, abs=1e-6, nan_ok=True)
-    assert any(one[3] for one in published) or name == "effort_available"
+    for message, other in zip(published, offline, strict=True):
+        assert message[0] == other[0] and message[3:] == other[3:]
+        np.testing.assert_allclose(message[1], other[1], rtol=1e-6, atol=1e-6)
+        assert message[2] == pytest.approx(other[2], rel=1e-6, abs=1e-6, nan_ok=True)
+    assert any(message[3] for message in published) or name == "effort_available"
     assert repr((offline, count)) != repr((others, other_count))

@@ -86,8 +86,8 @@ def test_one_call_and_one_message_per_change(monitor):
     """The state that shows the collision sends both; a standing collision sends none; the next one
     does again.
     """
-    found = feed(monitor, [FREE] * 3)
-    assert published(monitor) == [] and not found[-1].collision
+    result = feed(monitor, [FREE] * 3)
+    assert published(monitor) == [] and not result[-1].collision
     for number in (1, 2):
         for _ in range(60):
             assert monitor.stop_service.calls == number - 1 and not published(monitor)
@@ -131,7 +131,7 @@ def test_late_subscribers_receive_the_present_value(monitor, peer):
             feed(other, [state] * 60)
             values.append(peer.topic(Bool, f"{other.name}/collision", LATCHED).messages)
             peer.pass_time(0.01)
-            assert [one.data for one in values[-1]] == [value]
+            assert [entry.data for entry in values[-1]] == [value]
         assert REACTION not in other.next_report().entries  # no service
 
 
@@ -219,7 +219,7 @@ def test_latency(monitor, peer):
             feed(monitor, [PUSHED] * 60)
         feed(monitor, [FREE] * 300)
         entry = monitor.next_report().entries[REACTION]
-        values = {one.key: one.value for one in entry.values}
+        values = {item.key: item.value for item in entry.values}
         assert (entry.level, entry.message) == (OK, "'stop': ready")
         assert values["call sent after [ms]"] == values["call sent after, maximum [ms]"] == "3"
         assert values["response after [ms]"] == f"{1e3 * (time + 0.003):.3g}"
@@ -248,7 +248,9 @@ def test_failures(monitor, peer):
     assert "not available" in monitor.next_report().entries[REACTION].message  # before it is needed
     count = len(monitor.reports)
     feed(monitor, [PUSHED] * 60 + [FREE] * 300)
-    at_once = next(one.entries for one in monitor.reports[count:] if REACTION in one.entries)
+    at_once = next(
+        report.entries for report in monitor.reports[count:] if REACTION in report.entries
+    )
     assert at_once[REACTION].level == ERROR and "not available" in at_once[REACTION].message
     assert "Reaction failed: 'stop': the service is not available" in monitor.process.output
     monitor.stop_service = Stop(peer, "/reacting/stop")
@@ -269,8 +271,8 @@ def test_contact_as_the_event(monitor, peer):
     ) as other:
         subscribed(other)
         pushed = Motion(robot(PANDA), 15.0 * (JOINTS == "panda_joint2"), size=0.0)(0)
-        found = feed(other, [FREE] * 3 + [pushed] * 100)
-        assert stop.calls == 1 and found[-1].contact and not found[-1].collision
+        result = feed(other, [FREE] * 3 + [pushed] * 100)
+        assert stop.calls == 1 and result[-1].contact and not result[-1].collision
         feed(other, [FREE] * 300 + [PUSHED] * 100)
         assert stop.calls == 2
     peer.node.destroy_service(stop.service)
@@ -377,7 +379,7 @@ def test_controllers_that_cannot_be_activated(switching, activate, states, befor
     assert any("Reaction failed" in line and after in line for line in other.process.node.output)
     level, message = entry_of(other)
     assert level == ERROR and "last call failed: " in message
-    values = {one.key: one.value for one in other.next_report().entries[REACTION].values}
+    values = {entry.key: entry.value for entry in other.next_report().entries[REACTION].values}
     assert values["calls"] == values["failed calls"] == "1"
 
 

@@ -98,8 +98,8 @@ def test_missing_efforts(monitor, standing, panda):
     restart(monitor)
     q, qd, tau = standing(0)
     before = feed(monitor, [standing(0)] * 10)[-1]
-    one = np.where(np.arange(len(tau)) == 2, math.nan, tau)
-    none, part = feed(monitor, [(q, qd, None), (q, qd, one)])
+    item = np.where(np.arange(len(tau)) == 2, math.nan, tau)
+    none, part = feed(monitor, [(q, qd, None), (q, qd, item)])
     assert nothing(none) and part.valid and math.isnan(part.norm) and not part.collision
     assert np.isnan(part.external_torque).tolist() == (np.arange(len(tau)) == 2).tolist()
     after = feed(monitor, [standing(0)])[0]
@@ -109,7 +109,7 @@ def test_missing_efforts(monitor, standing, panda):
         and not math.isnan(before.norm)
     )
     monitor.next_report()
-    feed(monitor, [(q, qd, one)])
+    feed(monitor, [(q, qd, item)])
     entry = monitor.next_report().entries[TORQUE]
     assert entry.level == WARN and entry.message.endswith(
         f"joints without effort: 1: {panda.names[2]}"
@@ -136,14 +136,14 @@ def test_alarms(monitor, panda, free):
         restart(monitor)
         feed(monitor, [free] * 3)
         before, count = monitor.next_report().count("collisions"), len(monitor.reports)
-        found = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
-        assert not found[-1].collision and not any(found[-1].joint_collision)
-        assert list(found[0].collision_threshold) == [*limits.values(), 25.0, 50.0]
-        assert list(found[0].contact_threshold) == [12.0] * len(panda.names) + [15.0, 40.0]
-        touched = next(m for m in found if m.contact)
-        assert not touched.collision and not found[-1].contact
+        result = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
+        assert not result[-1].collision and not any(result[-1].joint_collision)
+        assert list(result[0].collision_threshold) == [*limits.values(), 25.0, 50.0]
+        assert list(result[0].contact_threshold) == [12.0] * len(panda.names) + [15.0, 40.0]
+        touched = next(m for m in result if m.contact)
+        assert not touched.collision and not result[-1].contact
         assert f"Contact: panda_joint2 {touched.external_torque[1]:.3g}" in monitor.process.output
-        first = next(m for m in found if m.collision)
+        first = next(m for m in result if m.collision)
         assert list(first.joint_collision) == [name == "panda_joint2" for name in panda.names]
         entries = monitor.reports[count].entries
         cause = f"panda_joint2 {first.external_torque[1]:.3g} N m > 20"
@@ -175,14 +175,14 @@ def test_touched_link(monitor, panda, free):
         feed(monitor, [free] * 3)
         monitor.next_report()
         count = len(monitor.reports)
-        found = feed(monitor, [free] * 3 + [pushed] * 60)
+        actual = feed(monitor, [free] * 3 + [pushed] * 60)
         matrix = np.reshape(noise["external_torque.covariance"], 2 * [len(panda.names)])
-        expected = dynamics.touched_link(q, np.array(found[-1].external_torque), matrix)
-        assert tuple(found[-1].touched_links) == expected.links
-        np.testing.assert_allclose(found[-1].touched_link_probability, expected.probability)
-        assert not found[2].touched_links and not len(found[2].touched_link_probability)
+        expected = dynamics.touched_link(q, np.array(actual[-1].external_torque), matrix)
+        assert tuple(actual[-1].touched_links) == expected.links
+        np.testing.assert_allclose(actual[-1].touched_link_probability, expected.probability)
+        assert not actual[2].touched_links and not len(actual[2].touched_link_probability)
         report = monitor.reports[count]
-        first = next(m for m in found if m.collision)
+        first = next(m for m in actual if m.collision)
         largest = int(np.argmax(first.touched_link_probability))
         link, probability = first.touched_links[largest], first.touched_link_probability[largest]
         assert report.message == f"collision: {link}"
@@ -199,9 +199,9 @@ def test_when_it_is_computed(monitor, standing, panda):
     """
     with monitor.having(max_rate=["external_torque=100"]):
         restart(monitor)
-        found = [message for message in feed(monitor, [standing(0)] * 51) if message]
-    assert set(np.diff([nanoseconds(message.header.stamp) for message in found])) == {5 * STEP}
-    np.testing.assert_allclose(found[-1].external_torque, through(50) * standing.push, rtol=1e-6)
+        result = [message for message in feed(monitor, [standing(0)] * 51) if message]
+    assert set(np.diff([nanoseconds(message.header.stamp) for message in result])) == {5 * STEP}
+    np.testing.assert_allclose(result[-1].external_torque, through(50) * standing.push, rtol=1e-6)
     with monitor.having(**{"external_torque.gain": 0.0}):
         monitor.serves(panda)
         assert TORQUE not in monitor.next_report().entries and not monitor.torque.at(monitor.now)

@@ -88,9 +88,9 @@ def test_a_pose_in_a_frame_of_tf(arm):
     arm.target.publish(pose_message("table", pose.translation, pose.rotation))
     arm.wait_for(lambda s: pose_error(s)[0] > 0.1, "the target", timeout=1.0)
     arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
-    found = pose_of(arm.simulator.states.messages[-1].position)
-    np.testing.assert_allclose(found[0], goal.translation, atol=2e-3)
-    np.testing.assert_allclose(found[1], goal.rotation, atol=5e-3)
+    result = pose_of(arm.simulator.states.messages[-1].position)
+    np.testing.assert_allclose(result[0], goal.translation, atol=2e-3)
+    np.testing.assert_allclose(result[1], goal.rotation, atol=5e-3)
     arm.refuses(lambda: arm.target.publish(pose_message("map", position)), "frame_id is 'map'")
     buffer.transform.header.stamp.nanosec = 1  # of the epoch
     if arm.process.node.time.now() > 2 * S:

@@ -117,7 +117,9 @@ def test_thresholds_diagnostics_and_heartbeat(peer, monitor, view, panda, monkey
         monitor.serves(panda)
         layout = stream.next(LAYOUT, lambda layout: layout["robot"] == "panda")
         assert layout["scene"]["missing"] == {}
-        names = {one["name"] for one in stream.next(DIAGNOSTICS, lambda entries: len(entries) >= 4)}
+        names = {
+            entry["name"] for entry in stream.next(DIAGNOSTICS, lambda entries: len(entries) >= 4)
+        }
         assert {"arm/diag_dynamics: model", "arm/diag_dynamics: joint states"} <= names
         stream.next(HEARTBEAT, lambda beat: beat["alive"] and beat["waiting"] == "")
         monkeypatch.setattr(stale, 0.0)
@@ -128,14 +130,17 @@ def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeyp
     """As that of external torque when it is no longer observed."""
     with stream_of(view) as stream:
         stream.next(
-            DIAGNOSTICS, lambda found: any(one["name"].endswith("external torque") for one in found)
+            DIAGNOSTICS,
+            lambda result: any(entry["name"].endswith("external torque") for entry in result),
         )
         with monitor.having(external_torque__gain=0.0, collision__threshold=[""]):
             monkeypatch.setattr("diag_dynamics.nodes.view.DIAGNOSTICS_TIMEOUT", 0.0)
             peer.pass_time(1.0)
             stream.next(
                 DIAGNOSTICS,
-                lambda found: not any(one["name"].endswith("external torque") for one in found),
+                lambda result: (
+                    not any(entry["name"].endswith("external torque") for entry in result)
+                ),
             )
 
 
@@ -184,7 +189,9 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda)
         peer.pass_time(0.1)
         frame = frame_of(stream, monitor.now)
         layout = get_json(view.node.address, "/layout?robot=/arm")
-        (link,) = (one for one in layout["scene"]["links"] if one["name"] == "panda_link7")
+        (link,) = (
+            element for element in layout["scene"]["links"] if element["name"] == "panda_link7"
+        )
         assert link["mass"] > 3.0
         assert "other_model" not in frame.flags
         assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4)
@@ -246,7 +253,7 @@ def test_a_robot_without_its_parameters_file(peer, view, panda, tmp_path):
         with stream_of(view, "/far") as stream:
             difference = stream.next(HEARTBEAT)["difference"]
     assert "without parameters_file" in difference and str(path) in difference
-    messages = [one.message for report in reports.messages for one in report.status]
+    messages = [entry.message for report in reports.messages for entry in report.status]
     assert difference in " ".join(messages)
     monitor.process.stop()
 
@@ -367,11 +374,11 @@ def test_a_load_is_shown(peer, monitor, view, panda):
             publisher.publish(load)
             monitor.serves(panda)
             frame = frame_of(stream, monitor.now)
-            found = [float(frame[name]) for name in ("load_link", "load_mass", "load_deviation")]
+            result = [float(frame[name]) for name in ("load_link", "load_mass", "load_deviation")]
             if (link, is_load, age) == ("panda_hand", True, 0):
-                assert [stream.layout["links"][int(found[0])], *found[1:]] == expected
+                assert [stream.layout["links"][int(result[0])], *result[1:]] == expected
             else:
-                assert np.isnan(found).all()
+                assert np.isnan(result).all()
 
 
 def test_foreign_time(peer, view, panda):
@@ -427,4 +434,6 @@ def test_without_a_monitor(peer):
         assert "; this type is on " in robot["waiting"]
         assert robot["name"] == "no monitor" and not robot["alive"]
         with start_monitor(peer, UR5, "/alone"):
-            assert [one["name"] for one in get_json(view.node.address, "/robots")] == ["/alone"]
+            assert [robot_id["name"] for robot_id in get_json(view.node.address, "/robots")] == [
+                "/alone"
+            ]

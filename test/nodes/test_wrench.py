@@ -35,7 +35,7 @@ def jacobian(link):
     """Return Pinocchio's J at the pose of :func:`pushed`, column by column of Jᵀ."""
     still = Motion(ARM, size=0.0)
     return np.array(
-        [still.oracle.effort_of(still.middle, {link: one}, "link") for one in np.eye(6)]
+        [still.oracle.effort_of(still.middle, {link: axis}, "link") for axis in np.eye(6)]
     )
 
 
@@ -63,7 +63,7 @@ class Frames:
 
     def at(self, frame):
         """Return the estimates at a frame."""
-        return [one for one in self.estimates.messages if one.header.frame_id == frame]
+        return [message for message in self.estimates.messages if message.header.frame_id == frame]
 
 
 @pytest.fixture(scope="module")
@@ -123,9 +123,13 @@ def test_no_wrench_without_a_result(frames):
         frames.feed(*[state] * 10)
         frames.feed(*[(*state[:2], None)] * 3)
     assert not frames.hand.messages
-    for one in frames.at(HAND) + frames.at(WRIST):
-        assert not one.valid and not vector(one.wrench).any() and not np.any(one.covariance)
-        assert not one.unobserved and one.chi_square == 0.0
+    for estimate in frames.at(HAND) + frames.at(WRIST):
+        assert (
+            not estimate.valid
+            and not vector(estimate.wrench).any()
+            and not np.any(estimate.covariance)
+        )
+        assert not estimate.unobserved and estimate.chi_square == 0.0
     assert len(frames.at(HAND)) == len(frames.at(WRIST)) == 3
     with frames.monitor.having(**WIDE):
         frames.feed(*[state] * 2)
@@ -144,7 +148,9 @@ def test_no_wrench_with_unobserved_directions(frames):
         frames.feed(*[pushed(FORCE)(0)] * 10)
     assert not frames.hand.messages
     for frame in (HAND, WRIST):
-        assert [bool(one.unobserved) for one in frames.at(frame) if one.valid].count(True) >= 4
+        assert [bool(estimate.unobserved) for estimate in frames.at(frame) if estimate.valid].count(
+            True
+        ) >= 4
     key = "wrenches with unobserved directions"
     frames.monitor.wait_for_report(lambda report: report.count(key), key, begin)
     lines = frames.monitor.process.output.splitlines()
@@ -157,7 +163,9 @@ def test_rates(frames):
     with frames.monitor.having(max_rate=["external_wrench_estimates=50"], **WIDE):
         frames.feed(*[pushed(FORCE)(0)] * 101)
     assert set(np.diff(frames.hand.stamps)) == {2 * STEP}
-    assert set(np.diff([nanoseconds(one.header.stamp) for one in frames.at(HAND)])) == {10 * STEP}
+    assert set(np.diff([nanoseconds(estimate.header.stamp) for estimate in frames.at(HAND)])) == {
+        10 * STEP
+    }
     assert len(frames.at(HAND)) == len(frames.at(WRIST))
 
 

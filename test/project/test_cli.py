@@ -332,7 +332,7 @@ def test_inspect_for_programs(run):
         ),
         *("condition_of_mass_matrix", "kinetic_energy_at_velocity_limits", "tips"),
     }
-    assert [one["joints"] for one in document["findings"] if one["check"] == "loading"] == [
+    assert [entry["joints"] for entry in document["findings"] if entry["check"] == "loading"] == [
         ["turn"]
     ]
     document = json.loads(run("inspect nowhere.urdf --json")[1])
@@ -402,7 +402,7 @@ def assert_report(page, quality):
     ]
     assert tables["combination"].xpath("ancestor::details[not(@open)]")
     names = [row.findtext("td") for row in tables["combination"].xpath("tr")]
-    assert names == [one["name"] for one in quality["base_parameters"]["parameters"]]
+    assert names == [parameter["name"] for parameter in quality["base_parameters"]["parameters"]]
     assert not root.xpath("//script | //link[@href != 'data:,'] | //img")
 
 
@@ -420,19 +420,19 @@ def test_identify(run, tmp_path):
     )
     assert status == 0 and all(f"Wrote {tmp_path / name}" in error for name in outputs.values())
     assert "friction, rotors" in out.splitlines()[0]
-    found = dd.Parameters.load(tmp_path / "arm.yaml")
+    result = dd.Parameters.load(tmp_path / "arm.yaml")
     for name, truth in TRUTH.items():
-        one = found.joints[name]
-        assert one.friction == pytest.approx(truth.friction, rel=0.03)
-        assert one.damping == pytest.approx(truth.damping, rel=0.05)
-        assert one.effort_offset == pytest.approx(truth.effort_offset, abs=0.03 * truth.friction)
-        assert one.armature == pytest.approx(truth.armature, rel=0.05)
+        entry = result.joints[name]
+        assert entry.friction == pytest.approx(truth.friction, rel=0.03)
+        assert entry.damping == pytest.approx(truth.damping, rel=0.05)
+        assert entry.effort_offset == pytest.approx(truth.effort_offset, abs=0.03 * truth.friction)
+        assert entry.armature == pytest.approx(truth.armature, rel=0.05)
     quality = json.loads((tmp_path / "q.json").read_text())
     assert all(after < max(0.3 * before, 0.05) for before, after in quality["torque_rms"].values())
-    assert quality["explained"][1] > 0.99 and found.origin["recordings"][0]["path"] == "monday.csv"
+    assert quality["explained"][1] > 0.99 and result.origin["recordings"][0]["path"] == "monday.csv"
     assert_report((tmp_path / "page.html").read_text(encoding="utf-8"), quality)
     dynamics = etree.parse(tmp_path / "new.urdf").xpath("//joint[@name='elbow_joint']/dynamics")[0]
-    assert float(dynamics.get("friction")) == found.joints["elbow_joint"].friction
+    assert float(dynamics.get("friction")) == result.joints["elbow_joint"].friction
 
 
 def test_report_of_two_files(run, tmp_path, columns):

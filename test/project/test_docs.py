@@ -59,7 +59,9 @@ def test_pages_have_a_table_of_every_node():
             name for name in node_parameters(node) if f"| `{name}` |" not in pages["parameters"]
         ] == []
         assert [
-            one.name for one in INTERFACES[node] if f"| `{one.name}` |" not in pages["interfaces"]
+            interface.name
+            for interface in INTERFACES[node]
+            if f"| `{interface.name}` |" not in pages["interfaces"]
         ] == []
         keys = [key for entry in TABLES.diagnostics()[node].values() for key in entry]
         assert [
@@ -73,17 +75,17 @@ def keys_in(path):
     """Return the texts that a module's functions on statuses use as keys of dictionaries."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    found = set()
+    result = set()
     for function in functions:
         if re.search("status|report|values|health|listeners", function.name):
             for node in ast.walk(function):
                 keys = node.keys if isinstance(node, ast.Dict) else [getattr(node, "slice", None)]
-                found |= {
+                result |= {
                     key.value
                     for key in keys
                     if isinstance(key, ast.Constant) and isinstance(key.value, str)
                 }
-    return found
+    return result
 
 
 MONITOR = (
@@ -117,7 +119,7 @@ def test_diagnostics_are_documented(node):
             *COUNTS.values(),
             *EVENTS.values(),
         }
-    assert [key for key in sorted(keys) if not any(key in one for one in documented)] == []
+    assert [key for key in sorted(keys) if not any(key in item for item in documented)] == []
 
 
 def flatten(tree, prefix=""):
@@ -171,9 +173,9 @@ def test_topics_of_the_monitor_agree():
     from diag_dynamics.parameters.monitor import RATES
 
     listed = {
-        one.name: one.type.rpartition("/")[2]
-        for one in INTERFACES["monitor"]
-        if one.kind == OUT and one.name.startswith("~/")
+        interface.name: interface.type.rpartition("/")[2]
+        for interface in INTERFACES["monitor"]
+        if interface.kind == OUT and interface.name.startswith("~/")
     }
     assert listed.pop("~/collision") == "Bool"  # of the reaction, latched, without a rate
     assert listed == {f"~/{name}": kind.__name__ for name, kind in TYPES.items()}
@@ -202,7 +204,9 @@ def test_access_policy_allows_the_interfaces(node):
     )
     for kind, path in paths.items():
         allowed = {element.text for profile in profiles for element in profile.findall(path)}
-        assert allowed - common == {one.name for one in INTERFACES[node] if one.kind == kind}
+        assert allowed - common == {
+            interface.name for interface in INTERFACES[node] if interface.kind == kind
+        }
 
 
 # --- Pages ---

@@ -48,9 +48,9 @@ def test_short_form(tmp_path):
     )  # held torques: c·period / 2
     assert ratios["laws"]["ζ law"] == [0.7] * 20
     assert energies["laws"]["joints, observer"]["joint"] < 1.25 < energies["laws"]["sum"]["joint"]
-    full = {(one["robot"], one["law"], one["task"]): one for one in DATA["contests"]}
-    for one in data["contests"]:
-        expected = full[one["robot"], one["law"], one["task"]]
-        assert one["scale"] == pytest.approx(expected["scale"], rel=1e-3)
-        for condition, row in one["figures"].items():
+    full = {(entry["robot"], entry["law"], entry["task"]): entry for entry in DATA["contests"]}
+    for entry in data["contests"]:
+        expected = full[entry["robot"], entry["law"], entry["task"]]
+        assert entry["scale"] == pytest.approx(expected["scale"], rel=1e-3)
+        for condition, row in entry["figures"].items():
             assert row == pytest.approx(expected["figures"][condition], rel=0.02, abs=0.02)

@@ -126,16 +126,18 @@ def write_mcap(
         writer = Writer(file, compression=compression, chunk_size=chunk_size, **options)
         writer.start(profile="ros2")
         schemas, channels = {}, {}
-        for one in messages:
-            if one.type not in schemas:
-                schemas[one.type] = writer.register_schema(
-                    one.type, schema, definitions.get(one.type, "").encode()
+        for message in messages:
+            if message.type not in schemas:
+                schemas[message.type] = writer.register_schema(
+                    message.type, schema, definitions.get(message.type, "").encode()
                 )
-            if one.topic not in channels:
-                channels[one.topic] = writer.register_channel(
-                    one.topic, encoding, schemas[one.type], metadata or {}
+            if message.topic not in channels:
+                channels[message.topic] = writer.register_channel(
+                    message.topic, encoding, schemas[message.type], metadata or {}
                 )
-            writer.add_message(channels[one.topic], one.log_time, one.data, one.log_time)
+            writer.add_message(
+                channels[message.topic], message.log_time, message.data, message.log_time
+            )
         writer.finish()
     return path
 
@@ -143,10 +145,11 @@ def write_mcap(
 def of_ros1(messages):
     """Return messages in the encoding of ROS 1, their types without ``/msg/``."""
     return [
-        one._replace(
-            data=bytes(JAZZY.cdr_to_ros1(one.data, one.type)), type=one.type.replace("/msg/", "/")
+        message._replace(
+            data=bytes(JAZZY.cdr_to_ros1(message.data, message.type)),
+            type=message.type.replace("/msg/", "/"),
         )
-        for one in messages
+        for message in messages
     ]
 
 
@@ -163,10 +166,12 @@ def write_rosbag2(path, messages, plugin=SQLITE, mode=rosbag2.CompressionMode.NO
         writer.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
     with writer:
         connections = {}
-        for one in messages:
-            if one.topic not in connections:
-                connections[one.topic] = writer.add_connection(one.topic, one.type, typestore=JAZZY)
-            writer.write(connections[one.topic], one.log_time, one.data)
+        for message in messages:
+            if message.topic not in connections:
+                connections[message.topic] = writer.add_connection(
+                    message.topic, message.type, typestore=JAZZY
+                )
+            writer.write(connections[message.topic], message.log_time, message.data)
     return path
 
 
@@ -197,15 +202,15 @@ def write_ros1(path, messages, compression=None, chunk=2000):
         writer.set_compression(compression)
     with writer:
         connections = {}
-        for k, one in enumerate(messages):
-            if one.topic not in connections:
-                connections[one.topic] = writer.add_connection(
-                    one.topic, JOINT_STATE, typestore=NOETIC
+        for k, message in enumerate(messages):
+            if message.topic not in connections:
+                connections[message.topic] = writer.add_connection(
+                    message.topic, JOINT_STATE, typestore=NOETIC
                 )
             raw = (
-                k.to_bytes(4, "little") + bytes(JAZZY.cdr_to_ros1(one.data, JOINT_STATE))[4:]
+                k.to_bytes(4, "little") + bytes(JAZZY.cdr_to_ros1(message.data, JOINT_STATE))[4:]
             )  # `seq` is k
-            writer.write(connections[one.topic], one.log_time, raw)
+            writer.write(connections[message.topic], message.log_time, raw)
     return path
 
 

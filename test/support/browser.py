@@ -102,7 +102,7 @@ class Tab:
 
         Playwright's own way to wait evaluates text in the page, which the page's policy forbids.
         """
-        found, state = self.ask(
+        result, state = self.ask(
             f"""async () => {{
               const end = performance.now() + {1000.0 * timeout};
               for (;;) {{
@@ -116,7 +116,7 @@ class Tab:
             }}"""
         )
         assert state is None, f"waited {timeout:g} s for {expression}: {state}; {self.said}"
-        return found
+        return result
 
     def cut_off(self):
         """Return texts that are cut off and cannot be scrolled to, after the page has its

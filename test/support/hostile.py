@@ -123,12 +123,12 @@ def hostile(model, seed, count=1500, odd=0.1, drivers=None):
         both = seed % 2 == 0 and len(names) > 2
         two = [Driver(model, seed, names[:half], effort), Driver(model, seed + 1, names[half:])]
         drivers = two if both else [Driver(model, seed, effort=effort)]
-    now, found = START + 50 * MS, []
+    now, result = START + 50 * MS, []
     for k in range(count):
         now += int(rng.choice([2, 4, 80, 700], p=[0.95, 0.035, 0.01, 0.005])) * MS
         driver = drivers[k % len(drivers)]
         stamp = now - int(rng.integers(MS // 8))
         if rng.random() < 0.005:
             driver.stick(stamp, int(rng.choice([90, 700])) * MS)
-        found.append((driver.bad(stamp) if rng.random() < odd else driver.good(stamp), now))
-    return found
+        result.append((driver.bad(stamp) if rng.random() < odd else driver.good(stamp), now))
+    return result

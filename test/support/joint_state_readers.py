@@ -88,14 +88,14 @@ class Reader:
         """Read a message and count what comes of it."""
         kind = "odometry " if message.odometry else ""
         self.counts[f"{kind}received"] += 1
-        found = self.accept(message)
-        if isinstance(found, Rejected):
-            cause = f"{kind}rejected: {found.cause}"
+        result = self.accept(message)
+        if isinstance(result, Rejected):
+            cause = f"{kind}rejected: {result.cause}"
             self.counts[cause] += 1
-            self.rejections += [(cause, found.text)] * (self.counts[cause] <= MAX_TEXTS)
-        elif found.state is not None:
+            self.rejections += [(cause, result.text)] * (self.counts[cause] <= MAX_TEXTS)
+        elif result.state is not None:
             self.counts["published from odometry" if message.odometry else "published"] += 1
-            self.states.append(as_state(*found.state))
+            self.states.append(as_state(*result.state))
 
     def result(self):
         """Return what came of all messages."""
@@ -160,21 +160,21 @@ def read_columns(robot, parameters, messages, pieces=1):
     intake, decoder, states = Intake(robot, settings(parameters)), Decoder(), []
     kinds = np.array([JOINT_STATE, ODOMETRY])
     for part in np.array_split(np.arange(len(messages)), pieces):
-        found = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
+        result = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
         efforts = [
             row if known else None
-            for row, known in zip(found.effort, found.effort_known, strict=True)
+            for row, known in zip(result.effort, result.effort_known, strict=True)
         ]
-        some = np.isfinite(found.effort).any(axis=1) & ~found.effort_known
-        partial = [row if known else None for row, known in zip(found.effort, some, strict=True)]
+        some = np.isfinite(result.effort).any(axis=1) & ~result.effort_known
+        partial = [row if known else None for row, known in zip(result.effort, some, strict=True)]
         columns = (
-            found.position,
-            found.velocity,
+            result.position,
+            result.velocity,
             efforts,
-            found.stamp,
-            found.oldest_stamp,
-            found.stamp_received,
-            found.velocity_estimated,
+            result.stamp,
+            result.oldest_stamp,
+            result.stamp_received,
+            result.velocity_estimated,
             partial,
         )
         states += [as_state(*row) for row in zip(*columns, strict=True)]

@@ -121,11 +121,11 @@ def launched(name, **arguments):
     """
     nodes = actions_of(name, **arguments)
     for node in nodes:
-        node.files = [one for one in node.parameters if isinstance(one, str)]
+        node.files = [parameter for parameter in node.parameters if isinstance(parameter, str)]
         node.parameters = {
             key: value
-            for one in node.parameters
-            if isinstance(one, dict)
-            for key, value in one.items()
+            for parameter in node.parameters
+            if isinstance(parameter, dict)
+            for key, value in parameter.items()
         }
     return {node.executable: node for node in nodes}

@@ -33,11 +33,11 @@ def fourier(rng, t, low, high, fastest=1.7, base=0.1, harmonics=5, share=0.35):
 
 def efforts(oracle, q, qd, qdd):
     """Efforts by Pinocchio's rnea, (T, nv), in the oracle's order."""
-    found = np.empty_like(q)
+    result = np.empty_like(q)
     for t in range(len(q)):
         arguments = oracle.configuration(q[t]), oracle.to_pin(qd[t]), oracle.to_pin(qdd[t])
-        found[t] = oracle.from_pin(pin.rnea(oracle.model, oracle.data, *arguments))
-    return found
+        result[t] = oracle.from_pin(pin.rnea(oracle.model, oracle.data, *arguments))
+    return result
 
 
 def recorded(model, t, q, qd, tau):

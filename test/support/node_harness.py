@@ -308,7 +308,7 @@ def in_process(kind):
 
         def get_subscriptions_info_by_topic(self, topic, no_mangle=False):
             return [
-                one.end.info for one in self.graph.subscriptions[self.resolve_topic_name(topic)]
+                entry.end.info for entry in self.graph.subscriptions[self.resolve_topic_name(topic)]
             ]
 
         def get_topic_names_and_types(self, no_demangle=False):
@@ -321,7 +321,7 @@ def in_process(kind):
 
         def destroy_service(self, service):
             self.graph.services = {
-                name: one for name, one in self.graph.services.items() if one is not service
+                name: entry for name, entry in self.graph.services.items() if entry is not service
             }
             return super().destroy_service(service)
 
@@ -453,7 +453,7 @@ class Graph(contextlib.AbstractContextManager):
     def _drop(self, ends, end):
         real = getattr(end, "_real", end)
         for topic in ends.values():
-            for gone in [one for one in topic if one._real is real]:
+            for gone in [entry for entry in topic if entry._real is real]:
                 topic.remove(gone)
                 gone.destroyed = True
         return real

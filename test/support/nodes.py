@@ -84,18 +84,18 @@ class Topic:
 
     def at(self, stamp):
         """Return the one message with this stamp [ns]; None if there is none yet."""
-        found = self._at.get(stamp, ())
-        assert len(found) <= 1, (
-            f"{len(found)} messages on {self.subscription.topic_name} with one stamp"
+        result = self._at.get(stamp, ())
+        assert len(result) <= 1, (
+            f"{len(result)} messages on {self.subscription.topic_name} with one stamp"
         )
-        return found[0] if found else None
+        return result[0] if result else None
 
     def repeated(self, stamp):
         """Return the message with this stamp [ns], however often it came; None if there is none, or
         others with it.
         """
-        found = self._at.get(stamp, ())
-        return found[0] if found and all(other == found[0] for other in found) else None
+        result = self._at.get(stamp, ())
+        return result[0] if result and all(other == result[0] for other in result) else None
 
     def forget(self):
         """Drop all messages received so far."""

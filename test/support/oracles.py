@@ -116,12 +116,12 @@ class Oracle:
     @cached_property
     def _ancestors(self):
         """Of each dof in Pinocchio's order, which is base to tip, those strictly inboard of it."""
-        found = {}
+        result = {}
         for at in range(self.nv):
             k = self._at[at]
             parent = self.parent_dof(k)
-            found[k] = frozenset() if parent is None else found[parent] | {parent}
-        return [found[k] for k in range(self.nv)]
+            result[k] = frozenset() if parent is None else result[parent] | {parent}
+        return [result[k] for k in range(self.nv)]
 
     def ancestors(self, k):
         """Return the dofs strictly inboard of dof k, those of its own joint that come before it

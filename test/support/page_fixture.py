@@ -105,12 +105,12 @@ def _kinematics():
         dd.load_urdf(held, floating_base=True, locked_joints=locked),
         dd.load_urdf(f"{gripper}{jaws}</robot>"),
     ]
-    found, rng = [], np.random.default_rng(4)
+    result, rng = [], np.random.default_rng(4)
     for model in robots:
         dyn, q = dd.DiagonalDynamics(model), model.random(rng)
         placements = [dyn.placement(q, name).T.ravel().tolist() for name in model.link_names]
-        found.append({"tree": tree_of(model), "q": q.tolist(), "placements": placements})
-    return found
+        result.append({"tree": tree_of(model), "q": q.tolist(), "placements": placements})
+    return result
 
 
 def _columns():

@@ -44,12 +44,12 @@ class Block(NamedTuple):
 def blocks_of(path):
     """Return the blocks of a page in their order; `how` is empty where a comment is missing."""
     text = path.read_text(encoding="utf-8")
-    found = []
+    result = []
     for match in FENCE.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
         if match["only"]:
-            found.append(Block("", match["only"], match["names"], "", line))
+            result.append(Block("", match["only"], match["names"], "", line))
             continue
         how, _, what = (match["how"] or "").partition(": ")
-        found.append(Block(match["language"], how, what, match["code"], line))
-    return found
+        result.append(Block(match["language"], how, what, match["code"], line))
+    return result

@@ -44,10 +44,10 @@ def subscribed(monitor):
 
 def feed(monitor, states):
     """Publish states `STEP` apart; return the message of external torque of each."""
-    found = []
+    result = []
     for q, qd, tau in states:
         monitor.publish(
             joint_state(robot(PANDA).names, q, qd, () if tau is None else tau, monitor.tick(STEP))
         )
-        found.append(monitor.torque.at(monitor.now))
-    return found
+        result.append(monitor.torque.at(monitor.now))
+    return result

@@ -128,7 +128,7 @@ def hostile_messages(case, seed, count=900):
                 at = now + MS
                 raw = base.message(at - 1000, rng.random() < 0.15)
                 messages.append(Message("/odom", at, raw, ODOMETRY))
-    return sorted(messages, key=lambda one: one.log_time)
+    return sorted(messages, key=lambda entry: entry.log_time)
 
 
 def write_case(path, messages):

@@ -434,4 +434,4 @@ def without_hand(panda):
     """Return the URDF of a Panda whose hand and fingers have no inertia."""
     link = r'<link name="panda_(hand|leftfinger|rightfinger)">.*?</link>'
     inertial = re.compile("<inertial>.*?</inertial>", re.DOTALL)
-    return re.sub(link, lambda found: inertial.sub("", found.group(0)), panda, flags=re.DOTALL)
+    return re.sub(link, lambda result: inertial.sub("", result.group(0)), panda, flags=re.DOTALL)

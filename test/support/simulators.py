@@ -40,7 +40,7 @@ class Simulator:
     def __enter__(self):
         if self._waits:
             inputs = (self.wrenches,) if self._moves_itself else (self.wrenches, self.commands)
-            ready = [one.get_subscription_count for one in inputs]
+            ready = [entry.get_subscription_count for entry in inputs]
             self.peer.wait_until(
                 lambda: all(count() for count in ready) and self.states.messages, self.name
             )

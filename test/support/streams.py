@@ -43,8 +43,8 @@ def wait_for_robot(address, accept=lambda _: True, timeout=HANG):
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
             said = get_json(address, "/robots")
-            if found := next(filter(accept, said), None):
-                return found
+            if result := next(filter(accept, said), None):
+                return result
         time.sleep(0.1)
     raise TimeoutError(f"no such robot within {timeout} s at {address}: {said}")
 
@@ -126,8 +126,8 @@ class Stream:
         """Return the next accepted content of a kind."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            found, content = self.packet()
-            if found == kind and accept(content):
+            result, content = self.packet()
+            if result == kind and accept(content):
                 return content
         raise TimeoutError(f"no such {kind} within {timeout} s")
 
