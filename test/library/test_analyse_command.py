@@ -217,10 +217,12 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     older.write_text("of yesterday")
     main_thread = threading.main_thread().ident
     reader = reading(pipe, 1000, lambda: signal.pthread_kill(main_thread, number))
-    result, _, said = analyse(bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older)
+    result, _, printed = analyse(
+        bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older
+    )
     reader.join(HANG)
-    assert result == status and f"diag-dynamics analyse: {word}; " in said
-    assert all(str(path) in said for path in (tmp_path / "out.mcap", pipe, older))
+    assert result == status and f"diag-dynamics analyse: {word}; " in printed
+    assert all(str(path) in printed for path in (tmp_path / "out.mcap", pipe, older))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
     assert older.read_text() == "of yesterday"
 
@@ -235,9 +237,9 @@ def test_pipes_whose_reader_leaves(tmp_path, bag, monkeypatch, capfd):
     reader = reading(pipe, 1000, None)
     assert main(["analyse", str(bag), "--urdf", "panda", "--csv", str(pipe)]) == 0
     reader.join(HANG)
-    listening, said = os.pipe()
+    listening, sending = os.pipe()
     os.close(listening)
-    with monkeypatch.context() as patch, open(said, "w") as stdout:
+    with monkeypatch.context() as patch, open(sending, "w") as stdout:
         patch.setattr(sys, "stdout", stdout)
         assert main(["analyse", str(bag), "--urdf", "panda", "--json", "-"]) == 0
     assert "Broken pipe" not in capfd.readouterr().err
@@ -256,10 +258,10 @@ def test_a_full_disk_leaves_nothing(tmp_path, table, analyse):
     for only in ((), ("--topics", "joint_space_dynamics")):
         resource.setrlimit(resource.RLIMIT_FSIZE, (100 * 1024, before[1]))
         try:
-            status, _, said = analyse(table, *outputs, *only)
+            status, _, printed = analyse(table, *outputs, *only)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        assert status == 2 and "File too large" in said
+        assert status == 2 and "File too large" in printed
         assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
@@ -273,23 +275,23 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     (tmp_path / "link").symlink_to(table)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
-    own = "is an input. Choose another file"
+    problem = "is an input. Choose another file"
     for recording, output, what in (
         *(
-            (bag, bag, own),
-            (bag, urdf, own),
-            (folder, folder / "bag.mcap", own),
-            (folder, folder / "new", own),
+            (bag, bag, problem),
+            (bag, urdf, problem),
+            (folder, folder / "bag.mcap", problem),
+            (folder, folder / "new", problem),
         ),
         *(
-            (table, tmp_path / "." / "link", own),
+            (table, tmp_path / "." / "link", problem),
             (table, tmp_path, "folder"),
             (table, "/proc/out", "No such"),
         ),
         (table, tmp_path / "no" / "out", "no folder"),
     ):
-        status, _, said = analyse(recording, option, output, "--quiet", urdf=str(urdf))
-        assert status == 2 and what in said and "Traceback" not in said
+        status, _, printed = analyse(recording, option, output, "--quiet", urdf=str(urdf))
+        assert status == 2 and what in printed and "Traceback" not in printed
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
 
 
@@ -320,15 +322,19 @@ def test_wrong_options(tmp_path, bag, analyse, options):
     for name, text in files.items():
         (tmp_path / name).write_text(text)
     paths = {name: tmp_path / name for name in ("out", *files)}
-    status, _, said = analyse(bag, *(entry.format(**paths) for entry in options))
-    assert status == 2 and WRONG[options].format(**paths) in said
+    status, _, printed = analyse(bag, *(entry.format(**paths) for entry in options))
+    assert status == 2 and WRONG[options].format(**paths) in printed
     assert not list(tmp_path.glob("out*"))
 
 
 def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     """What is missing is named, and what to do."""
-    status, _, said = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
-    assert status == 2 and "no valid state" in said and "messages of other joints: panda_" in said
+    status, _, printed = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
+    assert (
+        status == 2
+        and "no valid state" in printed
+        and "messages of other joints: panda_" in printed
+    )
     assert not list(tmp_path.glob("out*"))
     rows = np.loadtxt(table, delimiter=",", dtype=str, comments=None)
 
@@ -337,15 +343,15 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
         table.write_text("\n".join(map(",".join, columns)))
 
     without("qd_")
-    status, _, said = analyse(table)
-    assert status == 2 and "(missing_velocity: estimate" in said
+    status, _, printed = analyse(table)
+    assert status == 2 and "(missing_velocity: estimate" in printed
     assert analyse(table, "--set", "missing_velocity=estimate")[0] in (0, 1)
     without("finger")
-    status, _, said = analyse(table)
-    assert status == 2 and f"incomplete ({COUNT} ×)" in said
+    status, _, printed = analyse(table)
+    assert status == 2 and f"incomplete ({COUNT} ×)" in printed
     assert (
-        "missing: panda_finger_joint1." in said
-        and "--set locked_joints=panda_finger_joint1=0" in said
+        "missing: panda_finger_joint1." in printed
+        and "--set locked_joints=panda_finger_joint1=0" in printed
     )
     _, out, _ = analyse(table, "--set", "locked_joints=panda_finger_joint1=0", "--json", "-")
     assert json.loads(out)["degrees_of_freedom"] == [f"panda_joint{k}" for k in range(1, 8)]
@@ -356,18 +362,18 @@ def test_what_makes_the_exit_status_1(table, analyse):
     text = table.read_text().splitlines()
     time, _, rest = text[-1].split(",", 2)
     table.write_text("\n".join([*text[:-1], f"{time},1e9,{rest}"]))
-    status, _, said = analyse(table)
-    assert status == 1 and "Problems (exit status 1): 1 rejected message" in said
+    status, _, printed = analyse(table)
+    assert status == 1 and "Problems (exit status 1): 1 rejected message" in printed
     table.write_text("\n".join([*text[:60], "1,2", *text[60:]]))
-    status, out, said = analyse(table)
-    assert status == 1 and "unreadable data" in said
+    status, out, printed = analyse(table)
+    assert status == 1 and "unreadable data" in printed
     columns = np.loadtxt(text[1:], delimiter=",")
     columns[:, 0] *= 1e3
     np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
-    status, out, said = analyse(table)
+    status, out, printed = analyse(table)
     assert (
         status == 1
-        and "no power balance, although there are efforts" in said
+        and "no power balance, although there are efforts" in printed
         and "milliseconds" in out
     )
 
@@ -375,9 +381,9 @@ def test_what_makes_the_exit_status_1(table, analyse):
 def test_several_recordings(tmp_path, table, bag, analyse):
     """Each has its summary, and all a table; one that cannot be read stops no other."""
     out, none = tmp_path / "all.json", tmp_path / "none.csv"
-    status, said, wrong = analyse(bag, none, table, "--json", out)
+    status, printed, wrong = analyse(bag, none, table, "--json", out)
     assert status == 1 and "no file or folder" in wrong
-    *rows, failed = said.splitlines()[-4:]
+    *rows, failed = printed.splitlines()[-4:]
     assert [row.split()[-1] for row in rows] == ["recording", str(bag), str(table)]
     assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
     assert failed == f"failed: {none}"
@@ -410,10 +416,12 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
     their positions.
     """
     names, stamps, *values = driven
-    own = [name.replace("panda", "fer") for name in names]
+    prefixed = [name.replace("panda", "fer") for name in names]
     sent = [
         Message(
-            "/joint_states", stamp, serialized(stamp, own[:6], *(entry[k, :6] for entry in values))
+            "/joint_states",
+            stamp,
+            serialized(stamp, prefixed[:6], *(entry[k, :6] for entry in values)),
         )
         for k, stamp in enumerate(stamps.tolist())
     ]
@@ -426,25 +434,27 @@ def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analy
         "locked_joints=panda_joint7=0.2",
     )
     lines = table.read_text().splitlines()
-    kept = [
+    left = [
         k
         for k, name in enumerate(lines[0].split(","))
         if not any(entry in name for entry in ("joint7", "finger"))
     ]
-    rows = [",".join(line.split(",")[k] for k in kept) for line in lines]
+    rows = [",".join(line.split(",")[k] for k in left) for line in lines]
     table.write_text("\n".join(rows) + "\n")
     star = "--set", "locked_joints=*"
     for recording, more in ((bag, options), (table, star)):
-        _, out, said = analyse(recording, *more, "--json", "-")
+        _, out, printed = analyse(recording, *more, "--json", "-")
         summary = json.loads(out)
-        assert summary["states"] == COUNT and summary["degrees_of_freedom"] == names[:6], said
-        (told,) = (entry["text"] for entry in summary["findings"] if "are locked" in entry["text"])
+        assert summary["states"] == COUNT and summary["degrees_of_freedom"] == names[:6], printed
+        (content,) = (
+            entry["text"] for entry in summary["findings"] if "are locked" in entry["text"]
+        )
         locked = (
             ("panda_finger_joint1=0.01", "panda_joint7=0.2")
             if recording == bag
             else ("panda_joint7=0,",)
         )
-        assert all(entry in told for entry in locked)
+        assert all(entry in content for entry in locked)
     rec = dd.read_recording(
         bag,
         find_urdf("panda"),
@@ -470,10 +480,12 @@ def test_topics_and_names_of_one_robot(tmp_path, driven, analyse):
         sent = []
         for k, stamp in enumerate(stamps.tolist()):
             for topic, part in zip(topics, (slice(0, 7), slice(7, None)), strict=True):
-                own = [name.replace("panda", prefix) for name in names[part]]
+                prefixed = [name.replace("panda", prefix) for name in names[part]]
                 sent.append(
                     Message(
-                        topic, stamp, serialized(stamp, own, *(entry[k, part] for entry in values))
+                        topic,
+                        stamp,
+                        serialized(stamp, prefixed, *(entry[k, part] for entry in values)),
                     )
                 )
         bags.append(write_mcap(tmp_path / f"{path}.mcap", sent, chunk_size=20_000))
@@ -498,7 +510,7 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
         "{threshold: [norm=0.5]}\n    max_age: 2\n"
     )
     summary = json.loads(analyse(bag, "--parameters", file, "--json", "-")[1])
-    known = {
+    observed = {
         "gain": 10.0,
         "judged": ["norm"],
         "missing": [],
@@ -506,9 +518,9 @@ def test_parameters_in_files(tmp_path, bag, panda, analyse):
         "unobserved": [],
         "text": "",
     }
-    assert summary["observer"] == known and summary["collisions"]
+    assert summary["observer"] == observed and summary["collisions"]
     threshold = ("--set", "collision.threshold=norm=0.5", "--gain", 10)
-    assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == known
+    assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == observed
     config = Path(__file__).parents[2] / "config" / "monitor.yaml"
     assert analyse(bag, "--parameters", config, "--quiet")[0] == UNJUDGED
     dd.Parameters(joints={"panda_joint1": dd.JointParameters(armature=0.8)}).save(arm)

@@ -119,14 +119,14 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_balance_names_the_likely_cause(analysed, motion, gravity, fault):
     t, q, qd, tau = motion
-    change, said = FAULTS[fault]
+    change, printed = FAULTS[fault]
     summary, text, status = analysed(t, q, qd, change(tau, gravity))
-    assert bool(summary["efforts"]["text"]) == (said is not None)
-    assert (said or "") in text and status == (said is not None)
+    assert bool(summary["efforts"]["text"]) == (printed is not None)
+    assert (printed or "") in text and status == (printed is not None)
     if fault == "none":
         assert summary["explained"] > 0.995 and summary["explained_with_potential"] > 0.995
         assert "check" not in summary["balance"]["text"] and summary["warnings"] == []
-    elif said:
+    elif printed:
         assert summary["explained"] < 0.3 and "check unit of the efforts" in text
         assert "the power balance explains less than 80 % of dK/dt" in text
         assert fault != "unit" or "residual by joint: shoulder_lift_joint" in text
@@ -239,11 +239,11 @@ def windows_by_numpy(model, t, q, qd, tau):
     the total rates.
     """
     s = dd.DiagonalDynamics(model).evaluate(q, qd, np.nan_to_num(tau), friction=True)
-    known = np.isfinite(tau).all(axis=1)
+    is_known = np.isfinite(tau).all(axis=1)
     power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[
-        known
+        is_known
     ]
-    t, K = t[known], np.column_stack([s.kinetic_energy, s.energy_share])[known]
+    t, K = t[is_known], np.column_stack([s.kinetic_energy, s.energy_share])[is_known]
     begins = np.flatnonzero(np.diff(np.floor(np.round(t * 1e9) / 1e8))) + 1
     result = []
     for first, last in pairwise(begins):
@@ -403,8 +403,10 @@ def test_joints_are_observed_one_by_one(tmp_path, ur5, motion, value):
         )
         for entry in (pushed, part)
     )
-    known = np.arange(6) != 3
-    np.testing.assert_array_equal(some.external_torque[:, known], whole.external_torque[:, known])
+    is_known = np.arange(6) != 3
+    np.testing.assert_array_equal(
+        some.external_torque[:, is_known], whole.external_torque[:, is_known]
+    )
     np.testing.assert_allclose(some.residual[:, 4:], whole.residual[:, 4:], rtol=1e-12, atol=1e-12)
     assert np.isnan(some.external_torque[:, 3]).all() and np.isnan(some.residual[:, :4]).all()
     np.testing.assert_array_equal(some.valid, whole.valid)
@@ -563,21 +565,24 @@ UNITS = {
 def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
     """Where all joints agree, the factor is among the numbers, and the exit status is 1."""
     t, q, qd, tau = (x[:500] for x in motion)
-    factors, said, factor = UNITS[unit]
+    factors, printed, factor = UNITS[unit]
     columns = [column * scale for column, scale in zip((t, q, qd), factors, strict=True)]
     summary, text, status = analysed(*columns, *([tau] if efforts else []), parameters=LOOSE)
     warnings = [
         warning for warning in summary["warnings"] if "times as fast as the velocities" in warning
     ]
     assert (
-        len(warnings) == (said is not None)
-        and (said or "") in "".join(warnings)
-        and (said or "") in text
+        len(warnings) == (printed is not None)
+        and (printed or "") in "".join(warnings)
+        and (printed or "") in text
     )
     wrong = summary["quality"]["wrong_unit"]
     assert (wrong is None) == (factor is None)
     if factor:
-        assert status == 1 and wrong == {"cause": said, "factor": pytest.approx(factor, rel=2e-3)}
+        assert status == 1 and wrong == {
+            "cause": printed,
+            "factor": pytest.approx(factor, rel=2e-3),
+        }
         assert "exit status 1" in text and "times as fast as the velocities)" in text
 
 

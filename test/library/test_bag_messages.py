@@ -128,7 +128,7 @@ def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, wha
     options = {"encoding": "ros1", "metadata": metadata, "definitions": {}}
     path = write_mcap(tmp_path / "x.mcap", messages, chunk_size=10**6, **options)
     try:
-        said = " ".join(
+        text = " ".join(
             unread(
                 [
                     (message.cause, message.text)
@@ -137,8 +137,8 @@ def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, wha
             )
         )
     except dd.InputError as error:
-        said = str(error)
-    assert re.search(what, said)
+        text = str(error)
+    assert re.search(what, text)
 
 
 @pytest.mark.parametrize("name", ["sensor_msgs/JointState", "sensor_msgs::msg::dds_::JointState_"])
@@ -337,7 +337,7 @@ def test_joint_names(tmp_path, kind, case):
     """States and findings are those of a recording with the robot's names. Options are by the
     robot's names.
     """
-    names, given = MAPS[case]
+    names, mapping = MAPS[case]
     robot, options = arm("panda_a", "panda_b"), {"parameters": {"effort_scale": ["panda_b=2.0"]}}
     write = WRITERS.get(kind, write_table)
     recordings = []
@@ -346,7 +346,7 @@ def test_joint_names(tmp_path, kind, case):
         recordings.append(write(tmp_path / folder, moving(*written)))
     expected = dd.read_recording(recordings[0], robot, **options)
     assert len(expected) == 12 and np.isfinite(expected.tau).all()
-    recording = dd.read_recording(recordings[1], robot, joint_names=given, **options)
+    recording = dd.read_recording(recordings[1], robot, joint_names=mapping, **options)
     assert recording.counts == expected.counts
     assert [finding for finding in recording.findings if finding.cause != "note"] == []
     assert_same_states(recording, expected)
@@ -360,15 +360,15 @@ def test_joint_names_of_later_messages(tmp_path):
     path = write_mcap(
         tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda message: message.log_time)
     )
-    given = {"fer_a": "panda_a", "fer_b": "panda_b"}
+    mapping = {"fer_a": "panda_a", "fer_b": "panda_b"}
     locked = {"parameters": {"locked_joints": ["panda_b=0.0"]}}
     assert (
-        len(dd.read_recording(path, urdf_of("panda_a", "panda_b"), joint_names=given, **locked))
+        len(dd.read_recording(path, urdf_of("panda_a", "panda_b"), joint_names=mapping, **locked))
         == 30
     )
-    assert len(dd.read_recording(path, arm("panda_a", "panda_b"), joint_names=given)) == 1 + 2 * 9
+    assert len(dd.read_recording(path, arm("panda_a", "panda_b"), joint_names=mapping)) == 1 + 2 * 9
     pieces = dd.stream_recording(
-        path, urdf_of("panda_a", "panda_b"), joint_names=given, end=0.01, size=4, **locked
+        path, urdf_of("panda_a", "panda_b"), joint_names=mapping, end=0.01, size=4, **locked
     )
     assert sum(map(len, pieces)) == 10
 
@@ -405,9 +405,9 @@ WRONG_MAPS = {
 @pytest.mark.parametrize("case", WRONG_MAPS)
 @pytest.mark.parametrize("kind", ["mcap", "csv"])
 def test_joint_names_that_are_wrong(tmp_path, kind, case):
-    given, what = WRONG_MAPS[case]
+    mapping, what = WRONG_MAPS[case]
     path = WRITERS.get(kind, write_table)(tmp_path, moving("fer_a", "fer_b"))
-    refused(what, path, arm("panda_a", "panda_b"), joint_names=given)
+    refused(what, path, arm("panda_a", "panda_b"), joint_names=mapping)
 
 
 def test_column_maps_are_of_tables(tmp_path):
@@ -454,14 +454,14 @@ def test_names_that_came_and_a_map_for_them(tmp_path, case):
     """Without a complete state, a finding has the joints that came, those that did not, and a map
     that explains them.
     """
-    came, own, expected = PROPOSALS[case]
-    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*own))
+    came, names_there, expected = PROPOSALS[case]
+    recording = dd.read_recording(write_mcap(tmp_path / "x.mcap", moving(*came)), arm(*names_there))
     (finding,) = recording.findings
     if case == "one is there":
         assert "missing: panda_b. The recording has other joints: fer_b. " in finding.text
     elif case != "many":
         assert (
-            f"messages of other joints: {', '.join(came)}; the robot has {', '.join(own)}. "
+            f"messages of other joints: {', '.join(came)}; the robot has {', '.join(names_there)}. "
             in finding.text
         )
     assert len(recording) == 0 and all(text in finding.text for text in expected)

@@ -88,15 +88,15 @@ def test_worst_point_of_every_link(one, worst_by):
     links = list(rng.choice(links, min(8, len(links)), replace=False))
     region = dd.BodyRegion(mass=3.0, stiffness=2e4, force=90.0, energy=0.7)
     limits = dd.ContactLimits({"hard": region, "clamped": {"stiffness": 1e4, "force": 120.0}})
-    given = [dd.ContactPoint(name, name, rng.uniform(-0.2, 0.2, (5, 3))) for name in links]
-    points = dd.ContactPoints(model, given, limits, worst_by)
+    places = [dd.ContactPoint(name, name, rng.uniform(-0.2, 0.2, (5, 3))) for name in links]
+    points = dd.ContactPoints(model, places, limits, worst_by)
     q, qd = model.random(rng), rng.normal(size=model.nv)
     c = dyn.contact_limits(q, qd, points)
     close(c.nu, dyn.nu_from_qd(q, qd), 1e-12)
     root = dyn.placement(q, model.root_link)
     for k, name in enumerate(links):
         scores = []
-        for r in given[k].points:
+        for r in places[k].points:
             v = dyn.link_velocity(q, name, qd, r)[:3]
             m = dyn.reflected_mass(q, name, v, r)
             speed, energy = norm(v), 0.5 * m * v @ v
@@ -148,12 +148,12 @@ def test_directions_that_are_given():
     dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(2)
     q, qd = model.random(rng), rng.normal(size=model.nv)
     r, u = np.array([0.02, 0.1, -0.03]), np.array([0.3, -2.0, 0.5])
-    given = [
+    places = [
         ("own", "wrist_3_link", r, u),
         ("back", "wrist_3_link", r, -u),
         ("stuck", "shoulder_link", (0, 0, 0.1), (0, 0, 1)),
     ]
-    c = dyn.contact_limits(q, qd, given)
+    c = dyn.contact_limits(q, qd, places)
     v, m = (
         dyn.link_velocity(q, "wrist_3_link", qd, r)[:3] @ u / norm(u),
         dyn.reflected_mass(q, "wrist_3_link", u, r),
@@ -166,7 +166,7 @@ def test_directions_that_are_given():
     assert c.worst == np.argmax(c.energy)
     limits = dd.ContactLimits({"any": {"energy": 1.0}})
     assert (
-        dyn.contact_limits(q, qd, dd.ContactPoints(model, given, limits)).usage[2] == 0.0
+        dyn.contact_limits(q, qd, dd.ContactPoints(model, places, limits)).usage[2] == 0.0
     )  # 0/0: no speed, none allowed
 
 
@@ -351,11 +351,11 @@ def test_limits_from_a_file(tmp_path):
     limits = dd.ContactLimits.load(path)
     assert limits.regions["chest"] == dd.BodyRegion(stiffness=25e3, force=200.0)
     model = dd.load_urdf(robot(PANDA).urdf)
-    given = [
+    places = [
         *limits.contact_points(),
         *(dd.ContactPoint(n, n) for n in ("panda_hand", "panda_link1", "panda_link5")),
     ]
-    points = dd.ContactPoints(model, given, limits)
+    points = dd.ContactPoints(model, places, limits)
     assert points.regions == (("hand",), ("chest",), ("hand", "chest"), (), ("chest",))
     assert points.limited.tolist() == [True, True, True, False, True]
     np.testing.assert_array_equal(points.points[0], [[0, 0, 0.1]])
@@ -450,10 +450,10 @@ def test_points_of_primitives_hold_them(shapes):
     reach = np.max(
         [u @ [0.1, 0.3 * k, 0.0] + REACH[s](u @ R) for k, s in enumerate(shapes)], axis=0
     )
-    held = (u @ np.asarray(arm.points).T).max(axis=1)
+    covered = (u @ np.asarray(arm.points).T).max(axis=1)
     size = np.ptp(np.asarray(arm.points), axis=0).max()
-    assert (held >= reach - 2e-3 * size).all()
-    assert (held <= reach + OUTSIDE * size).all()
+    assert (covered >= reach - 2e-3 * size).all()
+    assert (covered <= reach + OUTSIDE * size).all()
 
 
 def test_points_of_meshes(tmp_path):

@@ -59,9 +59,9 @@ def test_damping_commands(robot):
         close(command.nu, t.nu)
         close(command.lyapunov, t.kinetic_energy)
         close(command.lyapunov_rate, -t.nu @ (c * t.nu))
-        held = dd.GravityCompensation(s.dyn).command(t.q, t.qd)
-        close(held.tau, t.g)
-        assert not held.epsilon.any() and held.lyapunov_rate == 0.0
+        weight = dd.GravityCompensation(s.dyn).command(t.q, t.qd)
+        close(weight.tau, t.g)
+        assert not weight.epsilon.any() and weight.lyapunov_rate == 0.0
 
 
 @ALL

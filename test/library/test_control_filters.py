@@ -426,16 +426,16 @@ def test_a_push_adds_to_the_contact_energy():
     dyn = arm().dyn
     law = dd.JointTracking(dyn, 20.0, 10.0)
     push = dyn.jacobian(READY, "panda_hand", frame="world")[:3].T @ np.array([60.0, 40.0, 0.0])
-    for known in (False, True):
+    for is_known in (False, True):
         limiter, robot, usage = contact_limiter(), plant(READY, np.zeros(N)), []
         for _ in range(60):
             q, qd = robot.q, robot.qd
             asked = law.command(q, qd, q, np.zeros(N), np.zeros(N))
-            external = dyn.epsilon_from_tau(q, push) if known else None
+            external = dyn.epsilon_from_tau(q, push) if is_known else None
             robot.advance(limiter.filter(q, qd, asked, 1e-3, external).tau + push)
             usage.append(limiter.seen.contact.usage.max())
-        assert (max(usage) > 1.05) != known
-        assert known or limiter.seen.energy > limiter.seen.limit
+        assert (max(usage) > 1.05) != is_known
+        assert is_known or limiter.seen.energy > limiter.seen.limit
 
 
 HURT = np.where(np.arange(N) == 2, np.nan, 1.0)

@@ -73,13 +73,13 @@ TABLE = [  # time, errors of position and of velocity, code of the outcome or No
 @pytest.mark.parametrize(("time", "position", "velocity", "code", "reason"), TABLE)
 def test_decisions(time, position, velocity, code, reason):
     followed = following()
-    said = check(followed, time, position, velocity)
+    printed = check(followed, time, position, velocity)
     assert (followed.outcome and followed.outcome.code) == code
     if code is None:
-        assert said == ""
+        assert printed == ""
     else:
-        assert said == followed.outcome.reason and followed.outcome.reason.startswith(reason)
-        assert bool(said) == (code != 0)
+        assert printed == followed.outcome.reason and followed.outcome.reason.startswith(reason)
+        assert bool(printed) == (code != 0)
         check(followed, END, (9.0, 9.0))
         assert followed.outcome.code == code
 
@@ -122,8 +122,8 @@ def goal(path=(), end=(), sec=0, nanosec=0, **more):
 
 def test_conventions_of_the_message():
     """0 keeps the default, -1 removes it."""
-    kept = received.tolerances(goal([tolerance()], [tolerance()]), NAMES, TOLERANCES)
-    for entry, default in zip(kept, TOLERANCES, strict=True):
+    tolerances = received.tolerances(goal([tolerance()], [tolerance()]), NAMES, TOLERANCES)
+    for entry, default in zip(tolerances, TOLERANCES, strict=True):
         np.testing.assert_array_equal(entry, default)
     changed = [tolerance(position=0.7, velocity=-1.0)], [tolerance("shoulder", -1.0, 0.8)]
     result = received.tolerances(goal(*changed, sec=2, nanosec=S // 4), NAMES, TOLERANCES)

@@ -253,7 +253,7 @@ def test_adaptive_commands(robot):
     follows −γP̂LP̂.
     """
     s, link = subject(robot), ON[robot.id]
-    law, known = (
+    law, payload_is_known = (
         dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0),
         dd.JointTracking(s.dyn, 20.0, 10.0),
     )
@@ -271,7 +271,7 @@ def test_adaptive_commands(robot):
         )
         command, without = (
             law.command(t.q, t.qd, q_d, qd_d, qdd_d),
-            known.command(t.q, t.qd, q_d, qd_d, qdd_d),
+            payload_is_known.command(t.q, t.qd, q_d, qd_d, qdd_d),
         )
         qd_r, qdd_r = qd_d + 10.0 * (q_d - t.q), qdd_d + 10.0 * (qd_d - t.qd)
         torque, g = payload_torque(robot, link, payload, t.q, t.qd, qd_r, qdd_r)

@@ -226,10 +226,10 @@ def test_targets_end_with_a_stall_longer_than_the_hold(strong):
     _, stamp = settle(loop)
     loop.take_set_point(Q + 0.1)
     _, stamp = settle(loop, stamp=stamp + MS, cycles=200)
-    for gap, held in ((320 * MS, True), (321 * MS, False)):
+    for gap, is_held in ((320 * MS, True), (321 * MS, False)):
         stamp += gap
         sent = loop.step(state_at(stamp, Q), stamp)
-        assert sent.command.error.any() == held
+        assert sent.command.error.any() == is_held
 
 
 @pytest.mark.parametrize(

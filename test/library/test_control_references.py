@@ -199,8 +199,8 @@ def trajectory(points, names=NAMES, stamp=0, effort=()):
         joint_names=names, header=SimpleNamespace(stamp=time_of(stamp)), points=[]
     )
     for time, *fields in points:
-        given = zip_longest(("positions", "velocities", "accelerations"), fields, fillvalue=())
-        values = {name: array("d", numbers) for name, numbers in given}
+        columns = zip_longest(("positions", "velocities", "accelerations"), fields, fillvalue=())
+        values = {name: array("d", numbers) for name, numbers in columns}
         message.points.append(
             SimpleNamespace(time_from_start=time_of(round(time * S)), effort=effort, **values)
         )

@@ -471,12 +471,12 @@ def test_the_last_effort(strong, name, carries, compensated):
     """Gravity compensation, or zero in the ramp; none before the first state and after zero."""
     assert Driven(strong).loop.leave() is None
     driver = driven(strong, name, compensated=compensated and name != "STARTING")
-    own = compensated and name != "STARTING"
+    compensates = compensated and name != "STARTING"
     effort = driver.loop.leave()
-    if own and not carries:
+    if compensates and not carries:
         assert effort is None
     else:
-        np.testing.assert_allclose(effort, gravity_of(Q) * (carries and not own), atol=1e-9)
+        np.testing.assert_allclose(effort, gravity_of(Q) * (carries and not compensates), atol=1e-9)
     driver.loop.forget()
     assert (
         driver.state == "WAITING"

@@ -75,11 +75,11 @@ def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back
         (1.0, 1.0, False, 0.5),
         (1.0, -1.0, False, 1.0),
     ]
-    for before, torque, held, after in table:
+    for before, torque, is_held, after in table:
         tank.energy = before
         assert tank.measure(q) == before
         q = q + 0.5 * np.eye(N)[6]
-        assert tank.measure(q, torque * np.eye(N)[6], held) == pytest.approx(after, abs=1e-12)
+        assert tank.measure(q, torque * np.eye(N)[6], is_held) == pytest.approx(after, abs=1e-12)
     tank.fill()
     assert tank.energy == 2.0
 

@@ -125,9 +125,9 @@ def test_directions(case):
         size = max(value[0], 1.0)
         np.testing.assert_allclose(U @ B @ U.T, np.diag(value), atol=1e-11 * size)
         assert all(a <= b * (1 + 1e-9) for a, b in itertools.pairwise(result.deviation))
-        known = value > 1e-9 * size
-        np.testing.assert_allclose(result.deviation[known], value[known] ** -0.5, rtol=1e-6)
-        assert (result.deviation[~known] > 1e4 / np.sqrt(size)).all()
+        is_known = value > 1e-9 * size
+        np.testing.assert_allclose(result.deviation[is_known], value[is_known] ** -0.5, rtol=1e-6)
+        assert (result.deviation[~is_known] > 1e4 / np.sqrt(size)).all()
         hidden, expected = U[~result.observed], vector[:, value < 1.0]
         np.testing.assert_allclose(hidden.T @ hidden, expected @ expected.T, atol=1e-9 * size)
         np.testing.assert_allclose(hidden @ (result.wrench / np.repeat(scale, 3)), 0.0, atol=1e-9)
@@ -259,9 +259,9 @@ def candidates(model, oracle):
     frames = [f for f in full.model.frames if f.type == pin.FrameType.BODY]
     result = {}
     for joint in range(1, full.model.njoints):
-        own = [f for f in frames if f.parentJoint == joint]
-        link = min(own, key=lambda f: model.link_names.index(f.name))
-        points = [f.placement.translation for f in own]
+        places = [f for f in frames if f.parentJoint == joint]
+        link = min(places, key=lambda f: model.link_names.index(f.name))
+        points = [f.placement.translation for f in places]
         points += [
             X.translation
             for k, X in enumerate(full.model.jointPlacements)
@@ -316,8 +316,8 @@ def test_probability_of_each_link(case):
             if not result.link:
                 continue
             assert sorted(result.links) == sorted(links)
-            own = [result.links.index(name) for name in links]
-            np.testing.assert_allclose(result.probability[own], p, rtol=1e-6, atol=1e-9)
+            places = [result.links.index(name) for name in links]
+            np.testing.assert_allclose(result.probability[places], p, rtol=1e-6, atol=1e-9)
             assert result.confidence == result.probability.max()
             assert result.link == result.links[result.probability.argmax()]
 

@@ -57,12 +57,12 @@ def panda():
 
 def state(dynamics, seed, stretch=1e-3):
     """Return q, θ, q̇, θ̇ and τ."""
-    rng, own = np.random.default_rng(seed), dynamics.model
-    q, qd = own.random(rng), rng.normal(size=own.nv)
-    theta = q[places(dynamics.names, own.coordinate_names)] + stretch * rng.normal(
+    rng, springs = np.random.default_rng(seed), dynamics.model
+    q, qd = springs.random(rng), rng.normal(size=springs.nv)
+    theta = q[places(dynamics.names, springs.coordinate_names)] + stretch * rng.normal(
         size=len(dynamics.names)
     )
-    return q, theta, qd, rng.normal(size=len(dynamics.names)), 5.0 * rng.normal(size=own.nv)
+    return q, theta, qd, rng.normal(size=len(dynamics.names)), 5.0 * rng.normal(size=springs.nv)
 
 
 def with_rotors(urdf, names):
@@ -115,10 +115,10 @@ def test_terms_against_pinocchio(panda, seed):
     assert_close(e.nu, m.T @ rates, 1e-13)
     assert_close(e.coriolis, C, 1e-12, norm(m_rate.T @ rates))
     assert_close(e.gravity, np.linalg.solve(m, oracle.gravity_torque(q_all)), 1e-12)
-    own = [FLEXIBLE[name] for name in NAMES]
+    springs = [FLEXIBLE[name] for name in NAMES]
     torque = [
         entry["stiffness"] * (theta[i] - q[at[i]]) + entry["damping"] * (thetad[i] - qd[at[i]])
-        for i, entry in enumerate(own)
+        for i, entry in enumerate(springs)
     ]
     effort = np.append(tau, tau[at] - torque)
     effort[at] = torque
@@ -294,12 +294,12 @@ def test_simulated_joint_states(motion):
         ("link", "motor"),
         ("motor", "spring"),
     ]
-    own = {
+    springs = {
         name: entry
         | {"position": position, "effort": effort, "damping": 0.0 if motion == "free" else 1.0}
         for (name, entry), (position, effort) in zip(FLEXIBLE.items(), kinds, strict=True)
     }
-    robot = plant(own, motion=motion, rate=1000.0)
+    robot = plant(springs, motion=motion, rate=1000.0)
     if motion == "free":
         robot.drives.command([0.0, -10.0, 3.0, 8.0, 1.0, 1.0, 0.5, 0.0], 0.0)
     robot.advance(400)
@@ -307,13 +307,13 @@ def test_simulated_joint_states(motion):
     for i, name in enumerate(NAMES):
         k = robot.names.index(name)
         assert measured.position[k] == (
-            sim.theta[i] if own[name]["position"] == "motor" else sim.q[k]
+            sim.theta[i] if springs[name]["position"] == "motor" else sim.q[k]
         )
         assert measured.velocity[k] == (
-            sim.thetad[i] if own[name]["position"] == "motor" else sim.qd[k]
+            sim.thetad[i] if springs[name]["position"] == "motor" else sim.qd[k]
         )
         assert measured.effort[k] == (
-            sim.spring_torque[i] if own[name]["effort"] == "spring" else sim.effort[k]
+            sim.spring_torque[i] if springs[name]["effort"] == "spring" else sim.effort[k]
         )
         assert sim.theta[i] != sim.q[k]
     nv = sim.model.nv
@@ -324,7 +324,7 @@ def test_simulated_joint_states(motion):
     both = [
         k
         for k, name in enumerate(robot.names)
-        if own.get(name, {}).get("effort", "spring") == "spring"
+        if springs.get(name, {}).get("effort", "spring") == "spring"
     ]
     tolerance = {"free": 1e-13, "wave": 1e-4}[
         motion

@@ -300,8 +300,10 @@ def test_frequencies(payload):
 
     exact = roots(characteristic, 2) ** 2 * UNIT
     for k, factor in ((0, 1.0), (4, np.sqrt(2.0))):
-        own = slice(k, k + 4)
-        result = np.sqrt(eigh(np.diag(link.frequencies[own] ** 2), M[own, own], eigvals_only=True))
+        plane = slice(k, k + 4)
+        result = np.sqrt(
+            eigh(np.diag(link.frequencies[plane] ** 2), M[plane, plane], eigvals_only=True)
+        )
         assert abs(result[0] / (factor * exact[0]) - 1.0) < 1e-5
         assert abs(result[1] / (factor * exact[1]) - 1.0) < 1e-2
     assert link.frequencies[0] != pytest.approx(link.frequencies[4], rel=0.1)
@@ -516,12 +518,12 @@ def test_what_is_rejected(arm):
     with pytest.raises(dd.InputError, match="link 'b' is flexible"):
         arm.with_parameters({"links": {"b": body}})
     assert arm.perturbed(0.1, 1).total_mass != arm.total_mass
-    given = dd.load_urdf(
+    loaded = dd.load_urdf(
         ARM,
         loops={"flexible_links": LINKS},
         parameters={"links": {"b": body | {"com": [0, 0, 0.3]}}},
     )
-    assert given.total_mass == pytest.approx(dd.load_urdf(ARM).total_mass - 1.6 + 1.0)
+    assert loaded.total_mass == pytest.approx(dd.load_urdf(ARM).total_mass - 1.6 + 1.0)
     with pytest.raises(dd.InputError, match="'a/tip/y' follows modes"):
         arm.with_locked_joints({"a/tip/y": 0.0})
     loop = {"name": "rope", "a": {"link": "side"}, "b": {"link": "tip"}}

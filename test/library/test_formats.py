@@ -567,8 +567,8 @@ def test_resistance_of_free_joints(mujoco, text, attribute, key):
     )
     for without in (changed(FREE_JOINT, as_joint, text), default):
         assert dd.load_mjcf(without).omitted == ()
-    own = changed(FREE_JOINT, f'<joint name="flight" type="free" {attribute}="0.3"/>', text)
-    for resisting in (own, changed(FREE_JOINT, as_joint, default)):
+    text_with = changed(FREE_JOINT, f'<joint name="flight" type="free" {attribute}="0.3"/>', text)
+    for resisting in (text_with, changed(FREE_JOINT, as_joint, default)):
         if key is None:
             with pytest.raises(
                 dd.UnsupportedError, match="joint 'flight' is free and has armature"

@@ -130,9 +130,9 @@ def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
     joints = {
         name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)
     }
-    known = model.with_parameters({"joints": joints})
+    identified = model.with_parameters({"joints": joints})
     result = dd.identify(
-        recording(known, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), known, what
+        recording(identified, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), identified, what
     )
     np.testing.assert_allclose(result.model.armature, felt * ROTORS, atol=2e-3)
     np.testing.assert_allclose(result.model.friction, FRICTION, atol=0.03)
@@ -207,16 +207,16 @@ def test_payload(panda, known, seed):
         else recording(start, oracle, 100 + seed, 20.0, noise=1.0, resist=np.zeros_like)
     )
     result = dd.identify(data, start, "payload:panda_hand", reference=reference)
-    told, (mass, centre, _) = result.quality["payload"], LOAD
-    assert told["mass"] == pytest.approx(mass, rel=6e-3)
-    np.testing.assert_allclose(told["com"], centre, atol=3e-3)
-    assert abs(told["mass"] - mass) < 2.0 * told["mass_deviation"]
-    assert told["mass_deviation"] > 0.05 * mass / np.sqrt(7.0)
-    assert (np.abs(told["com"] - centre) < 4.0 * np.array(told["com_deviation"])).all()
-    assert re.search("error of 20 to 50 %|not observable", told["inertia_known"])
-    assert result.parameters.payloads["panda_hand"].mass == told["mass"]
+    stated, (mass, centre, _) = result.quality["payload"], LOAD
+    assert stated["mass"] == pytest.approx(mass, rel=6e-3)
+    np.testing.assert_allclose(stated["com"], centre, atol=3e-3)
+    assert abs(stated["mass"] - mass) < 2.0 * stated["mass_deviation"]
+    assert stated["mass_deviation"] > 0.05 * mass / np.sqrt(7.0)
+    assert (np.abs(stated["com"] - centre) < 4.0 * np.array(stated["com_deviation"])).all()
+    assert re.search("error of 20 to 50 %|not observable", stated["inertia_known"])
+    assert result.parameters.payloads["panda_hand"].mass == stated["mass"]
     assert not result.parameters.links and not result.parameters.joints
-    assert result.model.total_mass == pytest.approx(start.total_mass + told["mass"])
+    assert result.model.total_mass == pytest.approx(start.total_mass + stated["mass"])
     assert (
         any("assume a correct model of the robot" in text for text in result.quality["warnings"])
         == known
@@ -352,8 +352,8 @@ def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(
     tau = noisy.tau.copy()
     tau[:, 6] += np.linspace(-1.0, 1.0, len(tau)) - friction(noisy.qd)[:, 6]
     result = dd.identify(changed(model, noisy, tau=tau), model, "friction")
-    ((joint, (without, own)),) = result.quality["kept"]["friction"].items()
-    assert joint == "panda_joint7" and own > 0.97 * without
+    ((joint, (without, fitted)),) = result.quality["kept"]["friction"].items()
+    assert joint == "panda_joint7" and fitted > 0.97 * without
     assert set(result.parameters.joints) == set(model.dof_names[:6])
     assert result.model.friction[6] == result.model.effort_offset[6] == 0.0
     before, after = result.quality["row_residual"]["panda_joint7"]

@@ -112,7 +112,7 @@ def test_intervals_contain_the_parameters(arm, seeds):
         dd.identify(recording(arm, seed, missing=[5]), arm[0], ("friction", "rotors", "gears"))
         for seed in seeds
     ]
-    own = []
+    ratios = []
     for entry in result:
         require_hidden(entry.quality["base_parameters"])  # beside an unknown rotor of that joint
         assert entry.quality["taken"] == ["friction", "rotors", "gears"]
@@ -120,20 +120,20 @@ def test_intervals_contain_the_parameters(arm, seeds):
         assert "wrist_3_joint" not in entry.quality["deviations"]
         for name in entry.quality["kept"].get("gears", ()):  # its friction has another meaning
             del entry.quality["deviations"][name]
-        own += errors(entry)
-    require_coverage(own, 20 * len(seeds), 0.9, 5.0)
+        ratios += errors(entry)
+    require_coverage(ratios, 20 * len(seeds), 0.9, 5.0)
 
 
 @pytest.mark.full
 def test_intervals_of_gains_and_of_what_depends_on_them(arm):
     """A gain that is 1 % larger shifts the offset of a joint by 1 % of its weight."""
-    own = []
+    ratios = []
     for seed in range(1, 6):
         data = recording(arm, seed, missing=[5], gains=GAINS)
         result = dd.identify(data, arm[0], ("gains", "friction", "rotors", "gears"))
         pairs = zip(result.quality["effort_gain"].values(), GAINS, strict=True)
-        own += errors(result) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
-    require_coverage(own, 50, 0.85, 6.0)
+        ratios += errors(result) + [(gain[0] - truth) / gain[1] for gain, truth in pairs if gain]
+    require_coverage(ratios, 50, 0.85, 6.0)
 
 
 @pytest.mark.full
@@ -189,11 +189,11 @@ def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
     singular = np.linalg.svd(Y, compute_uv=False)
     assert len(base.combinations) == rank == np.count_nonzero(singular > 1e-10 * singular[0])
     columns = []
-    for kept, name in zip(base.kept, base.combinations, strict=True):
-        body = model.bodies[layout.bodies[kept // 10]]
+    for number, name in zip(base.kept, base.combinations, strict=True):
+        body = model.bodies[layout.bodies[number // 10]]
         assert f"({model.link_names[body['link']]})" in name.split()[0]
         joint = oracle.model.getJointId(model.dof_names[body["dof"]])
-        columns.append(10 * (joint - 1) + kept % 10)
+        columns.append(10 * (joint - 1) + number % 10)
     np.testing.assert_allclose(
         Y[:, columns] @ (base.matrix @ layout.known[: layout.robot]), tau, atol=1e-11
     )
@@ -231,14 +231,14 @@ def test_intervals_of_base_parameters(arm):
     """From inertias wrong by a third, within 2 σ of the data alone."""
     model = arm[0]
     layout = Layout(model, Regressors(model))
-    truth, own = BaseParameters(layout).matrix @ layout.known[: layout.robot], []
+    truth, ratios = BaseParameters(layout).matrix @ layout.known[: layout.robot], []
     for seed in range(5):
         result = dd.identify(recording(arm, seed, 30.0), model.perturbed(0.35, 10 + seed))
         assert "inertias" in result.quality["taken"]
         rows = zip(result.quality["base_parameters"]["parameters"], truth, strict=True)
-        own += [
+        ratios += [
             (entry["value"] - true) / entry["from_data"]
             for entry, true in rows
             if entry["from_data"]
         ]
-    require_coverage(own, 100, 0.9, 10.0)
+    require_coverage(ratios, 100, 0.9, 10.0)

@@ -120,10 +120,10 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks):
     t, q, qd, _ = motion()
     tau = dd.DiagonalDynamics(real).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
     result = dd.identify(recorded(model, t, q, qd, worn(tau, qd)), model, "friction")
-    said = " ".join(result.quality["findings"])
-    assert not re.search("effort (doubtful|not judged)", said)
+    printed = " ".join(result.quality["findings"])
+    assert not re.search("effort (doubtful|not judged)", printed)
     first, second = ("model", "robot") if lacks else ("robot", "model")
-    mass = re.search(rf"the {first} seems to have about (.*) kg at fore that the {second}", said)
+    mass = re.search(rf"the {first} seems to have about (.*) kg at fore that the {second}", printed)
     assert mass and float(mass[1]) == pytest.approx(0.1, rel=0.15)
 
 
@@ -220,13 +220,13 @@ def test_light_joints_are_judged_by_their_own_errors(name, case):
     for k, factor in factors.items():
         scale[k] = factor
     result = dd.identify(recorded(model, t, q, qd, scale * tau), model, "friction")
-    said = " ".join(text for text in result.quality["findings"] if "effort doubtful" in text)
+    printed = " ".join(text for text in result.quality["findings"] if "effort doubtful" in text)
     assert result.quality["taken"] == ["friction"] and result.quality["efforts_judged"] == (
         key is None
     )
     for k in factors:
         key = key.replace(f"{{{k}}}", model.dof_names[k])
-    assert re.search(key, said) if key else not said
+    assert re.search(key, printed) if key else not printed
 
 
 def test_a_small_factor_of_a_lighter_joint_may_be_the_models_fault(arm):
@@ -346,9 +346,11 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
         ("analyse", 1),
         ("calibrate", 1 if "constant" in case else 2, *alarms),
     ):
-        status, said = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
+        status, printed = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
         assert (
-            status == expected and f"{key} (effort_available)" in said and "Traceback" not in said
+            status == expected
+            and f"{key} (effort_available)" in printed
+            and "Traceback" not in printed
         )
 
 
@@ -385,8 +387,10 @@ FAULTS = {
 @pytest.mark.parametrize("case", FAULTS)
 def test_refusals_name_file_and_joint_or_remedy(tmp_path, capsys, case):
     changed, key = FAULTS[case]
-    status, said = commanded(tmp_path, capsys, "identify", changed(*motion()), "--what", "friction")
-    assert status == 2 and f"identify: '{tmp_path}/log.csv'" in said and key in said
+    status, printed = commanded(
+        tmp_path, capsys, "identify", changed(*motion()), "--what", "friction"
+    )
+    assert status == 2 and f"identify: '{tmp_path}/log.csv'" in printed and key in printed
 
 
 def test_findings_of_several_recordings(tmp_path, capsys):
@@ -402,21 +406,21 @@ def test_findings_of_several_recordings(tmp_path, capsys):
     options = "--urdf", str(tmp_path / "desk.urdf"), "--what", "friction, rotors"
     for tables, owner in ((paths, f"'{paths[1]}': "), (2 * paths[1:], "")):
         assert main(["identify", *tables, *options]) == 0
-        said = capsys.readouterr().out
+        printed = capsys.readouterr().out
         assert (
-            said.count("effort unknown") == 1
-            and f"\n  {owner}effort unknown: efforts of elbow" in said
+            printed.count("effort unknown") == 1
+            and f"\n  {owner}effort unknown: efforts of elbow" in printed
         )
-        assert "friction" in said and "effort scale" not in said
+        assert "friction" in printed and "effort scale" not in printed
 
 
 def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     t, q, qd, tau = motion()
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
-    status, said = commanded(
+    status, printed = commanded(
         tmp_path, capsys, "calibrate", columns, "-o", str(tmp_path / "alarms.yaml")
     )
-    assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in said
+    assert status == 1 and "no joint moves: the thresholds hold for a robot at rest" in printed
 
 
 def test_each_parameter_has_its_own_motion(arm):
@@ -453,10 +457,10 @@ def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
         ((t, *standing, alone * [9.0, 9.0, 1.0] + noise(alone, 0.02)), False),
         ((t, q, qd, tau * [1.0, 1.0, -1.0]), True),
     ):
-        _, said = commanded(tmp_path, capsys, "calibrate", columns, *options)
-        assert ("log.csv': the effort of joint 'elbow'" in said) == expected
-        assert ("thresholds are wrong" in said) == expected
-        status, said = commanded(tmp_path, capsys, "identify", columns, "--what", "friction")
+        _, printed = commanded(tmp_path, capsys, "calibrate", columns, *options)
+        assert ("log.csv': the effort of joint 'elbow'" in printed) == expected
+        assert ("thresholds are wrong" in printed) == expected
+        status, printed = commanded(tmp_path, capsys, "identify", columns, "--what", "friction")
         assert (status == 2) == expected
 
 
@@ -465,11 +469,12 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     none.
     """
     t, q, qd, tau = motion()
-    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
-    assert status == 0 and re.search(r"explained (0\.99|1\.00)", said)
-    status, said = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
+    status, printed = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
+    assert status == 0 and re.search(r"explained (0\.99|1\.00)", printed)
+    status, printed = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
     assert (
-        status == 1 and "no power balance, because efforts exceed 4 times the URDF limits" in said
+        status == 1
+        and "no power balance, because efforts exceed 4 times the URDF limits" in printed
     )
 
 
@@ -478,8 +483,8 @@ def test_exit_status_by_the_share_explained(tmp_path, capsys, error, expected):
     """A perfect model has nothing to identify; noise that the balance contains is doubtful."""
     t, q, qd, tau = motion()
     tau = tau + noise(tau, error) if error else tau
-    status, said = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction")
-    assert status == expected and ("expected at least 0.8" in said) == bool(expected)
+    status, printed = commanded(tmp_path, capsys, "identify", (t, q, qd, tau), "--what", "friction")
+    assert status == expected and ("expected at least 0.8" in printed) == bool(expected)
 
 
 def nothing_seen(tau, qd):
@@ -498,10 +503,13 @@ def nothing_seen(tau, qd):
 def test_results_of_exit_status_1(tmp_path, capsys, changed, key):
     t, q, qd, tau = motion()
     columns, out = (t, q, qd, changed(tau, qd)), tmp_path / "quality.json"
-    status, said = commanded(
+    status, printed = commanded(
         tmp_path, capsys, "identify", columns, "--what", "friction", "--json", str(out)
     )
     quality = json.loads(out.read_text())
     assert (
-        status == 1 and quality["taken"] and not quality["efforts_judged"] and re.search(key, said)
+        status == 1
+        and quality["taken"]
+        and not quality["efforts_judged"]
+        and re.search(key, printed)
     )

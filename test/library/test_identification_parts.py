@@ -119,9 +119,11 @@ def test_rows_are_pinocchios(one):
     """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G
     are Gᵀ times these.
     """
-    (given, mimic), rng = one, np.random.default_rng(2)
-    model, free = (dd.load_urdf(given.urdf, mimic=how, **given.options) for how in (mimic, "free"))
-    oracle = Oracle(given.urdf, free.dof_names, floating_base=free.floating_base)
+    (inputs, mimic), rng = one, np.random.default_rng(2)
+    model, free = (
+        dd.load_urdf(inputs.urdf, mimic=how, **inputs.options) for how in (mimic, "free")
+    )
+    oracle = Oracle(inputs.urdf, free.dof_names, floating_base=free.floating_base)
     G, start = np.eye(free.nv), 0.0
     if free.nv > model.nv:
         leaders = [model.mimics.get(name, (name, 1.0, 0.0)) for name in free.dof_names]
@@ -184,8 +186,10 @@ def test_filtered_rows_hold_for_the_true_parameters():
         tau = efforts(oracle, q, qd, qdd) + 0.2 * qdd + 0.7 * qd + 0.4 * np.tanh(qd / 0.5) - 0.1
         regressors = Regressors(model)
         sums = regressors.sum_segment(t, q, qd, tau)
-        known = [inertias.parameters_of_record(model.bodies[body]) for body in regressors.bodies]
-        x = np.concatenate([*known, np.tile([0.7, 0.4, -0.1, 0.2, 0.0, 0.0], model.nv)])
+        true_parameters = [
+            inertias.parameters_of_record(model.bodies[body]) for body in regressors.bodies
+        ]
+        x = np.concatenate([*true_parameters, np.tile([0.7, 0.4, -0.1, 0.2, 0.0, 0.0], model.nv)])
         errors.append(
             np.sqrt(
                 regressors.residual_squares(sums, x) / regressors.residual_squares(sums, 0.0 * x)
@@ -199,13 +203,13 @@ def test_rows_of_unknown_efforts_say_nothing():
     """Whatever number stands for them; the rows of the other joints are as they were."""
     model, rng = dd.load_urdf(PANDA.urdf, mimic="free"), np.random.default_rng(0)
     t, (q, qd, tau) = 0.01 * np.arange(200), rng.normal(size=(3, 200, model.nv))
-    known, regressors = np.arange(model.nv) != 3, Regressors(model)
+    true_parameters, regressors = np.arange(model.nv) != 3, Regressors(model)
     whole, part = (
         regressors.sum_segment(t, q, qd, tau),
-        regressors.sum_segment(t, q, qd, tau, known),
+        regressors.sum_segment(t, q, qd, tau, true_parameters),
     )
     assert whole[3].any() and not part[3].any()
-    for k in np.flatnonzero(known):
+    for k in np.flatnonzero(true_parameters):
         np.testing.assert_array_equal(part[k], whole[k])
 
 

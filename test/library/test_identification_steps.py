@@ -236,8 +236,8 @@ def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
     for column, model in enumerate((worn.model, result.model)):
         observed = dd.observe(dd.DiagonalDynamics(model), worn)
         spread = observed.external_torque[observed.valid].std(axis=0)
-        told = [result.quality["observer_spread"][name][column] for name in worn.model.dof_names]
-        np.testing.assert_allclose(told, spread, rtol=0.25)
+        content = [result.quality["observer_spread"][name][column] for name in worn.model.dof_names]
+        np.testing.assert_allclose(content, spread, rtol=0.25)
     before, after = np.transpose(list(result.quality["observer_spread"].values()))
     assert (after < 0.5 * before).all()
 
@@ -252,9 +252,9 @@ def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
 
     monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
     warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
-    said = [text for text in warnings if "external torque" in text]
+    texts = [text for text in warnings if "external torque" in text]
     assert (
-        len(said) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in said[0]
+        len(texts) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in texts[0]
     )
 
 
@@ -401,10 +401,10 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     np.testing.assert_allclose(
         torque, np.array([0, 0, 0, 0, RATIO, 1.0]) * (0.4 * -1.9 - 0.9), atol=1e-12
     )
-    kept = dd.identify(
+    chosen = dd.identify(
         recorded(model, data.t, data.q, data.qd, data.tau), model, "rotors"
     ).parameters
-    assert kept.motor_efforts and kept.couplings == model.couplings
+    assert chosen.motor_efforts and chosen.couplings == model.couplings
     with pytest.raises(
         dd.InputError, match="gains of joints cannot be identified with motor_efforts"
     ):

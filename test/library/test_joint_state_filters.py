@@ -115,9 +115,9 @@ def test_many_positions_of_each_stamp(count, dt, time):
     stamps, t = grid(dt, 100)
     within = np.arange(count) / count * dt
     estimate = estimates(np.repeat(stamps, count), 0.3 - 1.7 * (t[:, None] + within).ravel(), time)
-    known = np.isfinite(estimate)
-    assert known.tolist() == np.repeat(np.isfinite(estimates(stamps, t, time)), count).tolist()
-    np.testing.assert_allclose(estimate[known], -1.7, rtol=1e-9)
+    is_known = np.isfinite(estimate)
+    assert is_known.tolist() == np.repeat(np.isfinite(estimates(stamps, t, time)), count).tolist()
+    np.testing.assert_allclose(estimate[is_known], -1.7, rtol=1e-9)
 
 
 # --- stuck sensors

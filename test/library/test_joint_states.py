@@ -323,12 +323,12 @@ def test_long_messages_fill_no_memory():
     for k in range(50):
         read(f"joint {k:04}", decoding.MAX_BYTES // 5)
         read(f"joint {k:04}", 2 * decoding.MAX_BYTES)
-    kept = [
+    places = [
         entry
         for entry in gc.get_objects()
         if type(entry) is decoding.Places and len(entry.names[-1]) > 1000
     ]
-    assert 0 < sum(entry.length for entry in kept) <= 2 * decoding.MAX_BYTES
+    assert 0 < sum(entry.length for entry in places) <= 2 * decoding.MAX_BYTES
     lists = [entry for entry in gc.get_objects() if type(entry) is tuple and len(entry) == 4]
     texts = [
         entry[3]

@@ -155,7 +155,7 @@ def test_wrong_arguments_are_named():
     model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
     dyn, q, zero = dd.DiagonalDynamics(model), model.neutral, np.zeros(model.nv)
     free = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf, floating_base=True)
-    for said, call in (
+    for text, call in (
         ("'hand' is not a link", lambda: dyn.jacobian(q, "hand")),
         ("frame is 'body'", lambda: dyn.jacobian(q, "panda_hand", frame="body")),
         ("point", lambda: dyn.link_velocity(q, "panda_hand", zero, (1, 2))),
@@ -166,7 +166,7 @@ def test_wrong_arguments_are_named():
         ("q has shape", lambda: dyn.placement(np.stack([q, q]), "panda_hand")),
         ("q1 of joint 'root_joint'", lambda: free.difference(free.neutral, np.zeros(free.nq))),
     ):
-        with pytest.raises(dd.InputError, match=said):
+        with pytest.raises(dd.InputError, match=text):
             call()
 
 

@@ -155,11 +155,11 @@ def test_no_memory_of_earlier_calls(robot):
     """Workspaces are reused; answers do not show it, and what was handed out stays as it was."""
     first, other = robot.cases[0].sample, robot.cases[2].sample
     before = everything(robot.dyn, first)
-    kept = {name: np.array(value) for name, value in before.items()}
+    remaining = {name: np.array(value) for name, value in before.items()}
     everything(robot.dyn, other)
-    assert_same(before, kept)
-    assert_same(everything(robot.dyn, first), kept)
-    assert_same(everything(dd.DiagonalDynamics(robot.model), first), kept)
+    assert_same(before, remaining)
+    assert_same(everything(robot.dyn, first), remaining)
+    assert_same(everything(dd.DiagonalDynamics(robot.model), first), remaining)
 
 
 def test_nothing_is_left_unwritten(robot, monkeypatch):
@@ -178,7 +178,7 @@ def test_nothing_is_left_unwritten(robot, monkeypatch):
 def test_answers_share_no_memory(panda):
     """No two arrays handed out overlap each other or the arguments, which stay as they are."""
     sample = panda.cases[0].sample
-    given = [x.copy() for x in sample]
+    inputs = [x.copy() for x in sample]
     answers = [*everything(panda.dyn, sample).items(), *everything(panda.dyn, sample).items()]
     arrays = [(name, a) for name, a in answers if isinstance(a, np.ndarray)] + [
         ("argument", x) for x in sample
@@ -186,4 +186,4 @@ def test_answers_share_no_memory(panda):
     assert len(arrays) > 60
     for (name, a), (other, b) in combinations(arrays, 2):
         assert not np.shares_memory(a, b), (name, other)
-    assert all((x == copy).all() for x, copy in zip(sample, given, strict=True))
+    assert all((x == copy).all() for x, copy in zip(sample, inputs, strict=True))

@@ -63,7 +63,7 @@ def write_dataset(root, version, episodes, features, fps=FPS):
     is_new = version == "v3.0"
     path = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     path = path if is_new else "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
-    own = {
+    columns_there = {
         name: {"dtype": "float32" if name == "timestamp" else "int64", "shape": [1], "names": None}
         for name in OWN
     }
@@ -71,7 +71,7 @@ def write_dataset(root, version, episodes, features, fps=FPS):
         "observation.images.top": {"dtype": "video", "shape": [3, 4, 4], "names": ["c", "h", "w"]}
     }
     info = {"codebase_version": version, "fps": fps, "chunks_size": 2, "data_path": path}
-    info["features"] = features | video | own
+    info["features"] = features | video | columns_there
     tables = [columns(k, entry, features) for k, entry in enumerate(episodes)]
     (root / "meta").mkdir(parents=True)
     (root / "meta" / "info.json").write_text(json.dumps(info))

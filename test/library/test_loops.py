@@ -210,8 +210,8 @@ def case(name):
     model = dd.load_urdf(urdf, loops=loops)
     pairs = [
         (entry.a.link, p, entry.b.link, q)
-        for own in model.loops
-        for entry in own
+        for loop_model in model.loops
+        for entry in loop_model
         for p, q in entry.points[: 1 if entry.type != "weld" else 3]
     ]
     mimic = (
@@ -357,12 +357,12 @@ def test_choice_among_many_joints(monkeypatch):
     compared.
     """
     monkeypatch.setattr(reader, "MAX_CHOICES", 0)
-    for urdf, own in (
+    for urdf, loop_model in (
         (SPATIAL, [BALL]),
         (FIVE_BAR, [FIVE]),
         (with_element(HINGE + driven("j3")), None),
     ):
-        model = dd.load_urdf(urdf, loops=own)
+        model = dd.load_urdf(urdf, loops=loop_model)
         assert min(model.followers_at(model.start).singularity) > 0.01
     assert model.followers == {"j1": ("j3",), "j2": ("j3",)}
 
@@ -472,8 +472,8 @@ def test_elements(element, tmp_path):
     path.write_text("loops: [{name: bar, independent: j1}]")
     for loops in (str(path), [{"name": "bar", "independent": ["j1"]}]):
         model = dd.load_urdf(with_element(element), loops=loops)
-        for own in (model, pickle.loads(pickle.dumps(model))):
-            result = dd.DiagonalDynamics(own).evaluate(q, qd)
+        for loop_model in (model, pickle.loads(pickle.dumps(model))):
+            result = dd.DiagonalDynamics(loop_model).evaluate(q, qd)
             assert np.abs(result.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
     assert (
         dd.load_urdf(with_element(element)).nv == 2

@@ -194,12 +194,12 @@ def test_rounded_axes():
 def test_cut_tree(bar):
     """It stays open where it is copied, or gets other parameters."""
     cut = bar.cut_tree()
-    for own in (
+    for copied in (
         pickle.loads(pickle.dumps(cut)),
         cut.with_parameters({}),
         cut.with_payload("arm", 1.0),
     ):
-        assert own.nv == 4 and not own.followers
+        assert copied.nv == 4 and not copied.followers
     assert cut.with_locked_joints({"arm": 0.0}).nv == 3
 
 

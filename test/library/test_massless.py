@@ -169,11 +169,11 @@ def test_singular_robots_of_the_wheel(id, floating):
         dd.load_urdf(source, mimic="free", floating_base=floating)
     assert set(caught.value.joints) == set(names)
     locked = dd.load_urdf(source, mimic="free", massless="lock", floating_base=floating)
-    held = dd.load_urdf(
+    stiff = dd.load_urdf(
         source, mimic="free", locked_joints=dict.fromkeys(names, 0.0), floating_base=floating
     )
     assert dict(locked.locked_joints) == dict.fromkeys(names, 0.0)
-    assert locked.bodies.tobytes() == held.bodies.tobytes()
+    assert locked.bodies.tobytes() == stiff.bodies.tobytes()
     geared = dd.load_urdf(
         source, mimic="free", armature=dict.fromkeys(names, 1e-3), floating_base=floating
     )
@@ -278,11 +278,11 @@ def test_rounding_that_joints_outboard_leave_is_no_inertia(joints):
         dd.load_urdf(urdf, armature={"j2": 0.1})
     assert "j1" in caught.value.joints
     assert "j2" not in caught.value.joints
-    held = dd.load_urdf(urdf, armature={"j2": 0.1}, massless="lock")
-    dyn = dd.DiagonalDynamics(held)
+    stiff = dd.load_urdf(urdf, armature={"j2": 0.1}, massless="lock")
+    dyn = dd.DiagonalDynamics(stiff)
     rng = np.random.default_rng(0)
     for _ in range(5):
-        q, qd, tau = rng.uniform(-1.0, 1.0, (3, held.nv))
+        q, qd, tau = rng.uniform(-1.0, 1.0, (3, stiff.nv))
         M = dyn.mass_matrix(q)
         assert np.linalg.cond(M) < 1e6
         assert_close(

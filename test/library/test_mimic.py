@@ -241,10 +241,10 @@ def test_romeo_is_cured_by_locking_its_hands():
     urdf = robots.robot_path(ROMEO)
     model = dd.load_urdf(urdf, massless="lock")
     assert set(model.locked_joints) == set(robots.EXCLUDED[ROMEO].joints)
-    held = Coupling(
+    stiff = Coupling(
         ET.fromstring(urdf.read_text()), {n: model.locked_joints[n] for n in ("LHand", "RHand")}
     )
-    assert dict(model.locked_joints) == pytest.approx(held.locked)
+    assert dict(model.locked_joints) == pytest.approx(stiff.locked)
     assert not model.mimics and not model.coupled_groups
 
 
@@ -340,9 +340,9 @@ def test_free_and_lock(name):
         assert set(free.joint_names) == {*c.moving, *c.locked}
         assert not free.mimics and not free.coupled_groups and not free.locked_joints
         assert set(free.mimic_joints) == set(mimic_tags(spec.urdf))
-    held = {name: mimic.offset for name, mimic in c.mimics.items()} | c.locked
+    stiff = {name: mimic.offset for name, mimic in c.mimics.items()} | c.locked
     locked = dd.load_urdf(spec.source, mimic="lock", armature=spec.armature)
-    assert dict(locked.locked_joints) == pytest.approx(held, abs=1e-15)
+    assert dict(locked.locked_joints) == pytest.approx(stiff, abs=1e-15)
     assert set(locked.joint_names) == set(c.independent)
     assert not locked.mimics and not locked.coupled_groups
 

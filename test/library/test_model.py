@@ -220,10 +220,10 @@ HELD = robots.description(
 
 def test_joints_locked_as_massless_stay_locked():
     """A payload does not release them; `with_locked_joints` decides again."""
-    held = dd.load_urdf(HELD, massless="lock")
-    loaded = held.with_payload("tip", 1.0, (0.1, 0, 0))
+    stiff = dd.load_urdf(HELD, massless="lock")
+    loaded = stiff.with_payload("tip", 1.0, (0.1, 0, 0))
     for model in (
-        held,
+        stiff,
         loaded,
         *(make(loaded) for make in COPIES.values()),
         loaded.without_payload("tip"),

@@ -174,12 +174,17 @@ def test_tables():
         at = opened(int(address))
         return at.count + at.factor * at.cells[1, 2] + at.ids[0] + 10.0 * at.cells.shape[0]
 
-    given = {"count": 3, "cells": np.arange(6.0).reshape(2, 3), "factor": 0.5, "ids": np.array([7])}
-    own = tables.Addresses(table, **given)
-    assert total(own.at) == 3 + 2.5 + 7 + 20
+    fields = {
+        "count": 3,
+        "cells": np.arange(6.0).reshape(2, 3),
+        "factor": 0.5,
+        "ids": np.array([7]),
+    }
+    addresses = tables.Addresses(table, **fields)
+    assert total(addresses.at) == 3 + 2.5 + 7 + 20
     for name, wrong in (("count", 1.5), ("cells", np.zeros((2, 3)).T), ("other", 1)):
         with pytest.raises(TypeError, match=r"cells|fields|int"):
-            tables.Addresses(table, **given | {name: wrong})
+            tables.Addresses(table, **fields | {name: wrong})
 
 
 # --- Compiled code on disk

@@ -135,10 +135,10 @@ def test_identity_6_3(c):
     largest = norm(scaled(c, c.t.M))
     left, right = w.H @ w.phi, w.phi @ w.M @ w.phi.T @ w.H.T
     for k, e in enumerate(np.eye(w.n)):
-        own, at = np.zeros_like(w.M), w.at(w.body(k))
-        own[at, at] = cross(w.H[w.body(k), at])
+        sensitivity, at = np.zeros_like(w.M), w.at(w.body(k))
+        sensitivity[at, at] = cross(w.H[w.body(k), at])
         half = (
-            -left @ own.T @ right
+            -left @ sensitivity.T @ right
         )  # H_δ for −H_δ*, see `Operators`; the other half is its transpose
         expected = scaled(c, w.mine(half + half.T))
         actual = scaled(c, c.dyn.mass_matrix_rate(c.t.q, e))

@@ -77,8 +77,10 @@ def test_mass_matrix_against_pinocchio():
     """The reference reads the numbers from the dict."""
     model = dd.load_urdf(PANDA, parameters=ALL, mimic="free")
     reference = pin.buildModelFromUrdf(str(PANDA))
-    own = LINKS["panda_link3"]
-    inertia = pin.Inertia(own["mass"], np.array(own["com"]), np.array(own["inertia"]))
+    inertias = LINKS["panda_link3"]
+    inertia = pin.Inertia(
+        inertias["mass"], np.array(inertias["com"]), np.array(inertias["inertia"])
+    )
     reference.inertias[reference.getJointId("panda_joint3")] = inertia
     payload = pin.Inertia(1.3, np.array([0.0, 0.01, 0.12]), np.zeros((3, 3)))
     reference.inertias[reference.getJointId("panda_joint7")] += payload
@@ -136,12 +138,12 @@ def test_unnamed_entries_stay():
 def test_later_parameters():
     """A model with these and then those equals one that is loaded with `merged_with`."""
     first, second = (dd.Payload(mass, (0.0, 0.0, 0.1), 2e-3 * np.eye(3)) for mass in (0.5, 1.0))
-    own = {"panda_link2": dd.Payload(2.0, (0.0, -0.1, 0.0), 0.02 * np.eye(3))}
+    inertias = {"panda_link2": dd.Payload(2.0, (0.0, -0.1, 0.0), 0.02 * np.eye(3))}
     joints = {"panda_joint1": dd.JointParameters(damping=0.5, armature=0.2)}
     payloads = {"panda_link4": first, "panda_link7": second}
     earlier = dd.Parameters(
         joints=joints,
-        links=own,
+        links=inertias,
         payloads=payloads,
         friction_velocity=0.02,
         origin={"date": "before"},
@@ -229,8 +231,8 @@ def test_payload_of_negative_mass():
 
 def test_mass_that_moves_with_a_link():
     """It includes links behind locked joints, not links behind free joints."""
-    free, held = dd.load_urdf(PANDA, mimic="free"), dd.load_urdf(PANDA, locked_joints=LOCKED)
-    mass = {held.link_names[index]: mass for index, mass in held.links[["index", "mass"]]}
+    free, locked = dd.load_urdf(PANDA, mimic="free"), dd.load_urdf(PANDA, locked_joints=LOCKED)
+    mass = {locked.link_names[index]: mass for index, mass in locked.links[["index", "mass"]]}
     taken = mass["panda_hand"] + mass["panda_link7"] + mass["panda_leftfinger"]
     parameters = {"payloads": {"panda_hand": {"mass": -float(taken)}}}
     with pytest.raises(dd.InputError, match="on link 'panda_hand', which leaves -"):
@@ -238,7 +240,7 @@ def test_mass_that_moves_with_a_link():
     with pytest.raises(
         dd.InputError, match=r"on link 'panda_hand', which leaves 0.* principal moments"
     ):
-        held.with_parameters(parameters)
+        locked.with_parameters(parameters)
 
 
 # --- Files and errors
@@ -376,7 +378,7 @@ QOS = "qos_overrides./joint_states.subscription.depth"
 def node_file(folder, sections):
     path = folder / "monitor.yaml"
     path.write_text(
-        yaml.safe_dump({name: {"ros__parameters": own} for name, own in sections.items()})
+        yaml.safe_dump({name: {"ros__parameters": inertias} for name, inertias in sections.items()})
     )
     return [path]
 

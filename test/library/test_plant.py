@@ -138,8 +138,8 @@ def test_pushes():
     ):
         with pytest.raises(RejectedError, match=key):
             pushes.push(link, bad, 1.3)
-    held = {link: six.tolist() for link, six in pushes.at(1.49).items()}
-    assert held == {"hand": [1, 2, 3, 4, 5, 6], "arm": [0, 0, 1, 0, 0, 0]}
+    wrenches = {link: six.tolist() for link, six in pushes.at(1.49).items()}
+    assert wrenches == {"hand": [1, 2, 3, 4, 5, 6], "arm": [0, 0, 1, 0, 0, 0]}
     assert list(pushes.at(1.5)) == ["arm"]
     pushes.push("arm", [0] * 6, 1.6)
     assert pushes.at(1.6) == {}
@@ -161,40 +161,40 @@ def test_held_by_gravity_compensation(compensated, commanded, falls):
     """Drives that compensate gravity hold the robot; it moves without them, and with gravity
     commanded as well.
     """
-    own = plant(compensates_gravity=compensated)
-    q = own.simulation.q
-    own.drives.command(commanded * own.simulation.dynamics.gravity_torque(q), 0.0)
-    own.advance(200)
-    moved = np.abs(own.simulation.q - q).max()
+    system = plant(compensates_gravity=compensated)
+    q = system.simulation.q
+    system.drives.command(commanded * system.simulation.dynamics.gravity_torque(q), 0.0)
+    system.advance(200)
+    moved = np.abs(system.simulation.q - q).max()
     assert moved > 0.05 if falls else moved < 1e-3
 
 
 def test_brakes():
     """Brakes hold the robot exactly before the first command, and stop it after a time-out."""
-    own = plant(without_command="brake", command_timeout=0.1)
-    q = own.simulation.q
-    own.advance(100)
-    assert (own.simulation.q == q).all() and not own.simulation.qd.any()
-    own.drives.command([0.0] * 8, own.time)
-    own.advance(99)
-    assert np.abs(own.simulation.qd).max() > 0.1
+    system = plant(without_command="brake", command_timeout=0.1)
+    q = system.simulation.q
+    system.advance(100)
+    assert (system.simulation.q == q).all() and not system.simulation.qd.any()
+    system.drives.command([0.0] * 8, system.time)
+    system.advance(99)
+    assert np.abs(system.simulation.qd).max() > 0.1
     for _ in range(200):
-        own.advance(1)
-    assert own.drives.phase == TIMED_OUT and not own.simulation.qd.any()
+        system.advance(1)
+    assert system.drives.phase == TIMED_OUT and not system.simulation.qd.any()
 
 
 def test_no_time_out_while_catching_up():
     """A tick that catches up acts on the commands from before it began."""
-    own = plant(command_timeout=0.05)
-    own.drives.command([0.1] * 8, own.time)
-    own.advance(85)
-    assert own.drives.phase == DRIVEN
-    own.drives.command([0.1] * 8, own.time)
-    own.advance(10)
-    assert own.drives.phase == DRIVEN and not own.drives.counts["commands timed out"]
-    own.advance(41)
-    own.advance(1)
-    assert own.drives.phase == TIMED_OUT
+    system = plant(command_timeout=0.05)
+    system.drives.command([0.1] * 8, system.time)
+    system.advance(85)
+    assert system.drives.phase == DRIVEN
+    system.drives.command([0.1] * 8, system.time)
+    system.advance(10)
+    assert system.drives.phase == DRIVEN and not system.drives.counts["commands timed out"]
+    system.advance(41)
+    system.advance(1)
+    assert system.drives.phase == TIMED_OUT
 
 
 @pytest.mark.parametrize(
@@ -231,12 +231,12 @@ def test_measured_joints():
     """A command beyond the URDF's limits is cut to them; a mimic joint is measured where its source
     joint is.
     """
-    own = plant()
-    own.drives.command([1e3] + [0.0] * 6 + [2.0], 0.0)
-    own.advance(20)
-    measured = own.measure()
-    assert measured.effort[0] == 87.0 and own.simulation.saturated == ("panda_joint1",)
-    leader, follower = (own.names.index(f"panda_finger_joint{k}") for k in (1, 2))
+    system = plant()
+    system.drives.command([1e3] + [0.0] * 6 + [2.0], 0.0)
+    system.advance(20)
+    measured = system.measure()
+    assert measured.effort[0] == 87.0 and system.simulation.saturated == ("panda_joint1",)
+    leader, follower = (system.names.index(f"panda_finger_joint{k}") for k in (1, 2))
     assert measured.position[follower] == measured.position[leader] > 0.0
     assert measured.velocity[follower] == measured.velocity[leader] > 0.0
     assert measured.effort[follower] == 0.0
@@ -244,27 +244,27 @@ def test_measured_joints():
 
 def test_same_seed_same_trajectory():
     """After a reset motion and noise are the same to the last bit; time continues."""
-    own = plant(sensor_noise=[1e-3, 1e-2, 0.1], motion="wave")
+    system = plant(sensor_noise=[1e-3, 1e-2, 0.1], motion="wave")
 
     def measured():
         seen = []
         for _ in range(40):
-            own.advance(2)
-            m = own.measure()
+            system.advance(2)
+            m = system.measure()
             seen.append((m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes()))
         return seen
 
-    first, at = measured(), own.time
-    own.reset()
-    assert own.time == at and measured() == first and own.time == pytest.approx(2 * at)
+    first, at = measured(), system.time
+    system.reset()
+    assert system.time == at and measured() == first and system.time == pytest.approx(2 * at)
 
 
 def test_put():
     """Another state at the same time. A refused state changes nothing."""
-    own = plant()
-    own.advance(5)
-    q, qd = own.simulation.q + 0.01, 0.1 * np.ones(8)
-    own.put(q, qd)
+    system = plant()
+    system.advance(5)
+    q, qd = system.simulation.q + 0.01, 0.1 * np.ones(8)
+    system.put(q, qd)
     beyond = q.copy()
     beyond[1] = 3.0
     for bad, rate, key in (
@@ -272,9 +272,9 @@ def test_put():
         (q, np.full(8, 1e200), "finite|overflow|large"),
     ):
         with pytest.raises(InputError, match=key):
-            own.put(bad, rate)
-        assert (own.simulation.q == q).all() and (own.simulation.qd == qd).all()
-    assert own.time == pytest.approx(0.005)
+            system.put(bad, rate)
+        assert (system.simulation.q == q).all() and (system.simulation.qd == qd).all()
+    assert system.time == pytest.approx(0.005)
     assert plant(limits="none").put(beyond, qd) is None
 
 

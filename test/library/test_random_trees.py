@@ -355,8 +355,8 @@ def test_planar_joint_moves_normal_to_its_axis(axis):
     ]  # the frame's x: the coordinate axis farthest from z, made normal to it
     x = (x - z * (x @ z)) / norm(x - z * (x @ z))
     R = np.column_stack([x, np.cross(z, x), z])
-    given, turned = ET.fromstring(tree.urdf), ET.fromstring(tree.urdf)
-    planar = given.find("joint[@type='planar']")
+    described_tree, turned = ET.fromstring(tree.urdf), ET.fromstring(tree.urdf)
+    planar = described_tree.find("joint[@type='planar']")
     planar.find("axis").set("xyz", " ".join(map(str, axis)))
     same = turned.find(f"joint[@name='{planar.get('name')}']")
     child = same.find("child").get("link")
@@ -369,7 +369,7 @@ def test_planar_joint_moves_normal_to_its_axis(axis):
     same.find("origin").set("rpy", "0 0 0")
     for element in (link("frame"), link("moving"), before, after):
         turned.append(ET.fromstring(element))
-    dyn = dd.DiagonalDynamics(dd.load_urdf(ET.tostring(given), floating_base=True))
+    dyn = dd.DiagonalDynamics(dd.load_urdf(ET.tostring(described_tree), floating_base=True))
     oracle = Oracle(
         ET.tostring(turned, encoding="unicode"), dyn.model.dof_names, floating_base=True
     )

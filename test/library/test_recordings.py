@@ -88,8 +88,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
                 == np.array([getattr(state, field) for state in expected]).tobytes()
             )
         assert with_effort.tolist() == [state.effort is not None for state in expected]
-        known = [state.effort for state in expected if state.effort is not None]
-        assert effort[with_effort].tobytes() == np.array(known).tobytes()
+        efforts = [state.effort for state in expected if state.effort is not None]
+        assert effort[with_effort].tobytes() == np.array(efforts).tobytes()
         some = [
             np.frombuffer(state.partial) if state.partial else nothing
             for state in expected

@@ -110,8 +110,8 @@ def test_columns_of_tables(tmp_path):
         for quantity, both in PER_DOF.items():
             units[f"{quantity}.{name}"] = both[k]
             if quantity not in ("velocity", "effort"):
-                known = hidden if quantity in ("epsilon", "kappa") else 1.0
-                expected[f"{quantity}.{name}"] = getattr(s, quantity)[:, k] * known
+                factor = hidden if quantity in ("epsilon", "kappa") else 1.0
+                expected[f"{quantity}.{name}"] = getattr(s, quantity)[:, k] * factor
     table = pq.read_table(paths[2])
     for name, numbers in expected.items():
         np.testing.assert_allclose(
@@ -127,13 +127,15 @@ def test_columns_of_tables(tmp_path):
             np.isnan(table[name].to_numpy()[100:120]).all()
             and not np.isnan(table["residual.turn"].to_numpy()[1:]).any()
         )
-    given = {
+    units_there = {
         field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema
     }
-    assert {name: given[name] for name in units} == units
+    assert {name: units_there[name] for name in units} == units
     header, *rows = (line.split(",") for line in Path(paths[3]).read_text().splitlines())
-    assert header == [f'"{name} [{unit}]"' if unit else f'"{name}"' for name, unit in given.items()]
-    place = list(given).index("power")
+    assert header == [
+        f'"{name} [{unit}]"' if unit else f'"{name}"' for name, unit in units_there.items()
+    ]
+    place = list(units_there).index("power")
     assert [k for k, row in enumerate(rows) if row[place] == ""] == list(np.flatnonzero(unknown))
     np.testing.assert_array_equal(
         dd.read_recording(paths[3], xml).q, q
@@ -176,15 +178,15 @@ def test_no_peak_is_missing_from_the_overview():
     overview = Overview(500)
     for piece in in_pieces(states_of(np.arange(count) * 1e-3, K=K, norm=norm), 7001):
         overview.add(piece)
-    kept = overview.states()
-    assert 120 <= len(kept) <= 500 and (np.diff(kept["index"]) > 0).all()
-    np.testing.assert_array_equal(kept["K"], K[kept["index"]])
-    assert (kept["K"].max(), kept["K"].min(), np.nanmax(kept["norm"])) == (
+    states = overview.states()
+    assert 120 <= len(states) <= 500 and (np.diff(states["index"]) > 0).all()
+    np.testing.assert_array_equal(states["K"], K[states["index"]])
+    assert (states["K"].max(), states["K"].min(), np.nanmax(states["norm"])) == (
         K.max(),
         K.min(),
         np.nanmax(norm),
     )
-    assert kept["index"][0] == 0 and np.diff(kept["index"]).max() < 2 * count // 120
+    assert states["index"][0] == 0 and np.diff(states["index"]).max() < 2 * count // 120
 
 
 @pytest.mark.parametrize("size", [700, 2500, 20_000])
@@ -334,19 +336,19 @@ def test_the_numbers_are_those_of_frames(recording):
     html, summary = recording.analyse("swing", *options, **recording.columns())
     (collision,) = summary["collisions"]
     assert PUSHED[0] < collision["start"] < PUSHED[0] + 0.2
-    told, blocks = parts_of(html)
-    assert told["summary"] == summary
-    overview, whole = told["tracks"]
+    content, blocks = parts_of(html)
+    assert content["summary"] == summary
+    overview, whole = content["tracks"]
     assert (len(overview["parts"]), len(whole["parts"])) == (1, 2)
     points = dd.link_geometry(recording.model, ARM).points
     points = dd.ContactPoints(recording.model, points, limits, "limit")
-    assert [point["name"] for point in told["layout"]["contact_limits"]["points"]] == list(
+    assert [point["name"] for point in content["layout"]["contact_limits"]["points"]] == list(
         points.names
     )
     maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
-    hand, places = told["layout"]["end_effector"], maker.layout.places
-    for track in told["tracks"]:
-        t, result = track_of(told, blocks, track)
+    hand, places = content["layout"]["end_effector"], maker.layout.places
+    for track in content["tracks"]:
+        t, result = track_of(content, blocks, track)
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
         q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
@@ -371,7 +373,7 @@ def test_the_numbers_are_those_of_frames(recording):
                 assert (error <= 1e-3).all(), name
             else:
                 assert (error <= np.ptp(expected, axis=0) / 16_000 + 2e-6 * size + 1e-9).all(), name
-    around = track_of(told, blocks, whole)[0]
+    around = track_of(content, blocks, whole)[0]
     np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
 
 
@@ -389,15 +391,15 @@ def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, m
     if not efforts:
         del columns["tau"]
     _, summary = recording.analyse("part", "--set", *given, **columns)
-    observer, said = summary["observer"], " ".join(capsys.readouterr().out.split())
+    observer, printed = summary["observer"], " ".join(capsys.readouterr().out.split())
     assert (observer["missing"], observer["observed"], summary["collisions"]) == (
         missing,
         749 * efforts,
         [],
     )
-    assert "0 collisions" not in said and all(
-        word in said for word in ("Collisions are unknown", *words)
-    ), said
+    assert "0 collisions" not in printed and all(
+        word in printed for word in ("Collisions are unknown", *words)
+    ), printed
 
 
 def test_states_without_an_effort_are_counted(recording):
@@ -408,8 +410,8 @@ def test_states_without_an_effort_are_counted(recording):
     unknown = summary["states"] - summary["observer"]["observed"]
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
     assert f"unknown at {unknown} of 4000 states" in summary["observer"]["text"]
-    told, blocks = parts_of(html)
-    t, result = track_of(told, blocks, told["tracks"][0])
+    content, blocks = parts_of(html)
+    t, result = track_of(content, blocks, content["tracks"][0])
     missing = np.abs(t - 5.2) < 0.18
     assert all(
         np.isnan(result[name][0][missing]).all() for name in ("effort", "epsilon", "p_effort")
@@ -429,13 +431,17 @@ def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypat
     for name, contacts in (("pushed", 2), ("less", 1)):
         monkeypatch.setattr(output, "MAX_REPORT", room)
         html, _ = recording.analyse(name, "--quiet", "--set", *WATCHED, t=t, **noisy)
-        told, blocks = parts_of(html)
+        content, blocks = parts_of(html)
         assert html.stat().st_size < room * 1.01
-        assert (len(told["tracks"]), told["without_full_rate"]) == (1 + contacts, 2 - contacts)
-        room = (
-            html.stat().st_size - 4 * sum(len(blocks[k]) for k in told["tracks"][1]["blocks"]) // 6
+        assert (len(content["tracks"]), content["without_full_rate"]) == (
+            1 + contacts,
+            2 - contacts,
         )
-    assert track_of(told, blocks, told["tracks"][1])[0].min() > 4.0
+        room = (
+            html.stat().st_size
+            - 4 * sum(len(blocks[k]) for k in content["tracks"][1]["blocks"]) // 6
+        )
+    assert track_of(content, blocks, content["tracks"][1])[0].min() > 4.0
 
 
 def test_times_behind_a_long_gap_are_right(recording):
@@ -451,16 +457,16 @@ def test_times_behind_a_long_gap_are_right(recording):
     reading = Reading(path, recording.model, parameters={"external_torque.gain": 25.0})
     summary = Analysis(reading).run([output.ReportOutput(html, reading)])
     assert summary["recording"] == str(path)
-    told, blocks = parts_of(html)
-    t = track_of(told, blocks, told["tracks"][0])[0]
+    content, blocks = parts_of(html)
+    t = track_of(content, blocks, content["tracks"][0])[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
-    assert told["layout"]["contact_limits"]["points"] == []
-    assert told["parameters"][0] == {
+    assert content["layout"]["contact_limits"]["points"] == []
+    assert content["parameters"][0] == {
         "name": "external_torque.gain",
         "value": "25.0",
         "default": False,
     }
-    assert {"yes", "no", "none"} <= {row["value"] for row in told["parameters"]}
+    assert {"yes", "no", "none"} <= {row["value"] for row in content["parameters"]}
 
 
 def test_a_page_that_is_not_built(tmp_path):
@@ -488,9 +494,9 @@ def test_contacts_and_the_touched_link(recording):
     html, summary = recording.analyse("pushes", *options, t=t, q=q, qd=qd, tau=tau)
     assert [round(entry["start"], 1) for entry in summary["collisions"]] == [2.1]
     assert [round(entry["start"], 1) for entry in summary["contacts"]] == [2.0, 5.0]
-    told, blocks = parts_of(html)
-    assert told["layout"]["frames"] == ["tool"]
-    times, result = track_of(told, blocks, told["tracks"][0])
+    content, blocks = parts_of(html)
+    assert content["layout"]["frames"] == ["tool"]
+    times, result = track_of(content, blocks, content["tracks"][0])
     fields = {name: columns for name, (columns, _) in result.items()}
     flags, links = fields["flags"][:, 0].astype(int), recording.model.link_names
     pushed = (flags & (CAUSES["contact"] | CAUSES["collision"])) > 0

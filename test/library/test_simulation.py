@@ -210,14 +210,14 @@ def test_order_while_joints_slide_or_stick():
 def test_brakes(robot):
     """Brakes of any strength stop joints where they are, and take no more than their energy."""
     model = load(robot, floating_base=robot == TALOS)
-    own = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
+    special = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
     rng, friction = np.random.default_rng(7), np.zeros(model.nv)
     for strength in np.repeat([30.0, 1e5, 1e7, 1e100], 5):
         q, qd = model.neutral, rng.normal(size=model.nv)
-        q[-len(qd[own]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[
-            -len(qd[own]) :
+        q[-len(qd[special]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[
+            -len(qd[special]) :
         ]
-        friction[own] = strength
+        friction[special] = strength
         options = {"damping": np.zeros(model.nv), "friction": friction, "effort_limits": False}
         sim = dd.Simulation(model, q, qd, **options)
         energy, q = sim.kinetic_energy, sim.q
@@ -225,7 +225,7 @@ def test_brakes(robot):
         assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
         assert sim.audit.energy < 0.0 and sim.audit.loss < 0.0
         assert abs(sim.audit.residual) < 2e-2 * energy
-        assert strength < 1e7 or not sim.qd[own].any()
+        assert strength < 1e7 or not sim.qd[special].any()
 
 
 def test_hard_limit_keeps_its_place():
@@ -415,20 +415,20 @@ def test_energy_is_accounted_for(name, limits, seconds):
     """
     robot, options = ROBOTS[name]
     model = load(robot, **options)
-    own = {}
+    special = {}
     if (
         robot == HAND
         # by its own friction it never moves; its own damping, 10⁵ s⁻¹, no step of a millisecond
         # resolves
     ):
-        own = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
+        special = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
     if robot == TALOS:
-        own, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
+        special, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
     D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
     soft = dd.CompliantLimits(
         60.0**2 * D, 60.0 * D
     )  # 60 rad/s: what a step of a millisecond resolves
-    sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **own)
+    sim = dd.Simulation(model, limits=soft if limits == "compliant" else True, **special)
     audits = driven(sim, seconds, 0.02 if robot == HAND else 1.5)  # [N m]
     steps = [
         simulation.EnergyAudit(*np.subtract(after, before)) for before, after in pairwise(audits)

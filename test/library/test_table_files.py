@@ -141,9 +141,9 @@ def test_what_others_write_is_read_to_the_last_bit(
     )
     assert not lost(recording) and len(recording) == len(table)
     np.testing.assert_array_equal(np.column_stack([recording.q, recording.qd]), table[:, 1:5])
-    known = np.isfinite(table[:, 5:]).all(axis=1)
-    np.testing.assert_array_equal(recording.states.effort_known, known)
-    np.testing.assert_array_equal(recording.states.effort[known], table[known, 5:])
+    is_known = np.isfinite(table[:, 5:]).all(axis=1)
+    np.testing.assert_array_equal(recording.states.effort_known, is_known)
+    np.testing.assert_array_equal(recording.states.effort[is_known], table[is_known, 5:])
     exact = [round(Fraction(t) * 10**9) + recording.offset for t in table[:, 0].tolist()]
     assert (
         max(
@@ -191,8 +191,8 @@ def test_packed(written, long_text, ending):
     )
     if ending in UNPACKERS:
         assert len(recording) == UNPACKERS[ending]().decompress(cut).count(b"\n") - 1
-    (said,) = lost(recording)
-    assert said.startswith(
+    (loss,) = lost(recording)
+    assert loss.startswith(
         f"line {len(recording) + 1}: the compressed data are damaged or end early: "
     )
     with pytest.raises(dd.InputError, match="the compressed data are damaged or end early"):
@@ -316,8 +316,8 @@ def test_a_damaged_row_group_is_left_out(written):
     np.testing.assert_array_equal(
         recording.q[:, 0], np.sin(np.delete(time, [*range(300, 400), *range(900, 1000)]))
     )
-    (said,) = lost(recording)
-    assert said.startswith("row 300, row group 3: ") and said.endswith(": 200 rows lost")
+    (loss,) = lost(recording)
+    assert loss.startswith("row 300, row group 3: ") and loss.endswith(": 200 rows lost")
 
 
 def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
@@ -328,11 +328,11 @@ def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
     )
     path.write_bytes(path.read_bytes().replace(texts[2].encode(), b"\xff" * len(texts[2])))
     recording = read(path)
-    (said,) = lost(recording)
+    (loss,) = lost(recording)
     assert (
         recording.q[:, 0].tolist() == [0, 1, 3]
-        and said.startswith("row 2, row group 2: ")
-        and "UTF8" in said
+        and loss.startswith("row 2, row group 2: ")
+        and "UTF8" in loss
     )
 
 
@@ -563,11 +563,11 @@ def test_headers_and_separators(written, text, columns):
 def test_decimal_commas_need_a_map(written):
     """The rows are no rows of other topics."""
     recording = read(written("t;q1;qd1\n0;1,5;1,0\n"))
-    said, rows = lost(recording)
+    loss, rows = lost(recording)
     assert rows == "line 2: no value is a number: 1 rows omitted"
     assert "rows of other topics" not in recording.counts
     example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a column map"
-    assert said == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
+    assert loss == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
 
 
 # --- Errors ---

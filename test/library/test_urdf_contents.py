@@ -370,7 +370,7 @@ def test_rotor_inertias_of_transmissions(case):
     np.testing.assert_allclose(dd.DiagonalDynamics(model).mass_matrix(q), M, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(model.armature, armature, rtol=1e-12)
     report = inspect_robot(text)
-    told = {
+    rotors = {
         name: value
         for f in report.findings
         if f.check == "transmissions"
@@ -379,8 +379,8 @@ def test_rotor_inertias_of_transmissions(case):
     expected = {
         name: value for name, value in zip(("shoulder", "elbow"), armature, strict=True) if value
     }
-    assert {name: value for name, value in told.items() if value} == pytest.approx(expected)
-    assert report.checks["transmissions"] == ("note" if told else "ok")
+    assert {name: value for name, value in rotors.items() if value} == pytest.approx(expected)
+    assert report.checks["transmissions"] == ("note" if rotors else "ok")
 
 
 def test_rotor_inertia_of_a_mimic_joint():

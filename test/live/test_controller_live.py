@@ -35,7 +35,7 @@ def live(peer):
         "without_command": "brake",
         "real_time_factor": 0.9,
     }
-    own = {
+    options = {
         "robot_compensates_gravity": True,
         "autostart": True,
         # the simulator lets time go where the machine is busy, and its stamps fall behind the clock
@@ -48,7 +48,7 @@ def live(peer):
     with Simulator(peer, "/live", UR5, **parameters) as simulator:
         put(simulator, START_AT)
         quiet(simulator)
-        with Controller(peer, "/live", **own) as controller:
+        with Controller(peer, "/live", **options) as controller:
             controller.simulator = simulator
             yield controller.connect()
 
@@ -98,9 +98,10 @@ def test_stalls_are_survived_and_reported(live):
         return counted("stalls") >= before.count("stalls") + STALLS
 
     live.peer.wait_until(stalled, "reported stalls", HANG)
-    told = [r.entries["commands"] for r in live.reports if "commands" in r.entries]
+    content = [r.entries["commands"] for r in live.reports if "commands" in r.entries]
     assert any(
-        "gaps between commands beyond max_state_age" in s.message and s.level == b"\1" for s in told
+        "gaps between commands beyond max_state_age" in s.message and s.level == b"\1"
+        for s in content
     )
     assert counted("commands") > before.count("commands")
     assert max(s.energy for s in live.status.messages) < 0.05

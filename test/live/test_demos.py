@@ -54,10 +54,14 @@ def test_without_a_terminal(tmp_path):
         process.wait_for(lambda output: output.count("peak energy") > 3, "some lines")
         process.signal(signal.SIGINT)
         assert process.wait() == 0, process.tail()
-        said = process.output
-        assert "Open http://127.0.0.1:" in said and "\x1b" not in said and "Traceback" not in said
+        printed = process.output
+        assert (
+            "Open http://127.0.0.1:" in printed
+            and "\x1b" not in printed
+            and "Traceback" not in printed
+        )
         energies = re.findall(
-            r"^/demo_\d+: K (\S+) J, peak energy (\S+) J at panda_joint\d", said, re.MULTILINE
+            r"^/demo_\d+: K (\S+) J, peak energy (\S+) J at panda_joint\d", printed, re.MULTILINE
         )
         assert energies and all(
             0.0 <= float(energy) < 100.0 and 0.0 <= float(peak) < 100.0 for energy, peak in energies
@@ -129,7 +133,7 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
     """
     with Process([sys.executable, CONTROL, "push.png"], cwd=tmp_path) as process:
         assert process.wait() == 0, process.tail()
-        said = process.output
+        printed = process.output
     events = (
         "holds the hand",
         "pushes the hand",
@@ -137,17 +141,17 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
         "the push ends",
         "reports no collision",
     )
-    times = [float(re.search(rf"([\d.]+) s  .*{event}", said)[1]) for event in events]
+    times = [float(re.search(rf"([\d.]+) s  .*{event}", printed)[1]) for event in events]
     assert times == sorted(times) and times[1] >= 1.0
-    delay = float(re.search(r"collision after (\d+) ms", said)[1])
+    delay = float(re.search(r"collision after (\d+) ms", printed)[1])
     assert 0.0 < delay < 50.0 and delay == pytest.approx(1e3 * (times[2] - times[1]), abs=4.0)
     largest, bound = map(
-        float, re.search(r"K at most ([\d.]+) J, its bound ([\d.]+) J", said).groups()
+        float, re.search(r"K at most ([\d.]+) J, its bound ([\d.]+) J", printed).groups()
     )
     assert 0.9 * bound < largest < 1.05 * bound
-    assert float(re.search(r"acted on (\d+) %", said)[1]) > 5.0
+    assert float(re.search(r"acted on (\d+) %", printed)[1]) > 5.0
     moved, back = map(
-        float, re.search(r"moved by (\d+) mm, and back to within ([\d.]+) mm", said).groups()
+        float, re.search(r"moved by (\d+) mm, and back to within ([\d.]+) mm", printed).groups()
     )
     assert 100.0 < moved < 220.0 and back < 5.0
     image = matplotlib.image.imread(tmp_path / "push.png")
@@ -156,9 +160,9 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
 
 def test_demo_identify(tmp_path, capsys):
     """Of ten pushes nine are detected with the identified model; its files are usable."""
-    plot, kept = tmp_path / "before_and_after.svg", tmp_path / "kept"
+    plot, folder = tmp_path / "before_and_after.svg", tmp_path / "kept"
     assert (
-        demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(kept)])
+        demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(folder)])
         == 0
     )
     out = capsys.readouterr().out
@@ -168,8 +172,8 @@ def test_demo_identify(tmp_path, capsys):
     shares = re.search(r"dK/dt explained: (\S+) with the URDF, (\S+) identified", out)
     assert float(shares[1]) < 0.0 and float(shares[2]) > 0.95
     assert plot.read_text().startswith("<?xml")
-    arm, pushed = kept / "ur5_robot_arm.yaml", kept / "ur5_robot_pushed.npz"
-    alarms = ["--alarms", str(kept / "ur5_robot_alarms_identified.yaml")]
+    arm, pushed = folder / "ur5_robot_arm.yaml", folder / "ur5_robot_pushed.npz"
+    alarms = ["--alarms", str(folder / "ur5_robot_alarms_identified.yaml")]
     assert (
         cli(["analyse", str(pushed), "--urdf", "ur5_robot", "--parameters", str(arm), *alarms]) == 0
     )

@@ -33,9 +33,9 @@ def at_hand(command, places):
     """A shell's text with the places of a robot's computer replaced by those of this one; each has
     to be there.
     """
-    for place, own in places.items():
+    for place, allowed_names in places.items():
         assert place in command, place
-        command = command.replace(place, str(own))
+        command = command.replace(place, str(allowed_names))
     return command
 
 
@@ -69,8 +69,10 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
     """By the line that systemd would run, as it is but for places; the signal that systemd sends
     ends them.
     """
-    said = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), re.M))
-    shell, option, command = re.fullmatch(r"(/bin/bash) (-c) '([^']*)'", said["ExecStart"]).groups()
+    directives = dict(re.findall(r"^(\w+)=(.*)$", unit.read_text(encoding="utf-8"), re.M))
+    shell, option, command = re.fullmatch(
+        r"(/bin/bash) (-c) '([^']*)'", directives["ExecStart"]
+    ).groups()
     node = unit.stem.rsplit("-")[-1]
     settings = SETTINGS[node]
     if isinstance(settings, dict):
@@ -91,7 +93,7 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
         assert (
             process.popen.pid == os.getpgid(process.popen.pid) and process.children() == []
         )  # exec: no shell in between
-        process.stop(getattr(signal, said["KillSignal"]))
+        process.stop(getattr(signal, directives["KillSignal"]))
 
 
 # --- the policy for SROS 2

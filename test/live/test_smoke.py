@@ -170,7 +170,7 @@ def test_a_second_in_lockstep(peer):
     """
     order = list(robot(UR5).names)
     simulated = {"lockstep": True, "rate": float(RATE), "command_joints": order, "autostart": True}
-    own = {
+    options = {
         "robot_compensates_gravity": False,
         "autostart": True,
         "use_sim_time": True,
@@ -178,7 +178,7 @@ def test_a_second_in_lockstep(peer):
     }
     with (
         Simulator(peer, "/lockstep", UR5, **simulated) as simulator,
-        Controller(peer, "/lockstep", **own) as controller,
+        Controller(peer, "/lockstep", **options) as controller,
     ):
         peer.wait_until(lambda: controller.sent.messages, "a command")
         first, sent = simulator.states.stamps[-1], len(controller.sent.messages)

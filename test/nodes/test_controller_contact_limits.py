@@ -21,9 +21,9 @@ BOUND = 0.12
 @pytest.fixture(scope="module")
 def arm(peer):
     """A UR5 in lockstep with its controller, contacts bounded."""
-    own = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "contact_limits.energy": BOUND}
+    options = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "contact_limits.energy": BOUND}
     scale = peer.publisher(Float64, "/bound/contact_scale")
-    with lockstep_arm(peer, "/bound", list(robot(UR5).names), **own) as controller:
+    with lockstep_arm(peer, "/bound", list(robot(UR5).names), **options) as controller:
         controller.scale = scale
         yield controller
 

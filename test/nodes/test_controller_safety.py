@@ -107,8 +107,10 @@ class Fed(Controller):
             self.tick()
             self.publish(q, qd)
 
-        own = lambda s: s.phase == ACTIVE and nanoseconds(s.header.stamp) == self.now  # noqa: E731
-        return self.answered(publish, own, "its answer")
+        def is_now(s):
+            return s.phase == ACTIVE and nanoseconds(s.header.stamp) == self.now
+
+        return self.answered(publish, is_now, "its answer")
 
     def settle(self, q=Q, qd=REST):
         """Feed the same state until efforts have come to what the law asks for."""
@@ -235,17 +237,17 @@ def check_the_end(fed, since, published=lambda: None):
     for line in ("Holding gravity: ", "Ramping down: "):
         fed.process.wait_for_text(line)
     statuses = fed.status.messages[fed.status.messages.index(since) :]
-    held = [s for s in statuses if s.phase == HOLDING]
-    ramped = statuses[len(held) :]
+    holding = [s for s in statuses if s.phase == HOLDING]
+    ramped = statuses[len(holding) :]
     assert all(s.phase == RAMPING_DOWN for s in ramped) and ramped
-    close(held[-1].effort_command, gravity)
+    close(holding[-1].effort_command, gravity)
     ages = np.array([s.state_age for s in statuses])
-    assert HOLD - 0.02 < ages[len(held) - 1] - ages[0] <= HOLD
+    assert HOLD - 0.02 < ages[len(holding) - 1] - ages[0] <= HOLD
     efforts = np.array([s.effort_command for s in statuses])
     assert (
         np.abs(np.diff(efforts, axis=0)).max(axis=1) <= EFFORT_RATE * np.diff(ages) + 1e-9
     ).all()
-    assert (np.diff(np.abs(efforts[len(held) :]), axis=0) <= 1e-12).all()
+    assert (np.diff(np.abs(efforts[len(holding) :]), axis=0) <= 1e-12).all()
     assert not any(s.lyapunov_valid for s in statuses)
     fed.wait_until_told("control", "ramping down: ", b"\2")
     fed.take_up("damping", Q, MOVING)
@@ -281,14 +283,14 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
 def test_wrong_states(damped, wrong):
     """What is wrong is named at once, and gravity held; good states put the law in force again."""
-    names, q, qd, said = wrong
+    names, q, qd, text = wrong
 
     def publish():
         damped.tick()
         damped.publish(q, qd, names)
 
     status = damped.answered(publish, lambda s: s.phase != ACTIVE, "the hold")
-    assert status.phase == HOLDING and said in status.message and not status.lyapunov_valid
+    assert status.phase == HOLDING and text in status.message and not status.lyapunov_valid
     assert np.isfinite(status.effort_command).all()
     status = damped.step(Q, MOVING)
     assert damped.settle(Q, MOVING).phase == ACTIVE
@@ -451,18 +453,18 @@ def test_targets_that_make_no_sense(fed):
     fed.law("tracking")
     fed.take(fed.set_point, joint_state(NAMES, Q + 0.01))
     nan = np.nan
-    for publisher, message, said in (
+    for publisher, message, text in (
         (fed.set_point, joint_state(NAMES, [nan, *Q[1:]]), "'shoulder_pan_joint' is nan"),
         (fed.trajectory, trajectory([(1.0, Q)], NAMES, stamp=S), "over"),
     ):
-        fed.refuses(lambda p=publisher, m=message: p.publish(m), said)
+        fed.refuses(lambda p=publisher, m=message: p.publish(m), text)
     np.testing.assert_allclose(fed.arrive().tracking_error, np.full(6, 0.01), atol=1e-11)
     fed.law("pose")
-    for message, said in (
+    for message, text in (
         (pose_message("base_link", [nan, 0, 0]), "target.pose.position is [nan"),
         (pose_message("", [0, 0, 0]), "frame_id is ''"),
     ):
-        fed.refuses(lambda m=message: fed.target.publish(m), said)
+        fed.refuses(lambda m=message: fed.target.publish(m), text)
     assert fed.step().pose_error_valid
 
 
@@ -570,8 +572,8 @@ def test_late_states_by_the_clock_of_the_machine(peer):
         wall.wait_for(lambda s: not any(s.effort_command), "zero")
         phases = [s.phase for s in wall.status.messages]
         assert phases == sorted(phases) and {HOLDING, RAMPING_DOWN} <= set(phases)
-        held = [s for s in wall.status.messages if s.phase == HOLDING]
-        close(held[-1].effort_command, gravity_of(Q))
+        holding = [s for s in wall.status.messages if s.phase == HOLDING]
+        close(holding[-1].effort_command, gravity_of(Q))
         wall.wait_until_told("control", "ramping down", b"\2")
         wall.settle()
 
@@ -592,8 +594,8 @@ def test_it_does_not_start_on_a_guess(peer):
             controller.process.wait_for_text(f"Waiting to be configured: {to_do}")
             wrong = "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?"
             controller.process.wait_for_text(wrong)
-            given = {"max_state_age": 0.02, "payloads": [""]}
-            assert peer.get_parameters(name, given) == given
+            settings = {"max_state_age": 0.02, "payloads": [""]}
+            assert peer.get_parameters(name, settings) == settings
             assert not peer.transition(name, "configure")
             controller.wait_until_told(
                 "control",

@@ -21,8 +21,8 @@ CAPACITY = 0.3
 @pytest.fixture(scope="module")
 def arm(peer):
     """A UR5 in lockstep with its controller, with a tank."""
-    own = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "tank_energy": CAPACITY}
-    with lockstep_arm(peer, "/tank", list(robot(UR5).names), **own) as controller:
+    options = {"effort_rate": ["*=1e5"], "following_energy": 0.0, "tank_energy": CAPACITY}
+    with lockstep_arm(peer, "/tank", list(robot(UR5).names), **options) as controller:
         yield controller
 
 

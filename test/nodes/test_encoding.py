@@ -112,7 +112,7 @@ def same(raw, message):
     assert repr(deserialize_message(raw, type(message))) == repr(message)
     theirs = serialize_message(message)
     assert len(raw) <= len(theirs)
-    assert not any(own for own, other in zip(raw, theirs, strict=False) if own != other)
+    assert not any(byte for byte, other in zip(raw, theirs, strict=False) if byte != other)
 
 
 @of_every_kind
@@ -129,8 +129,8 @@ def test_template(kind):
             serialize_message(message),
             np.random.default_rng(seed),
         )
-        kept = template.encoded()
-        same(kept, message)
+        encoded = template.encoded()
+        same(encoded, message)
         assert template.holds(before)
         for path, old in template.numbers.items():
             new = np.frombuffer(rng.bytes(old.nbytes), dtype=old.dtype)
@@ -146,7 +146,8 @@ def test_template(kind):
             assert template.holds(serialize_message(message))
             assert template.holds(before) == after.holds(before)
         assert not any(
-            template.holds(kept[:size]) for size in (*range(0, len(kept), 3), len(kept) - 1)
+            template.holds(encoded[:size])
+            for size in (*range(0, len(encoded), 3), len(encoded) - 1)
         )
 
     check()

@@ -133,11 +133,13 @@ def answer(monitor, service, state, success=True, **fields):
 def test_services(monitor, listed):
     """Efforts of mimic joints are reflected, their velocities and accelerations ignored."""
     result = use(monitor, GRIPPER)
-    own = {name: 1.0 + k for k, name in enumerate(result.oracle.coupling.mimics)} if listed else {}
-    whole = Whole(result, 1, **own)
+    options = (
+        {name: 1.0 + k for k, name in enumerate(result.oracle.coupling.mimics)} if listed else {}
+    )
+    whole = Whole(result, 1, **options)
     state, truth = whole.message(0, whole.names if listed else result.names), whole.truth
     truth.check_state(answer(monitor, "diagonalize", state).state)
-    for name in own:
+    for name in options:
         state.velocity[state.name.index(name)] = 1e3
     response = answer(monitor, "forward_dynamics", state)
     assert_close(

@@ -234,13 +234,13 @@ def test_simulated_time(peer):
 def test_every_parameter_is_described(monitor):
     """Each has a description, a type, a range where it is a number, and its choices."""
     listed = monitor.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
-    own = {
+    options = {
         name
         for name in listed
         if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))
     }
-    assert own == set(PARAMETERS)
-    names = sorted(own)
+    assert options == set(PARAMETERS)
+    names = sorted(options)
     request = DescribeParameters.Request(names=names)
     described = monitor.call(DescribeParameters, "describe_parameters", request).descriptors
     values = monitor.peer.get_parameters(monitor.name, names)

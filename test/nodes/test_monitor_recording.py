@@ -226,10 +226,10 @@ def analysed(folder, parameters, topics=("external_torque",)):
     (folder / "monitor.yaml").write_text(
         yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8"
     )
-    given = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
+    arguments = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
     out, summary = folder / "out.mcap", folder / "summary.json"
     outputs = ["--json", str(summary), "--mcap", str(out), "--topics", ",".join(topics), "--quiet"]
-    assert main(["analyse", str(folder / "in.mcap"), *given, *outputs]) < 2
+    assert main(["analyse", str(folder / "in.mcap"), *arguments, *outputs]) < 2
     with out.open("rb") as stream:
         sent = {topic: [] for topic in topics}
         for _, channel, message in make_reader(stream).iter_messages():

@@ -115,8 +115,8 @@ def test_bad_command(arm, data, named):
 
     for _ in range(10):
         state = drive()
-    own = np.array(state.effort) - robot(UR5).oracle.gravity_torque(np.array(state.position))
-    np.testing.assert_allclose(own, good, atol=0.02)
+    reference = np.array(state.effort) - robot(UR5).oracle.gravity_torque(np.array(state.position))
+    np.testing.assert_allclose(reference, good, atol=0.02)
 
 
 # --- wrenches
@@ -250,7 +250,7 @@ def test_lockstep(peer):
     }
     clock = peer.topic(Clock, "/clock")
     with Simulator(peer, "/lockstep", PANDA, **parameters) as simulator:
-        own = dd.Simulation(simulator.model, step=1e-3)
+        reference = dd.Simulation(simulator.model, step=1e-3)
         rng, seen = np.random.default_rng(1), []
         begin = nanoseconds(simulator.states.messages[-1].header.stamp)
         for k in range(1, 201):
@@ -261,14 +261,18 @@ def test_lockstep(peer):
                 lambda stamp=stamp: simulator.truth.at(stamp) and simulator.states.at(stamp),
                 f"state {k}",
             )
-            own.advance(effort, steps=2)
+            reference.advance(effort, steps=2)
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
             assert (
-                list(truth.position) == own.q.tolist() and list(truth.velocity) == own.qd.tolist()
+                list(truth.position) == reference.q.tolist()
+                and list(truth.velocity) == reference.qd.tolist()
             )
-            assert list(truth.effort) == own.effort.tolist()
+            assert list(truth.effort) == reference.effort.tolist()
             seen.append(
-                [np.array(state.position[:8]) - own.q, np.array(state.velocity[:8]) - own.qd]
+                [
+                    np.array(state.position[:8]) - reference.q,
+                    np.array(state.velocity[:8]) - reference.qd,
+                ]
             )
         deviation = np.std(seen, axis=(0, 2))
         np.testing.assert_allclose(deviation, noise[:2], rtol=0.1)

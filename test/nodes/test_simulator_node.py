@@ -47,8 +47,8 @@ def test_description(wave):
 
 def test_description_of_a_xacro_file(peer, tmp_path):
     """The simulator publishes the URDF that xacro makes of the file and its arguments."""
-    path, own = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
-    own.write_text("joints: {left_turn: {damping: 0.5}}")
+    path, yaml_path = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
+    yaml_path.write_text("joints: {left_turn: {damping: 0.5}}")
     path.write_text(
         '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
         '<link name="tip"><inertial>'
@@ -58,10 +58,10 @@ def test_description_of_a_xacro_file(peer, tmp_path):
         '<child link="tip"/></joint></robot>'
     )
     topic = peer.topic(String, "/expanded/robot_description", LATCHED)
-    parameters = {"robot_description": f"{path} side:=left", "parameters_file": str(own)}
+    parameters = {"robot_description": f"{path} side:=left", "parameters_file": str(yaml_path)}
     with peer.start("simulator", "-r", "__ns:=/expanded", **parameters) as simulator:
         peer.wait_until(lambda: topic.messages, "a description")
-        assert f"Parameters of 1 joint from '{own}'." in simulator.output
+        assert f"Parameters of 1 joint from '{yaml_path}'." in simulator.output
     assert load_urdf(topic.messages[-1].data).dof_names == ("left_turn",)
     with pytest.raises(DiagDynamicsError, match="Give side:=VALUE"):
         peer.start("simulator", robot_description=str(path))

@@ -461,10 +461,10 @@ def test_report_of_two_files(run, tmp_path, columns):
 def test_known_parameters(run, tmp_path):
     """With the true parameters no other improves the model, and none is lost."""
     dd.Parameters(joints=TRUTH).save(tmp_path / "arm.yaml")
-    known = (
+    identified = (
         "--urdf ur5_robot --parameters {tmp}/arm.yaml --what friction -o {tmp}/after.yaml --json -"
     )
-    status, out, _ = run(f"identify monday.csv {known}")
+    status, out, _ = run(f"identify monday.csv {identified}")
     quality = json.loads(out)
     assert (status, quality["taken"]) == (0, [])
     assert dd.Parameters.load(tmp_path / "after.yaml").joints.items() >= TRUTH.items()
@@ -599,12 +599,12 @@ def test_compiled_where_it_is_installed(tmp_path):
 
     build, place = tmp_path / "build", tmp_path / "elsewhere"
     cmake("-S", tmp_path, "-B", build, f"-DCMAKE_INSTALL_PREFIX={tmp_path}/configured")
-    said = cmake("--install", build, "--prefix", place)
+    printed = cmake("--install", build, "--prefix", place)
     assert (
         f"['compile', '--if-needed'] {place} {place}/lib/python/diag_dynamics/__init__.py"
-        in said.stdout
+        in printed.stdout
     )
-    assert "about half a minute" in said.stdout and said.stderr == ""
+    assert "about half a minute" in printed.stdout and printed.stderr == ""
     assert (
         "could not be compiled ahead"
         in cmake("--install", build, "--prefix", place, STATUS="1").stderr

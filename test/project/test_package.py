@@ -266,13 +266,16 @@ def test_the_example_for_ros2_control_fits_together():
     parameters = {
         node.removeprefix("/**/"): section["ros__parameters"] for node, section in example.items()
     }
-    own, joints = parameters["diag_dynamics_controller"], parameters["effort_controller"]["joints"]
-    assert own["command_joints"] == joints
+    values, joints = (
+        parameters["diag_dynamics_controller"],
+        parameters["effort_controller"]["joints"],
+    )
+    assert values["command_joints"] == joints
     assert set(joints) == set(
         dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf")).dof_names
     )
-    assert set(own) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
-    assert own["robot_compensates_gravity"] in (False, True)
+    assert set(values) - {"robot_compensates_gravity"} <= set(node_parameters("controller"))
+    assert values["robot_compensates_gravity"] in (False, True)
     assert all(node.startswith("/**/") for node in example)  # in any namespace
 
 

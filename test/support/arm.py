@@ -29,15 +29,15 @@ def state_at(stamp, q, qd=None):
 
 def waypoints(points):
     """Waypoints of (time, positions, velocities, accelerations)."""
-    times, tables, given = np.array([float(point[0]) for point in points]), [], []
+    times, tables, inputs = np.array([float(point[0]) for point in points]), [], []
     for k in (1, 2, 3):
         tables.append(
             np.array(
                 [point[k] if len(point) > k else np.zeros(len(point[1])) for point in points], float
             )
         )
-        given.append(np.array([len(point) > k for point in points]))
-    return Waypoints(times, *tables, *given[1:])
+        inputs.append(np.array([len(point) > k for point in points]))
+    return Waypoints(times, *tables, *inputs[1:])
 
 
 def gravity_of(q):

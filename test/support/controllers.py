@@ -96,8 +96,8 @@ class Controller:
         The time [s] for it is that of the stamps: in lockstep, it takes a busy machine long to
         simulate a second.
         """
-        at, begun, told = len(self.status.messages) if since is None else since, None, None
-        while begun is None or nanoseconds(told.header.stamp) - begun < timeout * S:
+        at, begun, newest = len(self.status.messages) if since is None else since, None, None
+        while begun is None or nanoseconds(newest.header.stamp) - begun < timeout * S:
             self.peer.wait_until(
                 lambda at=at: len(self.status.messages) > at,
                 f"a status, and {what}",
@@ -105,11 +105,13 @@ class Controller:
             new, at = self.status.messages[at:], len(self.status.messages)
             if status := next(filter(condition, new), None):
                 return status
-            told = new[-1]
+            newest = new[-1]
             begun = nanoseconds(new[0].header.stamp) if begun is None else begun
-        said = f"phase {told.phase}, mode {told.mode}, K {told.energy:g}, {told.message}"
+        description = (
+            f"phase {newest.phase}, mode {newest.mode}, K {newest.energy:g}, {newest.message}"
+        )
         raise AssertionError(
-            f"waited {timeout:g} s by the stamps in vain for {what}; last status: {said}"
+            f"waited {timeout:g} s by the stamps in vain for {what}; last status: {description}"
         )
 
     def ask(self, mode):
@@ -176,7 +178,7 @@ def lockstep_arm(peer, namespace, order, **parameters):
     `order`.
     """
     simulated = {"lockstep": True, "rate": 250.0, "command_joints": order, "wrench_timeout": 0.0}
-    own = {
+    options = {
         "robot_compensates_gravity": False,
         "autostart": True,
         "use_sim_time": True,
@@ -189,7 +191,7 @@ def lockstep_arm(peer, namespace, order, **parameters):
         put(simulator, START_AT)
         quiet(simulator)
         with Controller(
-            peer, namespace, commands="effort_controller/asked", **own, **parameters
+            peer, namespace, commands="effort_controller/asked", **options, **parameters
         ) as controller:
             controller.simulator, controller.sent = simulator, PassedOn(controller, simulator)
             states = peer.publisher(JointState, simulator.states.subscription.topic_name)

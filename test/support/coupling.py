@@ -154,19 +154,21 @@ class Coupled:
         }
         urdf = with_payloads(urdf, self._payloads)
         self.full = full = self.Full(urdf, None, gravity, moved, floating_base, coupling.locked)
-        own = {}  # dofs by joint
+        options = {}  # dofs by joint
         for k, name in enumerate(full.dof_names):
-            own.setdefault(full.model.names[full._joint[k]], []).append(name)
-        assert set(own) - {ROOT} == set(coupling.moving)
-        natural = [name for joint in own if joint not in coupling.mimics for name in own[joint]]
+            options.setdefault(full.model.names[full._joint[k]], []).append(name)
+        assert set(options) - {ROOT} == set(coupling.moving)
+        natural = [
+            name for joint in options if joint not in coupling.mimics for name in options[joint]
+        ]
         self.dof_names = tuple(natural if dof_names is None else dof_names)
         if sorted(self.dof_names) != sorted(natural):
             raise ValueError(f"dofs {sorted(self.dof_names)} are not {sorted(natural)}")
         self.nv = len(self.dof_names)
-        joint_of = {dof: name for name, dofs in own.items() for dof in dofs}
+        joint_of = {dof: name for name, dofs in options.items() for dof in dofs}
         self.joint_of_dof = [joint_of[dof] for dof in self.dof_names]
         self.joint_names = tuple(dict.fromkeys(self.joint_of_dof))
-        self._maps(own)
+        self._maps(options)
 
     def _maps(self, own):
         """Make G, and the affine map of positions."""

@@ -95,10 +95,10 @@ class RateOracle(Oracle):
         for j in range(1, self.model.njoints):
             count, at = self.model.nvs[j], self.model.idx_vs[j]
             if count > 1:
-                own = [0, 1, 5] if count == 3 else list(range(6))
+                rows = [0, 1, 5] if count == 3 else list(range(6))
                 twist = np.zeros(6)
-                twist[own] = x[at : at + count]
-                ad[at : at + count, at : at + count] = pin.Motion(twist).action[np.ix_(own, own)]
+                twist[rows] = x[at : at + count]
+                ad[at : at + count, at : at + count] = pin.Motion(twist).action[np.ix_(rows, rows)]
         return self.from_pin(ad)
 
 

@@ -162,11 +162,13 @@ def read_columns(robot, parameters, messages, pieces=1):
     for part in np.array_split(np.arange(len(messages)), pieces):
         result = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
         efforts = [
-            row if known else None
-            for row, known in zip(result.effort, result.effort_known, strict=True)
+            row if is_known else None
+            for row, is_known in zip(result.effort, result.effort_known, strict=True)
         ]
         some = np.isfinite(result.effort).any(axis=1) & ~result.effort_known
-        partial = [row if known else None for row, known in zip(result.effort, some, strict=True)]
+        partial = [
+            row if is_known else None for row, is_known in zip(result.effort, some, strict=True)
+        ]
         columns = (
             result.position,
             result.velocity,

@@ -353,13 +353,13 @@ def friction(c):
     """
     model, oracle = c.model, c.oracle
     full, G = getattr(oracle, "full", oracle), getattr(oracle, "G", np.eye(model.nv))
-    given = {
+    elements = {
         element.get("name"): element.find("dynamics") for element in oracle.xml.findall("joint")
     }
 
     def numbers(name):
         values = [
-            given[joint].get(name) if given.get(joint) is not None else 0
+            elements[joint].get(name) if elements.get(joint) is not None else 0
             for joint in full.joint_of_dof
         ]
         return np.array([float(value or 0) for value in values])

@@ -43,7 +43,7 @@ def efforts(oracle, q, qd, qdd):
 def recorded(model, t, q, qd, tau):
     """A Recording of columns at times [s]."""
     stamp, none = np.round(t * S).astype(np.int64) + S, np.zeros(len(t), dtype=bool)
-    known = none if tau is None else ~none
+    is_known = none if tau is None else ~none
     tau = np.full_like(qd, np.nan) if tau is None else tau
-    states = States(stamp, stamp, stamp, q, qd, tau, known, none, none, none)
+    states = States(stamp, stamp, stamp, q, qd, tau, is_known, none, none, none)
     return dd.Recording(model, states, S, {}, [])

@@ -429,9 +429,9 @@ class Graph(contextlib.AbstractContextManager):
             for topic in ends:
                 for end in [end for end in ends[topic] if end.end.node is node]:
                     self._drop(ends, end)
-        own = set(node.services)
+        services = set(node.services)
         self.services = {
-            name: service for name, service in self.services.items() if service not in own
+            name: service for name, service in self.services.items() if service not in services
         }
         if node in self.nodes:
             self.nodes.remove(node)

@@ -304,11 +304,11 @@ class Report(NamedTuple):
 
     def counts(self):
         """Return all counters that are not zero."""
-        known = (*OUTCOMES, *OTHER_COUNTERS)
+        counters = (*OUTCOMES, *OTHER_COUNTERS)
         names = [
             key
             for key in self.values
-            if key in known or key.startswith(("rejected: ", "odometry rejected: "))
+            if key in counters or key.startswith(("rejected: ", "odometry rejected: "))
         ]
         return {key: self.count(key) for key in names if self.count(key)}
 

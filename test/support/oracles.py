@@ -61,18 +61,18 @@ class Oracle:
                 "Pinocchio's crba is wrong on models whose joints are not numbered depth-first"
             )
         self.model.gravity.linear = np.array(gravity, dtype=float)
-        own = {  # of every dof: its joint, and where it stands in Pinocchio's velocity vector
+        part = {  # of every dof: its joint, and where it stands in Pinocchio's velocity vector
             f"{self.model.names[j]}/{suffix}".rstrip("/"): (j, self.model.idx_vs[j] + i)
             for j in range(1, self.model.njoints)
             for i, suffix in enumerate(SUFFIXES[self.model.nvs[j]])
         }
-        self.dof_names = tuple(own) if dof_names is None else tuple(dof_names)
-        if sorted(self.dof_names) != sorted(own):
-            raise ValueError(f"dofs {sorted(self.dof_names)} are not Pinocchio's {sorted(own)}")
+        self.dof_names = tuple(part) if dof_names is None else tuple(dof_names)
+        if sorted(self.dof_names) != sorted(part):
+            raise ValueError(f"dofs {sorted(self.dof_names)} are not Pinocchio's {sorted(part)}")
         self.nv = self.model.nv
-        self._joint = [own[name][0] for name in self.dof_names]
+        self._joint = [part[name][0] for name in self.dof_names]
         # _order[k]: where dof k of the caller stands in Pinocchio's velocity vector
-        self._order = np.array([own[name][1] for name in self.dof_names], dtype=int)
+        self._order = np.array([part[name][1] for name in self.dof_names], dtype=int)
         self._at = {at: k for k, at in enumerate(self._order)}
         # joints in the caller's order, and the first of the caller's coordinates of each
         self._joints, self._first, self.nq = list(dict.fromkeys(self._joint)), {}, 0
@@ -184,16 +184,16 @@ class Oracle:
         """Return Pinocchio's configuration vector."""
         out = np.empty(self.model.nq)
         for j in self._joints:
-            own, at = (
+            part, at = (
                 q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]],
                 self.model.idx_qs[j],
             )
             if self.model.nqs[j] == 2:
-                out[at : at + 2] = np.cos(own[0]), np.sin(own[0])
+                out[at : at + 2] = np.cos(part[0]), np.sin(part[0])
             elif self.model.nvs[j] == 3:
-                out[at : at + 4] = own[0], own[1], np.cos(own[2]), np.sin(own[2])
+                out[at : at + 4] = part[0], part[1], np.cos(part[2]), np.sin(part[2])
             else:
-                out[at : at + len(own)] = own
+                out[at : at + len(part)] = part
         return out
 
     @cached_property

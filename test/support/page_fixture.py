@@ -93,8 +93,8 @@ def content():
 
 def _kinematics():
     """Return trees of robots with positions, and the library's placements of their links."""
-    held, gripper = random_tree(12, 6), random_tree(13, 4).replace("</robot>", "")
-    locked = {dd.load_urdf(held).joint_names[2]: 0.3}
+    tree, gripper = random_tree(12, 6), random_tree(13, 4).replace("</robot>", "")
+    locked = {dd.load_urdf(tree).joint_names[2]: 0.3}
     leader = dd.load_urdf(f"{gripper}</robot>").joint_names[1]
     jaws = ""
     for kind in ("revolute", "prismatic"):
@@ -102,7 +102,7 @@ def _kinematics():
         jaws += mimicking(jaw, leader, -0.5, 0.2) + link(f"{kind}_jaw", *BOX.values())
     robots = [
         dd.load_urdf(random_tree(11, 5, kinds=("revolute", "prismatic", "planar", "floating"))),
-        dd.load_urdf(held, floating_base=True, locked_joints=locked),
+        dd.load_urdf(tree, floating_base=True, locked_joints=locked),
         dd.load_urdf(f"{gripper}{jaws}</robot>"),
     ]
     result, rng = [], np.random.default_rng(4)

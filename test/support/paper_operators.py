@@ -113,14 +113,14 @@ class Operators:
         )
         for k in reversed(range(self.n)):
             at, H = self.at(k), self.H[k, self.at(k)]
-            own = P[at, at]
-            D[k] = H @ own @ H + self.armature[k, k]
-            G[at, k] = own @ H / D[k]
+            inner = P[at, at]
+            D[k] = H @ inner @ H + self.armature[k, k]
+            G[at, k] = inner @ H / D[k]
             rest[at, at] = np.eye(6) - np.outer(G[at, k], H)
             if self.parents[k] >= 0:
                 inboard = self.at(self.parents[k])
                 shift = self.E_phi[inboard, at]
-                P[inboard, inboard] += shift @ rest[at, at] @ own @ shift.T
+                P[inboard, inboard] += shift @ rest[at, at] @ inner @ shift.T
         self.P, self.D, self.G, self.tau_bar = P, np.diag(D), G, rest
         self.K, self.E_psi = self.E_phi @ G, self.E_phi @ rest
         self.psi = np.linalg.inv(self.one - self.E_psi)
@@ -153,8 +153,8 @@ class Operators:
     @cached_property
     def delta(self):
         """Return Ω_δ = (H*θ')~ (6.3)."""
-        own = self.H.T @ self.rates
-        return stacked([cross(own[self.at(k)]) for k in range(self.n)])
+        inner = self.H.T @ self.rates
+        return stacked([cross(inner[self.at(k)]) for k in range(self.n)])
 
     @cached_property
     def turn(self):

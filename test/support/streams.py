@@ -39,14 +39,14 @@ def get_json(address, path):
 
 def wait_for_robot(address, accept=lambda _: True, timeout=HANG):
     """Return the entry of the first accepted robot; wait until the server runs."""
-    end, said = time.monotonic() + timeout, "nothing"
+    end, robots = time.monotonic() + timeout, "nothing"
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
-            said = get_json(address, "/robots")
-            if result := next(filter(accept, said), None):
+            robots = get_json(address, "/robots")
+            if result := next(filter(accept, robots), None):
                 return result
         time.sleep(0.1)
-    raise TimeoutError(f"no such robot within {timeout} s at {address}: {said}")
+    raise TimeoutError(f"no such robot within {timeout} s at {address}: {robots}")
 
 
 class Stream:
