@@ -503,14 +503,6 @@ def fingers(*names, length, parent="palm"):
         ("tool", [("base", HAND, "revolute"), ("palm", ("tool",), "fixed")], {}),
         ("left3", [("base", TORSO, "revolute"), *arms("left", "right", length=4)], {}),
         (
-            "front2",
-            [
-                ("base", ("front0", "front1", "front2"), "revolute"),
-                ("base", ("hind0", "hind1"), "revolute"),
-            ],
-            {},
-        ),
-        (
             "base",
             [("base", (f"rotor{k}",), "continuous") for k in range(4)],
             {"floating_base": True},

@@ -64,10 +64,6 @@ ENCODED = {
         "utf-16-be"
     ),
     "unknown encoding": declaring("x-editor", with_comment(" ä ")).encode(),
-    "damaged UTF-8": with_comment(CHINESE).encode()[:40]
-    + b"\xff\xfe"
-    + with_comment(CHINESE).encode()[40:],
-    "zero at the end": ARM.encode() + b"\0",
 }
 
 
@@ -252,10 +248,6 @@ OTHERS = {
         "Git LFS. Run git lfs pull",
     ),
     "HTML 5": (b"<!DOCTYPE html>\n<html><body>404</body></html>", "HTML, a page of the web"),
-    "XHTML": (
-        b'<?xml version="1.0"?><html xmlns="http://www.w3.org/1999/xhtml"/>',
-        "HTML, a page of the web",
-    ),
     "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
     "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
     "STL": (b"solid part\n facet normal 0 0 1\n", "begins with 'solid part', expected <robot>"),
