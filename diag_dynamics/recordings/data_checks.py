@@ -558,9 +558,10 @@ class Hypotheses:
         masses = self.base[INERTIAL + 1 :].reshape(-1, len(CENTRES)).sum(axis=1)
         k = int(np.argmax(np.abs(masses)))
         carries, lacks = ("robot", "model") if masses[k] > 0.0 else ("model", "robot")
+        mass, link = abs(masses[k]), self._links[k]
         return (
-            f"the {carries} seems to have about {abs(masses[k]):.2g} kg at {self._links[k]} that the "
-            f"{lacks} lacks (diag-dynamics identify --what friction,payload:{self._links[k]})"
+            f"the {carries} seems to have about {mass:.2g} kg at {link} that the {lacks} lacks "
+            f"(diag-dynamics identify --what friction,payload:{link})"
         )
 
     def scale(self):
