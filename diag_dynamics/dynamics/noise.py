@@ -16,7 +16,7 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
 from diag_dynamics.sweeps import external
 
-FORCES = 4.0, 12.0, 36.0
+FORCES = 7.0, 18.0, 33.0
 """Magnitudes of a contact force [N] that are equally probable."""
 
 MARGIN = 0.05
