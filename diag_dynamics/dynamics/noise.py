@@ -62,7 +62,26 @@ def candidates(
     z = checks.number("significance", significance, "a number >= 0", lambda x: x >= 0.0)
     count = np.size(np.asarray(forces, dtype=object))
     magnitudes = checks.per_name("forces", forces, [f"{k}" for k in range(max(count, 1))])
-    W, bodies = whitening(model, covariance), model.bodies
+    W, (links, records) = whitening(model, covariance), touchable_bodies(model)
+    # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.
+    part = 2.0 / (9.0 * model.nv)
+    threshold = model.nv * max(1.0 - part + z * part**0.5, 0.0) ** 3
+    table = Addresses(
+        external.CANDIDATES,
+        bodies=records.ravel(),
+        forces=np.square(magnitudes),
+        threshold=threshold,
+        whitening=W,
+    )
+    return links, table
+
+
+def touchable_bodies(model: RobotModel) -> tuple[tuple[str, ...], Any]:
+    """Return the links that may be touched, and of each its box and the points near its origin.
+
+    Shape (number of links, 2), of external.CANDIDATE.
+    """
+    bodies = model.bodies
     numbers = 1 + np.flatnonzero(bodies["rank"][1:] == bodies["dofs"][1:] - 1)
     links = tuple(model.link_names[k] for k in bodies["link"][numbers])
     records = np.zeros((len(numbers), 2), external.CANDIDATE)
@@ -75,17 +94,7 @@ def candidates(
             square = (high - low + 2.0 * MARGIN) ** 2 / 12.0  # second moments about the centre
             record["body"], record["point"] = number, R @ (low + high) / 2.0 + t
             record["spread"] = (np.sqrt((square.sum() - square) / 3.0)[:, None] * R.T).ravel()
-    # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.
-    part = 2.0 / (9.0 * model.nv)
-    threshold = model.nv * max(1.0 - part + z * part**0.5, 0.0) ** 3
-    table = Addresses(
-        external.CANDIDATES,
-        bodies=records.ravel(),
-        forces=np.square(magnitudes),
-        threshold=threshold,
-        whitening=W,
-    )
-    return links, table
+    return links, records
 
 
 def _points(model: RobotModel, number: int) -> Array:

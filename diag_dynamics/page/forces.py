@@ -7,10 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diag_dynamics.dynamics.contact_force import ContactForce
 from diag_dynamics.page.layout import center_of_body
 
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""
+
+BLOCK = 512
+"""Number of states whose intervals are computed at once."""
 
 
 class ForceOptions(NamedTuple):
@@ -42,6 +46,8 @@ class Forces:
     def __init__(self, dynamics, options):
         self._dynamics, self._names = dynamics, dynamics.model.link_names
         self._covariance, self._links = options.covariance, options.links
+        if options.covariance is not None:
+            self._force = ContactForce(dynamics.model, options.covariance)
         self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
 
     def with_touched_links(self, states):
@@ -73,12 +79,16 @@ class Forces:
         fields = {
             "touch_force": np.full((count, 3), np.nan),
             "touch_root": np.full((count, 6), np.nan),
-            "touch_unobserved": np.full(count, np.nan),
+            "touch_interval": np.full((count, 2), np.nan),
         }
         for k in np.unique(touched[touched >= 0.0]).astype(int).tolist():
             rows = np.flatnonzero(touched == k)
             for name, values in self._at_center(q[rows], torque[rows], k).items():
                 fields[name][rows] = values
+        rows = np.flatnonzero(touched >= 0.0)
+        for first in range(0, len(rows), BLOCK):
+            block = rows[first : first + BLOCK]
+            fields["touch_interval"][block] = self._force.interval(q[block], torque[block])
         if self._links:
             wrenches, deviations = np.full((2, count, len(self._links), 6), np.nan)
             for n, link in enumerate(self._links):
@@ -98,16 +108,11 @@ class Forces:
         name, options = self._names[k], {"frame": "world", "force_only": True} | self._options
         center = center_of_body(self._dynamics.model, name)
         w = self._dynamics.wrench(q, name, torque, point=center, **options)
-        unobserved = 3 - w.observed.sum(axis=1)
-        whole = unobserved == 0
+        whole = w.observed.sum(axis=1) == 3
         values, axes = np.linalg.eigh(w.covariance[whole, :3, :3])
         root = np.full((len(whole), 3, 3), np.nan)
         root[whole] = np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(values, 0.0)), axes)
-        return {
-            "touch_force": w.wrench[:, :3],
-            "touch_root": root[:, UPPER[0], UPPER[1]],
-            "touch_unobserved": unobserved,
-        }
+        return {"touch_force": w.wrench[:, :3], "touch_root": root[:, UPPER[0], UPPER[1]]}
 
 
 def component_deviations(w):

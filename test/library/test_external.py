@@ -15,6 +15,7 @@ import diag_dynamics as dd
 import robots
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
+from diag_dynamics.dynamics.contact_force import ContactForce
 from diag_dynamics.exceptions import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
@@ -324,8 +325,9 @@ def test_probability_of_each_link(case):
 
 
 @pytest.mark.parametrize("robot", [ARM, UR5, Z1], ids=["panda", "ur5", "z1"])
-def test_the_confidence_is_the_share_that_is_right(robot):
-    """Forces of 8 to 40 N at poses, links and points at random; in each tenth with 400 or more.
+def test_the_share_of_links_and_forces_that_are_right(robot):
+    """Forces of 8 to 40 N at poses, links and points at random: the confidence is the share of
+    right links in each tenth with 400 or more, and 68 % of the intervals have the force.
 
     Half of the points are near the origin of the link, the others along it.
     """
@@ -336,13 +338,13 @@ def test_the_confidence_is_the_share_that_is_right(robot):
     deviation = 0.003 * model.effort_limit + 0.05
     Q = np.array([model.random(seed) for seed in range(count)])
     TAU = deviation * rng.normal(size=(count, model.nv))
-    touched = rng.integers(len(boxes), size=count)
-    for q, tau, number in zip(Q, TAU, touched, strict=True):
+    touched, size = rng.integers(len(boxes), size=count), rng.uniform(8.0, 40.0, size=count)
+    for q, tau, number, magnitude in zip(Q, TAU, touched, size, strict=True):
         link, (low, high) = boxes[number]
         tip = np.where(np.abs(low) > np.abs(high), low + 0.05, high - 0.05)
         direction, force = rng.normal(size=(2, 3))
         direction *= 0.05 / np.linalg.norm(direction)
-        force *= rng.uniform(8.0, 40.0) / np.linalg.norm(force)
+        force *= magnitude / np.linalg.norm(force)
         point = rng.uniform() * rng.integers(2) * tip + direction
         tau += jacobian(oracle, q, link, point)[:3].T @ force
     result = dyn.touched_link(Q, TAU, np.diag(deviation**2))
@@ -354,6 +356,10 @@ def test_the_confidence_is_the_share_that_is_right(robot):
         rows = np.floor(10.0 * result.confidence) == k
         chance = 0.5 / np.sqrt(rows.sum())
         assert abs(result.confidence[rows].mean() - is_right[rows].mean()) < 0.05 + chance
+    rows = result.link != ""
+    low, high = ContactForce(model, np.diag(deviation**2)).interval(Q[rows], TAU[rows]).T
+    is_inside = (low < size[rows]) & (size[rows] < high)
+    assert abs(is_inside.mean() - 0.68) < 0.03 + 0.5 / np.sqrt(len(low))
 
 
 def test_noise_alone_touches_no_link():

@@ -113,7 +113,7 @@ def value(frame, layout, name):
     return frame["numbers"][..., layout.places[name]]
 
 
-FORCES = "touch_unobserved", "touch_force", "touch_root", "wrench", "wrench_deviation"
+FORCES = "touch_interval", "touch_force", "touch_root", "wrench", "wrench_deviation"
 """Fields of test_page_forces.py."""
 
 

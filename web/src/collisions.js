@@ -6,25 +6,23 @@
 import { breakable, el, say, toggle } from "./dom.js";
 import { number, quantity, span } from "./format.js";
 import { FLAGS } from "./layout.js";
-import { field, hasThresholds, lengthOf } from "./quantities.js";
+import { field, hasThresholds } from "./quantities.js";
 import { timeOfLargest } from "./sampling.js";
 
 export const HOLD_OFF = 1.0; // [s]: what rises again within this time belongs to the event before, as in the monitor
 const ROUNDING = 1e-6; // [s] of times in a summary
 const REPORT_AGE = 2.0; // [s] between a collision and a report of it
+const WIDE = 3.0; // ratio of the ends of an interval above which its upper end is not shown
 const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
 
-// Touched link at a state, its confidence, and the force at the link's centre of mass [N] with the root of its covariance;
-// null where no link is known. unobserved: directions of the force that the joints do not feel.
-export function touchAt(layout, d, b) {
+// Touched link at a state, its confidence, the 68 % interval of the force on any link, and the force at the link's centre of
+// mass [N] with the root of its covariance, NaN where a direction of it is not observed; null where no link is known.
+function touchAt(layout, d, b) {
   const numbers = (name) => [...d.subarray(b + layout.at(name), b + layout.at(name) + layout.size(name))];
   const link = layout.has("touched_link") ? (layout.links[numbers("touched_link")[0]] ?? null) : null;
   if (link === null) return null;
-  const [[confidence], [unobserved], force] = ["touched_confidence", "touch_unobserved", "touch_force"].map(numbers);
-  const root = symmetric(numbers("touch_root"));
-  const size = Math.hypot(...force);
-  const deviation = size > 0 ? lengthOf(root, force.map((x) => x / size)) : NaN; // along the force
-  return { link, confidence, force, root, size, deviation, unobserved };
+  const [[confidence], interval, force] = ["touched_confidence", "touch_interval", "touch_force"].map(numbers);
+  return { link, confidence, interval, force, root: symmetric(numbers("touch_root")) };
 }
 
 export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
@@ -32,10 +30,9 @@ export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, y
 // "upper (72 %)"
 export const linkText = ({ link, confidence }) => `${link} (${Math.round(100 * confidence)}\u00a0%)`;
 
-// "24.1 ± 1.2 N"; a lower bound where a direction is not observed.
-export function forceText({ size, deviation, unobserved }) {
-  const known = Number.isFinite(deviation) ? `${number(size)} ±\u00a0${quantity(deviation, "N", 2)}` : quantity(size, "N");
-  return unobserved > 0 ? `≥ ${known}` : known;
+// "12 to 25 N"; "≥ 12 N" of a wide interval.
+function forceText({ interval: [low, high] }) {
+  return high > WIDE * low ? `≥ ${quantity(low, "N", 2)}` : `${number(low, 2)} to ${quantity(high, "N", 2)}`;
 }
 
 // "collision: upper (72 %), 24.1 ± 1.2 N": the event wherever it is shown.
@@ -76,7 +73,7 @@ function described(rows, layout, { start, end, kind, told = "", link = "", isRep
   const atLink = (d, b) => (!link || layout.links[touched(d, b)] === link ? norm(d, b) : NaN);
   const times = [atLink, norm].map((get) => timeOfLargest(rows, start - ROUNDING, end + ROUNDING, get));
   const t = times.find(Number.isFinite) ?? start;
-  const event = { start, end, t, kind, told, touch: null, note: "" };
+  const event = { start, end, t, kind, told, touch: null };
   if (isReported) return { ...event, place: told, number: "" };
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
   const touch = touchAt(layout, d, b);
@@ -84,10 +81,7 @@ function described(rows, layout, { start, end, kind, told = "", link = "", isRep
   const dof = torques.indexOf(Math.max(...torques));
   const torque = quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m");
   if (!touch) return { ...event, place: layout.short[dof], number: torque };
-  const place = linkText(touch);
-  const { size, unobserved } = touch;
-  if (!Number.isFinite(size) || unobserved === 3) return { ...event, touch, place, number: torque, note: `torque of ${layout.short[dof]}; force not observable` };
-  return { ...event, touch, place, number: forceText(touch), note: unobserved > 0 ? `${unobserved} direction${unobserved > 1 ? "s" : ""} unobserved` : "" };
+  return { ...event, touch, place: linkText(touch), number: forceText(touch) };
 }
 
 export class CollisionList {
@@ -139,7 +133,7 @@ export class CollisionList {
     return el(
       "tr",
       { title: [`${one.kind}, ${duration}`, one.told].filter(Boolean).join(": "), onclick: () => show(one) },
-      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...breakable(one.place)), el("small", { text: one.note })),
+      el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...breakable(one.place))),
       el("td", {}, one.number, el("small", {}, duration)),
     );
   }

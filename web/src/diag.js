@@ -66,7 +66,7 @@ export function readOnly(app, errors) {
       const { force } = app.stage.scene ?? {};
       if (!force?.visible) return null;
       const tip = force.ellipsoid.matrix.elements.slice(12, 15);
-      return { from: force.arrow.position.toArray(), tip, ellipsoid: force.ellipsoid.visible };
+      return { from: force.arrow.position.toArray(), tip };
     },
     get missing() {
       return app.stage.scene?.robot?.failures.length ?? 0;

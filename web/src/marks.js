@@ -39,17 +39,13 @@ export class Marks extends Group {
     this.solid.color.set(arrow);
   }
 
-  // at: the arrow's beginning; root: symmetric, maps the unit sphere to the ellipsoid [m/s, N], whose numbers are NaN where it
-  // is unknown: then there is none, and the arrow is faint; size: the robot's [m]. Forces are drawn in the scale of the
-  // largest one yet.
+  // at: the arrow's beginning; root: symmetric, maps the unit sphere to the ellipsoid [m/s, N]; size: the robot's [m]. Forces
+  // are drawn in the scale of the largest one yet.
   place(at, root, vector, size) {
     const longest = (this.atTip ? Math.hypot(...vector) : Math.hypot(...root.flat())) || 1;
     const drawn = this.ratio * longest;
     const isSmall = drawn <= SMALLEST * size && !this.atTip;
     if (!this.ratio || isSmall || !(drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
-    const known = root.flat().every(Number.isFinite);
-    this.ellipsoid.visible = this.rings.visible = known;
-    this.solid.opacity = known ? 1 : 0.5;
     this.#ellipsoid(this.atTip ? new Vector3(...vector).multiplyScalar(this.ratio).add(at) : at, root, size);
     this.#arrow(at, vector, size);
   }

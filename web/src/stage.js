@@ -186,8 +186,8 @@ export class Stage {
   #force(data, base) {
     const event = this.app.cards.collisions.at(this.time);
     this.scene?.showForce(event?.touch ?? null);
-    say(this.forceNote, event ? [eventText(event), event.note].filter(Boolean).join("; ") : "");
-    this.forceNote.title = "Largest force that acts on the touched link, at its centre of mass. Ellipsoid: one standard deviation of the calibrated noise.";
+    say(this.forceNote, event ? eventText(event) : "");
+    this.forceNote.title = "68 % interval of the force, over all links and points. Arrow: the force at the centre of mass of the most probable link, if all its directions are observed. Ellipsoid: one standard deviation of the calibrated noise.";
     say(this.loadNote, loadText(this.layout, data, base));
   }
 
