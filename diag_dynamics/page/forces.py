@@ -13,6 +13,9 @@ from diag_dynamics.page.layout import center_of_body
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""
 
+CANDIDATES, MIN_PROBABILITY = 3, 0.2
+"""Links that a page names at most, and the probability that the second and third one need."""
+
 BLOCK = 512
 """Number of states whose intervals are computed at once."""
 
@@ -55,14 +58,21 @@ class Forces:
         if self._covariance is None or np.isfinite(states.touched_link).any():
             return states
         torque, is_finite = self._torque(states)
-        links, confidence = np.full((2, len(torque)), np.nan)
+        links, probabilities = np.full((2, len(torque), CANDIDATES), np.nan)
         in_contact = np.logical_or(states.contact, states.collision)
         rows = np.flatnonzero(is_finite & np.isfinite(states.norm) & in_contact)
         if len(rows):
             touched = self._dynamics.touched_link(states.q[rows], torque[rows], self._covariance)
-            links[rows] = [self._names.index(name) if name else -1 for name in touched.link]
-            confidence[rows] = touched.confidence
-        return states._replace(touched_link=links, touched_confidence=confidence)
+            order = np.argsort(-touched.probability, axis=1)[:, :CANDIDATES]
+            probability = np.take_along_axis(touched.probability, order, axis=1)
+            index = np.array([self._names.index(name) for name in touched.links])[order]
+            index[touched.link == "", 0] = -1
+            is_named = probability >= MIN_PROBABILITY
+            is_named[:, 0] = True
+            places = rows[:, None], np.arange(order.shape[1])
+            links[places] = np.where(is_named, index, np.nan)
+            probabilities[places] = np.where(is_named, probability, np.nan)
+        return states._replace(touched_link=links, touched_probability=probabilities)
 
     def _torque(self, states):
         """Return external torque, shape (T, nv), and whether it is finite."""
@@ -75,7 +85,8 @@ class Forces:
             return {}
         torque, is_finite = self._torque(states)
         count, q = len(torque), states.q
-        touched = np.where(is_finite, states.touched_link, np.nan)
+        first = states.touched_link[:, 0] if np.ndim(states.touched_link) else states.touched_link
+        touched = np.where(is_finite, first, np.nan)
         fields = {
             "touch_force": np.full((count, 3), np.nan),
             "touch_root": np.full((count, 6), np.nan),

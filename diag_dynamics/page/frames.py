@@ -57,8 +57,9 @@ class States(NamedTuple):
     contact_limits_allowed: Any = np.nan
     contact: Any = False
     touched_link: Any = np.nan
-    """Index of the touched link, −1 for none; NaN where it is unknown."""
-    touched_confidence: Any = np.nan
+    """Indices of links that may be touched, the most probable one first, −1 for none; NaN where it
+    is unknown."""
+    touched_probability: Any = np.nan
     load_link: Any = np.nan
     """Index of the link with a load."""
     load_mass: Any = np.nan

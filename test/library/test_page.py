@@ -166,8 +166,8 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "collision": True,
     }
     observed |= {
-        "touched_link": 1,
-        "touched_confidence": 0.75,
+        "touched_link": np.array([[1.0, 0.0, np.nan]]),
+        "touched_probability": np.array([[0.5, 0.25, np.nan]]),
         "load_link": 2,
         "load_mass": 2.0,
         "load_deviation": 0.5,
@@ -215,8 +215,8 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         },
         **{
             "contact_limits_allowed": contact.allowed_speed,
-            "touched_link": 1,
-            "touched_confidence": 0.75,
+            "touched_link": [1.0, 0.0, np.nan],
+            "touched_probability": [0.5, 0.25, np.nan],
         },
         **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
     }

@@ -113,7 +113,7 @@ def test_components_with_an_unobserved_part_have_no_deviation():
 
 
 def test_the_touched_link_of_states_in_contact(pushed):
-    """It is that of dyn.touched_link; states without contact or without a result have none."""
+    """They are those of dyn.touched_link above 20 %; none without contact or without a result."""
     count, zero = 4, np.zeros((4, 6))
     observed = {
         "external_torque": np.tile(pushed.tau, (count, 1)),
@@ -128,8 +128,12 @@ def test_the_touched_link_of_states_in_contact(pushed):
     states = Forces(pushed.dyn, ForceOptions(pushed.covariance)).with_touched_links(states)
     result = pushed.dyn.touched_link(pushed.q, pushed.tau, pushed.covariance)
     assert result.link and 0.2 < result.confidence < 1.0
-    index = pushed.model.link_names.index(result.link)
-    np.testing.assert_array_equal(states.touched_link, [index, np.nan, np.nan, -1])
-    np.testing.assert_array_equal(
-        states.touched_confidence, [result.confidence, np.nan, np.nan, 0.0]
-    )
+    first, second = np.argsort(-result.probability)[:2]
+    assert result.probability[second] >= 0.2 > np.sort(result.probability)[-3]
+    index = [pushed.model.link_names.index(result.links[k]) for k in (first, second)]
+    unknown = [np.nan] * 3
+    links = [[*index, np.nan], unknown, unknown, [-1, np.nan, np.nan]]
+    np.testing.assert_array_equal(states.touched_link, links)
+    probabilities = [*result.probability[[first, second]], np.nan]
+    rows = [probabilities, unknown, unknown, [0.0, np.nan, np.nan]]
+    np.testing.assert_array_equal(states.touched_probability, rows)

@@ -507,4 +507,4 @@ def test_contacts_and_the_touched_link(recording):
             fields["q"][k], fields["external_torque"][k], covariance
         )
         assert links[int(fields["touched_link"][k, 0])] == touched.link
-        assert fields["touched_confidence"][k, 0] == pytest.approx(touched.confidence, abs=1e-2)
+        assert fields["touched_probability"][k, 0] == pytest.approx(touched.confidence, abs=1e-2)

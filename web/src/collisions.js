@@ -15,27 +15,28 @@ const REPORT_AGE = 2.0; // [s] between a collision and a report of it
 const WIDE = 3.0; // ratio of the ends of an interval above which its upper end is not shown
 const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
 
-// Touched link at a state, its confidence, the 68 % interval of the force on any link, and the force at the link's centre of
-// mass [N] with the root of its covariance, NaN where a direction of it is not observed; null where no link is known.
+// Links that may be touched at a state, the most probable one first, with their probabilities, the 68 % interval of the force
+// on any link, and the force at the centre of mass of the first one [N] with the root of its covariance, NaN where a direction
+// of it is not observed; null where no link is known.
 function touchAt(layout, d, b) {
   const numbers = (name) => [...d.subarray(b + layout.at(name), b + layout.at(name) + layout.size(name))];
-  const link = layout.has("touched_link") ? (layout.links[numbers("touched_link")[0]] ?? null) : null;
-  if (link === null) return null;
-  const [[confidence], interval, force] = ["touched_confidence", "touch_interval", "touch_force"].map(numbers);
-  return { link, confidence, interval, force, root: symmetric(numbers("touch_root")) };
+  const links = numbers("touched_link").map((place) => layout.links[place]).filter(Boolean);
+  if (!links.length) return null;
+  const [probabilities, interval, force] = ["touched_probability", "touch_interval", "touch_force"].map(numbers);
+  return { links, probabilities, interval, force, root: symmetric(numbers("touch_root")) };
 }
 
 export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
 
-// "upper (72 %)"
-export const linkText = ({ link, confidence }) => `${link} (${Math.round(100 * confidence)}\u00a0%)`;
+// "hand 52 % or fore 31 %"
+const linkText = ({ links, probabilities }) => links.map((link, k) => `${link}\u00a0${Math.round(100 * probabilities[k])}\u00a0%`).join(" or ");
 
 // "12 to 25 N"; "≥ 12 N" of a wide interval.
 function forceText({ interval: [low, high] }) {
   return high > WIDE * low ? `≥ ${quantity(low, "N", 2)}` : `${number(low, 2)} to ${quantity(high, "N", 2)}`;
 }
 
-// "collision: upper (72 %), 24.1 ± 1.2 N": the event wherever it is shown.
+// "collision: hand 52 % or fore 31 %, 12 to 25 N": the event wherever it is shown.
 export const eventText = ({ kind, place, number }) => `${kind}: ${[place, number].filter(Boolean).join(", ")}`;
 
 // "load 1.20 ± 0.08 kg at tool0"; empty without one.

@@ -10,7 +10,7 @@ import { CollisionList, eventText, eventsOf, loadText } from "../src/collisions.
 import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
 
-const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 1], ["touched_confidence", 1]];
+const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 3], ["touched_probability", 3]];
 const TOUCH = [["touch_interval", 2], ["touch_force", 3], ["touch_root", 6], ["load_mass", 1], ["load_deviation", 1], ["load_link", 1]];
 const layout = new Layout({
   ...{ dofs: ["turn", "slide"], links: ["base", "upper", "hand"], angular: [true, false], tree: { bodies: [], links: [] } },
@@ -20,7 +20,7 @@ const { contact, collision } = FLAGS;
 
 function stored(states) {
   const rows = new Rows(layout.width, 1000);
-  states.forEach(({ flags = 0, norm = 0, touch = Array(13).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
+  states.forEach(({ flags = 0, norm = 0, touch = Array(17).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
   return rows;
 }
 
@@ -48,20 +48,20 @@ test("times and texts of a summary replace the runs that they overlap", () => {
   assert.deepEqual(eventsOf(rows, layout, [{ kind: "collision", start: 5, end: 6 }])[2].t, 5); // without states
 });
 
-test("the touched link and the interval of the force", () => {
-  const touch = (link, ...interval) => ({ flags: contact, norm: 1, touch: [link, 0.75, ...interval, 0, 3, 4, 2, 0, 0, 1, 0, 0.5] });
+test("links that may be touched and the interval of the force", () => {
+  const touch = (first, second, ...interval) => ({ flags: contact, norm: 1, touch: [first, second, NaN, 0.523, 0.31, NaN, ...interval, 0, 3, 4, 2, 0, 0, 1, 0, 0.5] });
   const texts = (...of) => eventsOf(stored([touch(...of)]), layout).map(eventText);
-  assert.deepEqual(texts(2, 12.4, 24.8), ["contact: hand (75\u00a0%), 12 to 25\u00a0N"]);
-  assert.deepEqual(texts(2, 4.2, 12.7), ["contact: hand (75\u00a0%), ≥ 4.2\u00a0N"]);
-  assert.deepEqual(texts(-1, 12, 25), ["contact: slide, 5.00\u00a0N"]);
+  assert.deepEqual(texts(2, 1, 12.4, 24.8), ["contact: hand\u00a052\u00a0% or upper\u00a031\u00a0%, 12 to 25\u00a0N"]);
+  assert.deepEqual(texts(2, 1, 4.2, 12.7), ["contact: hand\u00a052\u00a0% or upper\u00a031\u00a0%, ≥ 4.2\u00a0N"]);
+  assert.deepEqual(texts(-1, NaN, NaN, NaN), ["contact: slide, 5.00\u00a0N"]);
 });
 
 test("the link of a summary is that of the event", () => {
-  const touch = (link, force) => [link, 0.6, force, force, ...Array(9).fill(NaN)];
+  const touch = (link, force) => [link, NaN, NaN, 0.6, NaN, NaN, force, force, ...Array(9).fill(NaN)];
   const rows = stored([{ flags: collision, norm: 9, touch: touch(1, 7) }, { flags: collision, norm: 5, touch: touch(2, 4) }]);
   const texts = (link) => eventsOf(rows, layout, [{ kind: "collision", start: 0, end: 0.1, link }]).map(eventText);
-  assert.deepEqual(texts(), ["collision: upper (60\u00a0%), 7.0 to 7.0\u00a0N"]);
-  assert.deepEqual(texts("hand"), ["collision: hand (60\u00a0%), 4.0 to 4.0\u00a0N"]);
+  assert.deepEqual(texts(), ["collision: upper\u00a060\u00a0%, 7.0 to 7.0\u00a0N"]);
+  assert.deepEqual(texts("hand"), ["collision: hand\u00a060\u00a0%, 4.0 to 4.0\u00a0N"]);
 });
 
 test("a reported collision is an event unless states near it are flagged", () => {
