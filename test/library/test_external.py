@@ -324,7 +324,7 @@ def test_probability_of_each_link(case):
             assert result.link == result.links[result.probability.argmax()]
 
 
-@pytest.mark.parametrize("robot", [ARM, UR5, Z1], ids=["panda", "ur5", "z1"])
+@pytest.mark.parametrize("robot", [ARM, UR5, Z1])
 def test_the_share_of_links_and_forces_that_are_right(robot):
     """Forces of 8 to 40 N at poses, links and points at random: the confidence is the share of
     right links in each tenth with 400 or more, and 68 % of the intervals have the force.
@@ -347,17 +347,18 @@ def test_the_share_of_links_and_forces_that_are_right(robot):
         force *= magnitude / np.linalg.norm(force)
         point = rng.uniform() * rng.integers(2) * tip + direction
         tau += jacobian(oracle, q, link, point)[:3].T @ force
-    result = dyn.touched_link(Q, TAU, np.diag(deviation**2))
+    covariance = np.diag(deviation**2)
+    result = dyn.touched_link(Q, TAU, covariance)
     is_right = result.link == np.array([boxes[number][0] for number in touched])
-    tenth = np.floor(10.0 * result.confidence)[result.link != ""]
-    checked = [k for k in range(10) if (tenth == k).sum() >= 400]
+    tenth = np.floor(10.0 * result.confidence)
+    checked = [k for k in range(1, 10) if (tenth == k).sum() >= 400]
     assert checked
     for k in checked:
-        rows = np.floor(10.0 * result.confidence) == k
+        rows = tenth == k
         chance = 0.5 / np.sqrt(rows.sum())
         assert abs(result.confidence[rows].mean() - is_right[rows].mean()) < 0.05 + chance
     rows = result.link != ""
-    low, high = ContactForce(model, np.diag(deviation**2)).interval(Q[rows], TAU[rows]).T
+    low, high = ContactForce(model, covariance).interval(Q[rows], TAU[rows]).T
     is_inside = (low < size[rows]) & (size[rows] < high)
     assert abs(is_inside.mean() - 0.68) < 0.03 + 0.5 / np.sqrt(len(low))
 
@@ -375,14 +376,3 @@ def test_noise_alone_touches_no_link():
     assert 0.0008 < share < 0.0019  # the tail beyond 3 σ is 0.00135
     np.testing.assert_allclose(result.probability.sum(axis=1), result.link != "", rtol=1e-14)
     np.testing.assert_array_equal(result.confidence == 0.0, result.link == "")
-    for t in (0, 17, int(np.argmax(result.chi_square))):
-        single = case.dyn.touched_link(Q[t], noise[t], case.covariance)
-        assert (single.link, single.confidence, single.chi_square) == (
-            result.link[t],
-            result.confidence[t],
-            result.chi_square[t],
-        )
-        np.testing.assert_array_equal(single.probability, result.probability[t])
-
-
-# --- Simulated contacts, against KDL's estimator

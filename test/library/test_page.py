@@ -165,9 +165,10 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "norm": np.array([norm]),
         "collision": True,
     }
+    links = np.array([[1.0, 0.0, np.nan]])
     observed |= {
-        "touched_link": np.array([[1.0, 0.0, np.nan]]),
-        "touched_probability": np.array([[0.5, 0.25, np.nan]]),
+        "touched_link": links,
+        "touched_probability": links / 2.0,
         "load_link": 2,
         "load_mass": 2.0,
         "load_deviation": 0.5,
@@ -215,8 +216,8 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         },
         **{
             "contact_limits_allowed": contact.allowed_speed,
-            "touched_link": [1.0, 0.0, np.nan],
-            "touched_probability": [0.5, 0.25, np.nan],
+            "touched_link": links,
+            "touched_probability": links / 2.0,
         },
         **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
     }
