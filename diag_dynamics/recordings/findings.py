@@ -90,6 +90,7 @@ def collect_findings(intake, source):
         Finding("unread", 1, f"{part.file}, {part.where}: {part.what}") for part in source.unread
     ]
     first = {rejection.cause: rejection.text for rejection in reversed(intake.rejections)}
+    first |= source.texts
     texts = " ".join(rejection.text for rejection in intake.rejections)
     scale = ", ".join(unit for parameter, unit in SCALES.items() if parameter in texts)
     in_degrees = bool(scale) and counts[IMPLAUSIBLE] > MIN_REJECTED * counts["received"]

@@ -13,6 +13,7 @@ from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.velocities import (
     RATIO_ERROR,
+    UNKNOWN,
     WINDOW,
     VelocityRelation,
     cause_of_ratio,
@@ -36,7 +37,6 @@ MANY = 0.01  # fraction of repeated stamps or states worth a warning
 SAMPLE = 5000  # first states that units are judged by
 
 WRONG_RATIO = 1.5  # factor from which an unknown ratio is wrong
-UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
 
 class Quality:

@@ -47,6 +47,7 @@ class Source(Protocol):
     start: int | None  # first log time [ns]; None if it is unknown before reading
     offset: int  # delay of stamps from times in the file [ns]
     without_values: int  # rows without a value of any joint
+    texts: dict[str, str]  # in terms of the file, by the cause of rejections
     unread: list[Unread]
     notes: list[str]
 
@@ -125,7 +126,7 @@ class BagSource:
 
     def __init__(self, path, topic, names):
         self._names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self.notes = check_topics(topic), []
+        self._topics, self.notes, self.texts = check_topics(topic), [], {}
         self.start, self.unread = self._bag.start, self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
 

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.codes import CAUSES, LATE, STAMP_FROM_PAST
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
@@ -23,11 +24,15 @@ from diag_dynamics.recordings.tables.cells import (
     unify,
 )
 from diag_dynamics.recordings.tables.choice import choose
+from diag_dynamics.recordings.tables.headers import UNITS
 from diag_dynamics.recordings.tables.readers import open_reader
 from diag_dynamics.recordings.tables.table import LEFT_OUT
 from diag_dynamics.recordings.tables.template import write_template
 
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
+MAX_STEP = 0.3  # interval of rows up to which a unit of times is likely [s]
+MIN_STEPS = 100  # rows of which a half has to decrease
+BACKWARDS = tuple(f"rejected: {CAUSES[code]}" for code in (LATE, STAMP_FROM_PAST))
 _DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
 
 
@@ -41,7 +46,7 @@ class TableSource:
         self._table, self._choice = None, None  # of the rows that are read
         self._losses, self.without_values = {}, 0
         self._first, self._delay = None, None  # first row of those at a rate, delay of stamps [ns]
-        self._beyond, self._first_beyond = 0, ""  # rows of times that no stamp can be of
+        self._last_time, self._backwards = -np.inf, ""  # of the last row; text on the first before
 
     @property
     def offset(self):
@@ -59,14 +64,12 @@ class TableSource:
     @property
     def notes(self):
         """How columns and times were read: a list of str."""
-        beyond = (
-            f"{self._beyond} rows have times outside of 0 … {LATEST} s, the range of ROS stamps, "
-            "and are rejected; the "
-            f"first is {self._first_beyond}. If times are not in seconds, set scale: {{time: ms}} "
-            f"in a column map."
-        )
-        notes = [beyond] * (self._beyond > 0)
-        return notes + (self._choice.notes if self._choice else [])
+        return self._choice.notes if self._choice else []
+
+    @property
+    def texts(self):
+        """Texts in terms of rows, by the cause of rejections."""
+        return dict.fromkeys(BACKWARDS, self._backwards) if self._backwards else {}
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
@@ -93,7 +96,7 @@ class TableSource:
     def batches(self, model, _begin=None, _end=None):
         """Yield batches of messages in the order of the rows; a table has no index."""
         self._table, self._choice = self._open(model)
-        is_checked, count = self._choice.time_scale is not None, 0
+        count, self._last_time = 0, -np.inf
         texts = [*self._choice.time, *self._choice.names]
         for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
@@ -106,13 +109,13 @@ class TableSource:
             }
             names = self._read_joints(arrays, values, rows)
             is_read = self._find_rows(time, values, names, arrays, rows)
+            self._shift_stamps(time, stamp, rows, is_read)
             if not is_read.any():
                 continue
-            if not is_checked:
-                _require_seconds(time[is_read], self._table.path)
-                is_checked = True
-            stamp, sec, nanosec = self._shift_stamps(time[is_read], stamp[is_read], rows[is_read])
-            parts = self._make_parts(np.flatnonzero(is_read), sec, nanosec, values, names)
+            self._note_order(time[is_read], rows[is_read])
+            stamp = stamp[is_read]
+            seconds = divmod(stamp, SECOND)
+            parts = self._make_parts(np.flatnonzero(is_read), *seconds, values, names)
             yield Batch(stamp, parts, {}, {})
         if not count:
             self._lose("there are no rows", "end")
@@ -214,22 +217,48 @@ class TableSource:
             values = np.where(unknown, np.nan, mixed)
         return values + quantity.offset if quantity.offset.any() else values
 
-    def _shift_stamps(self, time, stamp, rows):
-        """Return stamps after zero [ns], their seconds and nanoseconds.
-
-        Stamps that no message can have are −1 s, which is rejected.
-        """
-        if self._delay is None:  # the first stamp is of a second or more
-            first = int(stamp[0]) // SECOND
+    def _shift_stamps(self, time, stamp, rows, is_read):
+        """Shift stamps after zero [ns]; rows whose stamps no message can have are not read."""
+        if self._delay is None and is_read.any():
+            self._check_times(time[is_read])
+            # the first stamp is of a second or more
+            first = int(stamp[is_read][0]) // SECOND
             self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
-        stamp = stamp + self._delay
-        sec, nanosec = stamp // SECOND, stamp % SECOND
-        beyond = (sec < 0) | (sec > LATEST)
-        if beyond.any() and not self._beyond:
-            k = int(np.argmax(beyond))
-            self._first_beyond = f"{self._table.unit} {rows[k]}, of {time[k]:g} s"
-        self._beyond += int(beyond.sum())
-        return stamp, np.where(beyond, -1, sec), nanosec
+        stamp += self.offset
+        seconds, least = stamp // SECOND, -self.offset // SECOND
+        is_beyond = is_read & ((seconds < 0) | (seconds > LATEST))
+        if (lost := np.flatnonzero(is_beyond)).size:
+            cause = f"time outside of {least} … {least + LATEST} s"
+            self._lose_rows(rows, "", cause, LEFT_OUT, lost, f"{time[lost[0]]:g} s")
+        is_read &= ~is_beyond
+
+    def _check_times(self, time):
+        """Reject times that decrease, or that no stamp can be of in seconds."""
+        middle, steps = float(np.median(np.abs(time))), np.diff(time, append=time[-1])
+        count = int(np.count_nonzero(steps < 0))
+        if 2 * count > max(len(steps), MIN_STEPS):
+            text = f"times decrease at {count} of {len(time)} rows; expected increasing ones"
+            raise InputError(f"'{self._table.path}': {text}. Sort the rows by time.")
+        if not LATEST < middle < np.inf:
+            return
+        size, advice = max(middle / LATEST, np.median(np.abs(steps)) / MAX_STEP), ""
+        for unit in ("ns", "us", "ms"):
+            if size * UNITS["time"][unit] <= (self._choice.time_scale or 1.0):
+                advice = f"If they are in {unit}, set `scale: {{time: {unit}}}` in a column map"
+        text = f"times are about {middle:.6g} s; expected at most {LATEST} s"
+        advice = advice or "Subtract the first time from all"
+        raise InputError(f"'{self._table.path}': {text}. {advice}.")
+
+    def _note_order(self, time, rows):
+        """Describe the first row whose time is before that of the row above."""
+        steps = np.diff(time, prepend=self._last_time)
+        self._last_time = time[-1]
+        if not self._backwards and (steps < 0).any():
+            k, unit = int(np.argmax(steps < 0)), self._table.unit
+            self._backwards = (
+                f"the time of {unit} {rows[k]} is {-steps[k]:.6g} s before that of the {unit} "
+                "above: another recording begins, or rows are not sorted by time"
+            )
 
     # --- Losses ---
 
@@ -258,15 +287,6 @@ def _read_names(array):
     encoded = array.dictionary_encode()
     texts = np.array([*encoded.dictionary.to_pylist(), ""], object)
     return texts[encoded.indices.fill_null(len(texts) - 1).to_numpy(zero_copy_only=False)]
-
-
-def _require_seconds(time, path):
-    """Reject times that in seconds would be beyond the year 5138."""
-    middle = float(np.nanmedian(np.abs(time)))
-    if 1e11 <= middle < np.inf:
-        unit = "ms" if middle < 1e14 else "us" if middle < 1e17 else "ns"
-        advice = f"Set `scale: {{time: {unit}}}` in a column map"
-        raise InputError(f"'{path}': times are about {middle:.6g}; expected seconds. {advice}.")
 
 
 def _leading_counts(model):

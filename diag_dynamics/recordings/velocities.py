@@ -28,6 +28,7 @@ RATIOS = {
     -1.0: "velocities seem to have the wrong sign",
 }
 """Causes by the ratio of Δq to ∫q̇dt."""
+UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
 MIN_TRAVEL = 0.01  # least range of a joint with a ratio [rad, m]
 SLOPE_ERROR, MIN_DELAY_R2, DELAY_TRAVEL = 0.02, 0.49, 0.02
@@ -201,7 +202,7 @@ def find_delay(model, name, runs):
         slope = relation.slope[k]
         low, high = sorted((slope, slope / relation.r2[k]), key=abs)
         if high < 1.0 - SLOPE_ERROR or low > 1.0 + SLOPE_ERROR:
-            cause = cause_of_ratio(low) or "are velocities those of the motor, or of another joint?"
+            cause = cause_of_ratio(low) or UNKNOWN
             raise InputError(
                 f"{name}: positions of joint '{model.dof_names[k]}' change by {low:.4g} times the "
                 f"integral of its velocities; expected 1: {cause}"
@@ -216,11 +217,12 @@ def longest_delay(times):
 
 def _track(turning, longest, t, q, qd):
     """Return times, positions, integrated velocities, and the times between which they change."""
-    points = np.arange(np.ceil((t[-1] - t[0] - 2.0 * longest) / WINDOW))
+    window = max(WINDOW, np.median(np.diff(t)))
+    points = np.arange(np.ceil((t[-1] - t[0] - 2.0 * longest) / window))
     q = np.where(turning, np.unwrap(q, axis=0), q)
     steps = 0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None]
     integral = np.cumsum(np.r_[np.zeros_like(qd[:1]), steps], axis=0)
-    return t, q, integral, t[0] + longest + WINDOW * points
+    return t, q, integral, t[0] + longest + window * points
 
 
 def _increments(columns, t, at):

@@ -7,6 +7,7 @@ lost in silence.
 
 import bz2
 import gzip
+import math
 import random
 import re
 import sys
@@ -29,6 +30,8 @@ from pyarrow import parquet
 
 import diag_dynamics as dd
 from bags import arm
+from diag_dynamics.recordings.analysis import Analysis
+from diag_dynamics.recordings.recording import Reading
 from examples import examples
 from pages import blocks_of
 
@@ -737,25 +740,54 @@ def test_texts_that_are_no_times(written):
     )
 
 
-@pytest.mark.parametrize(("unit", "scale"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
-def test_times_in_doubt_are_an_error(written, unit, scale):
-    path = written(f"time,q1,qd1\n{1_700_000_000 * scale},1,0\n{1_700_000_000 * scale + 1},2,0\n")
-    with pytest.raises(dd.InputError, match=rf"`scale: \{{time: {unit}\}}`"):
-        read(path)
-    assert read(path, {"scale": {"time": unit}}).stamp.tolist() == [
-        17 * 10**17,
-        17 * 10**17 + 10**9 // scale,
-    ]
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+@pytest.mark.parametrize("start", [1_700_000_000, 4000, 0], ids=["1970", "boot", "0"])
+def test_times_in_another_unit(written, start, unit, scale):
+    """The only sentence on times names the unit, also where a header states another one.
+
+    Times that can be seconds need velocities.
+    """
+    t = start + np.arange(1000) / 100
+    times = np.rint(t / scale).astype(np.int64)
+    rows = "".join(
+        f"{n},{math.sin(x)},{math.cos(x)},{math.cos(2 * x)}\n"
+        for n, x in zip(times, t, strict=True)
+    )
+    for header in ("time", "time_s"):
+        path = written(f"{header},q1,qd1,tau1\n{rows}")
+        try:
+            texts = Analysis(Reading(path, robot("a"))).run()["warnings"]
+            with pytest.raises(dd.InputError, match=f"time: {unit}"):
+                dd.identify(read(path), robot("a"), "friction")
+        except dd.InputError as error:
+            texts = [str(error)]
+        assert [re.findall(r"scale: \{time: (\w+)", text) for text in texts if "times" in text] == [
+            [unit]
+        ]
+        assert read(path, {"scale": {"time": unit}}).t == pytest.approx(t)
 
 
 def test_times_that_no_stamp_can_be_of(written):
-    """Single rows of them are rejected and noted, and are no reason to doubt the rest."""
+    """Single rows of them are omitted, and are no reason to doubt the rest."""
     times = [k / 100 for k in range(20)]
     times[5:7] = 1e15, "1e297"
     recording = read(written("time,q1,qd1\n" + "".join(f"{t},1,0\n" for t in times)))
-    assert recording.counts["rejected: malformed stamp"] == 2 and len(recording) == 18
-    (note,) = [text for text in notes(recording) if "the range of ROS stamps" in text]
-    assert note.startswith("2 rows") and "line 7, of 1e+15 s" in note
+    assert len(recording) == 18
+    assert lost(recording) == [
+        "line 7: time outside of -1 … 2147483646 s (1e+15 s): 2 rows omitted"
+    ]
+
+
+def test_times_that_decrease(written):
+    """Of most rows they are an error; of a second recording the text names the line."""
+    t = np.arange(101) / 100
+    rows = [f"{x:.2f},1,0\n" for x in t]
+    with pytest.raises(dd.InputError, match=r"decrease at 100 of 101 rows.* Sort the rows by time"):
+        read(written("".join(["t,q1,qd1\n", *rows[::-1]])))
+    recording = read(written("".join(["t,q1,qd1\n", *rows, *rows])))
+    assert any(
+        "line 103 is 1 s before that of the line above" in str(f) for f in recording.findings
+    )
 
 
 # --- Parquet and npz ---
