@@ -117,7 +117,7 @@ class TableSource:
             seconds = divmod(stamp, SECOND)
             parts = self._make_parts(np.flatnonzero(is_read), *seconds, values, names)
             yield Batch(stamp, parts, {}, {})
-        if not count:
+        if not count and not self._losses:
             self._lose("there are no rows", "end")
 
     def write_column_map(self, path, joints):

@@ -20,9 +20,11 @@ import robots
 from bags import arm, numbered, write_mcap
 from diag_dynamics.cli.main import main
 from diag_dynamics.recordings.sources import Source, open_source
+from diag_dynamics.recordings.tables.arrays import read_npz
 from diag_dynamics.recordings.tables.column_map import ColumnMap
 from diag_dynamics.recordings.tables.readers import open_reader
 from diag_dynamics.recordings.tables.table import Table
+from diag_dynamics.recordings.tables.template import write_template
 from examples import examples
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -278,7 +280,7 @@ def test_comments_and_metadata_that_may_state_an_order_are_an_error(tmp_path, co
             read(tmp_path / name)
         assert "position" in str(read(tmp_path / name, {"joints": list(JOINTS)}).findings)
     np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.array(JOINTS, object))
-    with pytest.raises(dd.InputError, match=r"array 'names'.* may state their order"):
+    with pytest.raises(dd.InputError, match=r"'names: .*' may state their order"):
         read(tmp_path / "x.npz")
 
 
@@ -338,6 +340,12 @@ def rostopic(folder):
     for field in FIELDS:
         columns |= {f"field.{field}{k}": cells(field, joint) for k, joint in enumerate(order)}
     return write(folder, columns), columns
+
+
+def test_a_map_has_the_beginning_of_values(tmp_path):
+    np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 999)))
+    write_template(tmp_path / "new.yaml", read_npz(str(tmp_path / "x.npz")), JOINTS)
+    assert (tmp_path / "new.yaml").stat().st_size < 1000
 
 
 def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys, monkeypatch):

@@ -571,6 +571,8 @@ def test_decimal_commas_need_a_map(written):
     assert "rows of other topics" not in recording.counts
     example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a column map"
     assert loss == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
+    (loss,) = lost(read(written("t,q1,qd1\n0,0,1,5,1,0\n")))
+    assert "(6 instead of 3; decimal commas need another delimiter" in loss
 
 
 # --- Errors ---
@@ -630,6 +632,18 @@ CONTENTS = [
         "'q' has 4 rows; expected 3, as 't' has",
     ),
     ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
+    (
+        {"t": THREE, "q": np.ones((2, 3))},
+        None,
+        "array 'q' has 2 rows of 3 columns; expected a row for each time. Save its transpose, q.T",
+    ),
+    ({"t": THREE, "q": np.ones((3, 2, 1))}, None, r"columns: t, q \(3 × 2 × 1 float64\)"),
+    ({"t": THREE, "q": np.ones((3, 999))}, None, r"columns: t, q \(999 columns\)"),
+    (
+        pa.table({"t": ONES, "q": [[1.0, 2.0]], "n": [["b", "a"]]}),
+        {"names": "n", "position": "q"},
+        "names: 'n' is of type list.*; expected a column of texts for each joint",
+    ),
 ]
 
 

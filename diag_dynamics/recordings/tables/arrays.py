@@ -15,6 +15,7 @@ from pyarrow import parquet
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
+from diag_dynamics.recordings.tables.conventions import find_quantity
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
@@ -151,16 +152,19 @@ def read_npz(path):
     if not arrays:
         raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
     lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
+    _require_rows(path, arrays)
     for name, array in arrays.items():
         kind = array.dtype.kind
-        if kind in "UO" and not (array.ndim == 1 and len(array) in lengths):
+        if kind == "U" and not (array.ndim == 1 and len(array) in lengths):
             texts.append(f"array '{name}': {array.ravel()[:20].tolist()}")
         elif _is_numeric(array) or (kind == "U" and array.ndim == 1):
             converted.append(_convert(array))
             columns.append(make_column(name, unify(converted[-1].slice(0, SAMPLE))))
         else:
             converted.append(None)
-            columns.append(Column(name, numeric=False, type=array.dtype.name))
+            content = f"{' × '.join(map(str, array.shape))} {array.dtype.name}"
+            content = "Python objects" if kind == "O" else content
+            columns.append(Column(name, numeric=False, type=content, sample=(content,)))
     return MemoryTable(path, columns, converted, texts)
 
 
@@ -183,6 +187,19 @@ def _read_arrays(path):
         text = f"{where} cannot be read: {describe_error(error)}. {advice}"
         raise InputError(text.strip()) from error
     return arrays
+
+
+def _require_rows(path, arrays):
+    """Reject arrays of quantities that have a column for each time."""
+    counts = {len(array) for array in arrays.values() if _is_numeric(array) and array.ndim == 1}
+    for name, array in arrays.items():
+        is_turned = _is_numeric(array) and len(array) not in counts and array.shape[-1] in counts
+        if is_turned and find_quantity(name):
+            rows, count = array.shape
+            text = (
+                f"array '{name}' has {rows} rows of {count} columns; expected a row for each time"
+            )
+            raise InputError(f"'{path}': {text}. Save its transpose, {name}.T.")
 
 
 def _is_numeric(array):

@@ -59,7 +59,7 @@ def _complete(table, column_map, joints):
     """Return a ColumnMap with positions and a time, by a convention where it states none."""
     try:
         if column_map.position is None:
-            texts = () if column_map.joints else table.texts
+            texts = None if column_map.joints else table.texts
             fields = conventions.recognize(table.columns, texts, column_map.joints or joints)
             if column_map.joints:  # they overrule names in rows
                 fields |= {"joints": column_map.joints, "names": ()}
@@ -186,12 +186,13 @@ def _require_type(key, column):
     if key == "time":
         valid = (column.numeric or column.moments) and not column.width
         expected = (
-            "numbers, or times in ISO 8601 such as '2024-05-13T14:03:07.25' or '2024-05-13 "
-            "14:03:07+02:00'. Convert the column, or set `time: null` and `rate: HZ` in a column "
-            "map"
+            "numbers in one dimension, or times in ISO 8601 such as '2024-05-13T14:03:07.25' or "
+            "'2024-05-13 14:03:07+02:00'. Convert the column, or set `time: null` and `rate: HZ` "
+            "in a column map"
         )
     elif key == "names":
-        valid, expected = not column.numeric and not column.width, "texts"
+        is_text = column.type in ("", "string")
+        valid, expected = is_text and not column.numeric, "a column of texts for each joint"
     if not valid:
         example = next((f" such as '{text:.40}'" for text in column.sample if text), "")
         kind = f"of type {column.type}{example}"

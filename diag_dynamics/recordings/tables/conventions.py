@@ -41,7 +41,8 @@ _MENTION = re.compile(r"(?<![a-z])(?:joint|name|motor|order|axe)s?(?![a-z])", re
 def recognize(columns, texts, joints):
     """Return the keys of a column map that the only fitting convention gives.
 
-    `texts` of the file may state another order of joints; numbered columns have none then.
+    `texts` of the file may state another order of joints; numbered columns have none then. Without
+    texts, None, the joints have the order of the columns.
     """
     if echo := by_echo(columns):
         return echo
@@ -49,12 +50,11 @@ def recognize(columns, texts, joints):
     used = {k for key in QUANTITIES for k in named.get(key, ())}
     numbered = by_number(_blank(columns, used), joints)
     if not (named or numbered.get("position")):
-        headers = listed(column.name for column in columns)
         text = f"no columns are recognized as positions of {listed(joints)}"
-        raise InputError(f"{text}; columns: {headers}.")
+        raise InputError(f"{text}; columns: {listed(columns)}.")
     if named and numbered:
         raise InputError("columns have both names and numbers of joints.")
-    if numbered:
+    if numbered and texts is not None:
         _require_order(columns, texts, joints)
     return named or numbered
 
@@ -102,8 +102,9 @@ def find_time(columns):
     if len(times) != 1 or match_time(columns[times[0]])["part"]:
         names = listed(columns[k].name for k in times)
         text = f"the time may be {names}" if times else "no column is recognized as time"
-        headers = listed(column.name for column in columns)
-        raise InputError(f"{text}; columns: {headers}. Rows at equal intervals need `rate: HZ`.")
+        raise InputError(
+            f"{text}; columns: {listed(columns)}. Rows at equal intervals need `rate: HZ`."
+        )
     return times[0]
 
 

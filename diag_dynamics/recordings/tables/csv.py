@@ -147,6 +147,10 @@ class CsvTable:
             else:
                 cause = "another number of columns than the header has"
                 example = f"{len(fields)} instead of {width}"
+                digits = (field.strip(" -+").isdecimal() for field in fields)
+                is_split = self._decimal == "," or (len(fields) > width and all(digits))
+                if self._delimiter == "," and is_split:
+                    example += "; decimal commas need another delimiter, such as a semicolon"
                 lose(cause, f"line {at}", LEFT_OUT, example=example)
         arrays = {k: pa.array([fields[k] for fields in rows], pa.string()) for k in used}
         return arrays, np.array(lines, np.int64)

@@ -54,6 +54,11 @@ class Column(NamedTuple):
     type: str = ""  # of values that are no numbers, for messages
     sample: tuple[str, ...] = ()  # first values as texts
 
+    def __str__(self):
+        holds = "" if self.numeric or self.moments else self.type
+        holds = f"{self.width} columns" if self.width else holds
+        return f"{self.name} ({holds})" if holds else self.name
+
 
 def factor_of(quantity, unit):
     """Return the factor of a unit to SI; None if the quantity has no such unit."""

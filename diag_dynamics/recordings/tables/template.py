@@ -17,11 +17,13 @@ _HEAD = """# Columns of {path}
 # number  header, first value
 """
 
+MAX_SAMPLE = 80  # characters of a first value
+
 
 def write_template(path, table, joints):
     """Write the map of a Table to a new file; `joints` are the model's, empty if unknown."""
     lines = [
-        f"# {k:6}  {_text(column.name)}, {_text(column.sample[0] if column.sample else None)}"
+        f"# {k:6}  {_text(column.name)}, {_sample(column)}"
         for k, column in enumerate(table.columns)
     ]
     lines += [f"# {_text(text[:200])}" for text in table.texts]
@@ -37,6 +39,11 @@ def write_template(path, table, joints):
         proposals.append((key, [_entry(table.columns, k) for k in places] or None))
     lines += ["#", *(f"# {key}: {_text(value)}" for key, value in proposals)]
     write_text(path, _HEAD.format(path=_text(table.path)) + "\n".join(lines) + "\n")
+
+
+def _sample(column):
+    """Return the beginning of the first value of a column."""
+    return _text(column.sample[0][:MAX_SAMPLE] if column.sample else None)
 
 
 def _text(value):
