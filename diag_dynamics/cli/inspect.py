@@ -93,7 +93,8 @@ def _estimate(robot, density, output):
     for link, reason in result.failed.items():
         print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
     if not result.estimates:
-        print("No inertia was estimated. No file was written.", file=sys.stderr)
+        why = "" if result.failed else ": no link without <inertial> has geometry"
+        print(f"No inertia was estimated{why}. No file was written.", file=sys.stderr)
         return common.DOUBTFUL
     write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{result.text}\n')
     common.report_written(output)

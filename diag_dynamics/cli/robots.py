@@ -7,7 +7,7 @@ from diag_dynamics.description.catalog import example_urdfs
 
 EPILOG = (
     "load_robot and all commands accept these names. "
-    "`pip install example-robot-data` adds 80 robots."
+    "The robots of the package example-robot-data are listed if it is installed."
 )
 
 

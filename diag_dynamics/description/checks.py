@@ -257,14 +257,15 @@ JOINTS = {
         "kg m², kg",
         "joints that move no inertia make the mass matrix singular; with D",
         "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o "
-        "new.urdf), or lock the joints (massless: lock), as is done for the other checks.",
+        "new.urdf), or lock the joints, as the other checks do (other commands: --set "
+        "massless=lock).",
     ),
     "mimic": Check(
         "error",
         "",
         "{}",
-        "Correct <mimic>, or take the joint as independent (mimic: free), as is done for the "
-        "other checks.",
+        "Correct <mimic>, or take the joint as independent, as the other checks do (other "
+        "commands: --set mimic=free).",
     ),
     "quick": Check(
         "note",

@@ -21,7 +21,7 @@ from diag_dynamics.rotations import wrap_angle
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
 
-_CURE = "The option mimic: free takes every joint as independent."
+_CURE = "The parameter mimic=free takes every joint as independent."
 
 
 def resolve_mimics(description: Description) -> tuple[dict[str, Mimic], dict[str, float]]:

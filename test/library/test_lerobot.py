@@ -155,7 +155,7 @@ def test_the_unit_of_positions_is_asked_for(dataset, arm):
     """No dataset states whether positions are radians, degrees or percent."""
     for columns in (None, {"scale": {"velocity": "rad/s"}}):
         with pytest.raises(
-            dd.InputError, match=r"unit 'not stated by the .*`scale: \{position: …\}`"
+            dd.InputError, match=r"unit 'not stated by the .*`scale: \{position: UNIT\}`"
         ):
             dd.read_recording(f"{dataset}#0", arm, columns)
 
@@ -187,7 +187,7 @@ def test_units_and_names_are_never_guessed(tmp_path):
     joints = dict(zip(DESK, ("a1", "a2", "jaw"), strict=True))
     options = {"parameters": {"missing_velocity": "estimate"}}
     with pytest.raises(
-        dd.InputError, match=r"not stated.*expected .*rad or m.*`scale: \{position: …\}`"
+        dd.InputError, match=r"not stated.*expected .*rad or m.*`scale: \{position: UNIT\}`"
     ):
         dd.read_recording(root, model, joint_names=joints, **options)
     with pytest.raises(

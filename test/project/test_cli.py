@@ -355,7 +355,8 @@ def test_estimated_inertias(run, tmp_path):
     status, _, error = run(
         ["inspect", new, "--estimate-inertias", 500, "-o", tmp_path / "none.urdf"]
     )
-    assert status == 1 and "No file was written" in error and not (tmp_path / "none.urdf").exists()
+    assert status == 1 and "no link without <inertial> has geometry. No file was written" in error
+    assert not (tmp_path / "none.urdf").exists()
     mesh = '<link name="base"><visual><geometry><mesh filename="x.stl"/></geometry></visual></link>'
     (tmp_path / "mesh.urdf").write_text(BARE.replace('<link name="base"/>', mesh))
     status, out, error = run("inspect {tmp}/mesh.urdf --estimate-inertias 1000 -o {tmp}/other.urdf")

@@ -12,7 +12,7 @@ import numpy as np
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.joint_names import suggest
 from diag_dynamics.recordings.tables import conventions
-from diag_dynamics.recordings.tables.headers import QUANTITIES, factor_of, unit_of
+from diag_dynamics.recordings.tables.headers import QUANTITIES, UNITS, factor_of, unit_of
 from diag_dynamics.text import listed
 
 _SI = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "N m or N", "time": "s"}
@@ -205,7 +205,12 @@ def _factor(key, unit, header):
     factor = factor_of(key, unit)
     if factor is None:
         text = f"column '{header}' has the unit '{unit}'; expected one with a factor to {_SI[key]}"
-        raise InputError(f"{text}. Set `scale: {{{key}: …}}` or `{key}: null` in a column map.")
+        leave = f" or `{key}: null`" if key in QUANTITIES[1:] else ""
+        units = listed(UNITS[key], 6)
+        raise InputError(
+            f"{text}. Set `scale: {{{key}: UNIT}}`{leave} in a column map; UNIT is a factor or one "
+            f"of {units}."
+        )
     return factor
 
 
