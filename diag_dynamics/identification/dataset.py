@@ -20,6 +20,7 @@ from diag_dynamics.recordings.data_checks import (
     UNSCALED,
     EffortRange,
     EffortRelation,
+    describe_unknown,
     end_links,
     find_effort_delay,
     find_fault,
@@ -248,7 +249,7 @@ class Dataset:
             raise InputError(f"{name}: {efforts.unmeasured(missing)}. Record efforts.")
         self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
         for word, joints in efforts.groups(missing).items():
-            self._set_unknown(model, joints, word if word == UNSCALED else f"{word} throughout")
+            self._set_unknown(model, joints, word)
         text = (
             "velocities were estimated from positions. Record the velocities of the driver if it "
             "sends any"
@@ -305,13 +306,12 @@ class Dataset:
         segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
         self.segments = [self._filled(segment, DiagonalDynamics(model)) for segment in segments]
 
-    def _set_unknown(self, model, joints, text):
+    def _set_unknown(self, model, joints, word):
         """Leave the efforts of joints out; InputError if none is left."""
         if not joints:
             return
         self.known &= ~np.isin(model.dof_names, joints)
-        by = "effort_scale" if text == UNSCALED else "effort_available"
-        text = f"efforts of {', '.join(joints)} are {text} ({by}): nothing is fitted to them"
+        text = f"{describe_unknown(word, joints)}: nothing is fitted to them"
         self.findings.append(Finding("effort unknown", 1, text))
         if not self.known.any():
             texts = "; ".join(

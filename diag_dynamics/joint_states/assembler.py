@@ -197,12 +197,9 @@ class StateAssembler:
         return np.where(followers["stamp"] == self.newest, followers["velocity"], np.nan)
 
     @property
-    def lacking_effort(self):
-        """Joints with available but missing efforts, while others have one."""
-        unknown = np.isnan(self._own["effort"])
-        return (
-            [] if unknown.all() else self._joints_where(unknown & np.isfinite(self._own["factor"]))
-        )
+    def unavailable_efforts(self):
+        """Joints whose efforts are unavailable by the parameters, or in an unknown unit."""
+        return self._joints_where(np.isnan(self._own["factor"]))
 
     def stale(self, now):
         """Return the joints that have arrived, but not within their age limit before `now` [ns]."""

@@ -161,6 +161,7 @@ class Analysis:
         self._exposure = ContactExposure(self._points) if self._points else None
         self._balance, self._quality, self._peaks = Balance(names), Quality(model), Peaks()
         self._efforts, self._motion = EffortRange(model), MotionSample(model)
+        self._unavailable = np.isin(names, reading.intake.assembler.unavailable_efforts)
         # Joints without an external torque at some observed state
         self._unobserved = np.zeros(model.nv, dtype=bool)
         # Number of states, number with a residual, and sum of K [J]
@@ -250,9 +251,9 @@ class Analysis:
         return Piece(states, s, observed, *judged)
 
     def _with_model_efforts(self, states, s):
-        """Return states and their evaluation with the model's efforts where the unit is unknown."""
-        unscaled = self._efforts.unscaled
-        if not unscaled.any() or unscaled.all() or len(states) < 2:
+        """Return states and their evaluation with the model's efforts where none are available."""
+        unknown = self._unavailable
+        if not unknown.any() or unknown.all() or len(states) < 2:
             return states, s
         q, rates, steps = states.position, states.velocity, np.gradient(states.stamp / SECOND)
         options = {"threads": self._threads, "friction": self.model.has_friction}
@@ -260,7 +261,7 @@ class Analysis:
             changes = np.gradient(rates, axis=0) / steps[:, None]
         changes = np.where(np.isfinite(changes), changes, 0.0)
         torque = self._dynamics.inverse_dynamics(q, rates, changes, **options)
-        effort = np.where(unscaled, torque, states.effort)
+        effort = np.where(unknown, torque, states.effort)
         is_known = np.isfinite(effort).all(axis=1)
         s = self._dynamics.evaluate(q, rates, np.nan_to_num(effort), **options)
         return replace(states, effort=effort, effort_known=is_known), s
@@ -316,14 +317,13 @@ class Analysis:
         largest, balance = self._peaks.largest(), self._balance
         shares, _, _ = self._peaks.entries["energy_share"]
         energy, at, _ = largest["kinetic_energy"]
-        unmeasured = self._describe_unmeasured(quality["without_effort"])
+        unmeasured = self._efforts.unmeasured(word_for_missing(self.reading.counts))
         is_beside = balance.is_explained_beside(alarms)
         is_good = is_beside or (balance.explained or 0.0) >= MIN_EXPLAINED
         is_judged = self._efforts.moved and not (is_good or unmeasured)
         fault = self._motion.fault() if is_judged else None
         text = fault.text if fault else ""
-        unscaled = self._efforts.unscaled
-        partial = names[~unscaled].tolist() if unscaled.any() else []
+        partial = names[~self._unavailable].tolist() if self._unavailable.any() else []
         contacts = (
             self._describe_unobserved(),
             self._describe_unknown_contacts(quality["without_effort"]),
@@ -374,16 +374,6 @@ class Analysis:
             "findings": [finding._asdict() for finding in self.reading.findings()],
             "recording": self.reading.path,
         }
-
-    def _describe_unmeasured(self, without_effort):
-        """Return which efforts cannot have been measured, in words; or an empty text."""
-        names, counts = self.reading.intake.assembler.lacking_effort, self.reading.counts
-        if not names or counts["implausible effort"] or without_effort < self.states:
-            return self._efforts.unmeasured(word_for_missing(counts))
-        return (
-            f"efforts of {', '.join(names)} are missing throughout, "
-            "so no state has all efforts (locked_joints)"
-        )
 
     def _describe_unobserved(self):
         """Return a text on joints without external torque, because their efforts are unknown.

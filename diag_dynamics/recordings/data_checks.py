@@ -98,7 +98,7 @@ class EffortRange:
     def __init__(self, model):
         self._names, self.states = model.dof_names, 0
         scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
-        self.unscaled = np.isnan(np.array(scales, dtype=float))
+        self._unscaled = np.isnan(np.array(scales, dtype=float))
         self._low, self._high = np.full((2, 2, model.nv), [[[np.inf]], [[-np.inf]]])
 
     def add_values(self, positions, efforts):
@@ -141,19 +141,14 @@ class EffortRange:
         groups = self.groups(missing)
         if len(groups.get(missing, ())) == len(self._names):
             return ""
-        reasons = {UNSCALED: "(effort_scale)"}
-        return "; ".join(
-            f"efforts of {', '.join(names)} are {word} "
-            f"{reasons.get(word, 'throughout (effort_available)')}"
-            for word, names in groups.items()
-        )
+        return "; ".join(describe_unknown(word, names) for word, names in groups.items())
 
     def _words(self, missing="missing"):
         """Return the word for the unknown effort of each joint, empty for a measured one."""
         low, high = self._low[0], self._high[0]
         is_missing = ~np.isfinite(low)
         is_zero = np.maximum(np.abs(low), np.abs(high)) < ZERO
-        conditions = [is_missing & self.unscaled, is_missing, is_zero, self._constant()]
+        conditions = [is_missing & self._unscaled, is_missing, is_zero, self._constant()]
         words = np.select(conditions, [UNSCALED, missing, "0", "constant"], "")
         return words if self.states > 1 else np.full(len(words), "")
 
@@ -164,6 +159,13 @@ class EffortRange:
             return (highest - lowest > TRAVEL) & (
                 high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high))
             )
+
+
+def describe_unknown(word, names):
+    """Return the text on joints whose efforts are unknown, by the word for these."""
+    entries = ",".join(f"{name}=false" for name in names)
+    by = "(effort_scale)" if word == UNSCALED else f"throughout (effort_available: {entries})"
+    return f"efforts of {', '.join(names)} are {word} {by}"
 
 
 def smoothed(t, q, qd, tau):

@@ -6,6 +6,7 @@ known.
 """
 
 import json
+import re
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -205,7 +206,7 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (np.nan, "efforts of wrist_1_joint are missing throughout, so no state has all efforts"),
+        (np.nan, "efforts of wrist_1_joint are missing throughout"),
         (0.0, "efforts of wrist_1_joint are 0 throughout"),
         (2.5, "efforts of wrist_1_joint are constant throughout"),
     ],
@@ -224,6 +225,10 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
         and summary["explained"] is None
         and f"No power balance: {said}" in " ".join(text.split())
     )
+    hint = re.search(r"\((effort_available): ([^)]+)\)", summary["warnings"][0])
+    partial, _, status = analysed(t, q, qd, tau, parameters=[f"{hint[1]}={hint[2]}"])
+    assert "wrist_1_joint" not in partial["balance"]["partial"] and partial["explained"] > 0.9
+    assert status == 0 and len(partial["balance"]["partial"]) == 5
     assert (
         summary["observer"]["unobserved"] == ["wrist_1_joint"]
         and summary["observer"]["observed"] == len(t) - 1

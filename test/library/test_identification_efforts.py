@@ -349,7 +349,7 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
         status, printed = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
         assert (
             status == expected
-            and f"{key} (effort_available)" in printed
+            and f"{key} (effort_available: " in printed
             and "Traceback" not in printed
         )
 
