@@ -16,7 +16,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import choice, whole
 from diag_dynamics.collision.contact_points import GEOMETRIES, ContactPoint, Geometry
 from diag_dynamics.description.catalog import link_elements
-from diag_dynamics.description.geometry import Shape, shapes_of
+from diag_dynamics.description.geometry import CUBE, Shape, shapes_of
 from diag_dynamics.description.meshes import Meshes
 from diag_dynamics.description.text import folder_of
 from diag_dynamics.exceptions import UrdfError
@@ -30,8 +30,6 @@ CORNERS = 0.75
 
 DENSE = 2000
 """Number of directions in which the corners are compared with the shapes."""
-
-_CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
 class LinkGeometry(NamedTuple):
@@ -116,7 +114,7 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
 def _hull(shape: Shape, meshes: Meshes) -> _Hull:
     numbers, radius, normals = np.array(shape.numbers), 0.0, np.zeros((0, 3))
     if shape.kind == "box":
-        centres, normals = _CUBE * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
+        centres, normals = CUBE * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
     elif shape.kind == "cylinder":
         ends = np.array([[0.0, 0.0, -0.5 * numbers[1]], [0.0, 0.0, 0.5 * numbers[1]]])
         ring = numbers[0] / math.cos(math.pi / SIDES) * _ring(0.0)

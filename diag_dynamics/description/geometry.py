@@ -30,7 +30,8 @@ KINDS = {  # shapes that are known, and how many numbers each attribute has
     "mesh": {"scale": 3},
 }
 
-_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+"""Corners of a cube, in units of half its edge."""
 
 LARGEST_DENSITY = (
     30000.0  # largest density accepted [kg/m³]; osmium, the densest element, has 22 590
@@ -134,13 +135,13 @@ def _primitive(kind: str, *numbers: float) -> Solid:
             r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0
         )
         squares = np.array([across, across, along])
-    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), _CORNERS * half, (kind,))
+    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), CUBE * half, (kind,))
 
 
 def _mesh(shape: Shape, meshes: Meshes) -> Solid:
     mesh, of = meshes.mesh(shape.file).copy(), shape.file.rsplit("/", 1)[-1]
     mesh.apply_transform(np.diag([*shape.numbers, 1.0]))
-    corners = _CORNERS * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
+    corners = CUBE * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
     with np.errstate(all="ignore"):  # of a flat mesh, which is rejected for its volume of zero
         if not (mesh.is_watertight and mesh.is_winding_consistent):
             try:

@@ -59,7 +59,8 @@ class OdometryBase:
             )
         pose, twist = message.pose.pose, message.twist.twist
         p, o, v, w = pose.position, pose.orientation, twist.linear, twist.angular
-        place, turn, motion = (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), (v.x, v.y, v.z, w.x, w.y, w.z)
+        place, turn = (p.x, p.y, p.z), (o.x, o.y, o.z, o.w)
+        motion = (v.x, v.y, v.z, w.x, w.y, w.z)
         try:
             position, velocity = base_state(
                 self._model, link, place, turn, motion, self.twist_in_header

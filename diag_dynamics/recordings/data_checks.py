@@ -99,7 +99,8 @@ class EffortRange:
         self._names, self.states = model.dof_names, 0
         scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
         self._unscaled = np.isnan(np.array(scales, dtype=float))
-        self._low, self._high = np.full((2, 2, model.nv), [[[np.inf]], [[-np.inf]]])
+        self._low = np.full((2, model.nv), np.inf)
+        self._high = -self._low
 
     def add_values(self, positions, efforts):
         """Add positions and efforts, (T, n) each; NaN for efforts that are missing."""

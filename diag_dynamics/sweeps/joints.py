@@ -353,7 +353,8 @@ def is_singular(size, D):
 def accumulate_scale(w, X, parent):
     """Add the size of P, and of all inertia outboard, to the parent's."""
     P, lever = records.inertia_of(w.P), sp.dot(X.translation, X.translation)
-    linear, angular = P.A[0][0] + P.A[1][1] + P.A[2][2], P.C[0][0] + P.C[1][1] + P.C[2][2]
+    linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
+    angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
     parent.magnitude[0] += linear
     parent.magnitude[1] += angular + linear * lever
     parent.total[0] += w.total[0]
