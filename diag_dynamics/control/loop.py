@@ -149,7 +149,7 @@ class ControlLoop:
         self._period = 0.0  # and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
         self._stopping = None  # mode until the arm stands
-        self._stopping_since = None  # and its first stamp [ns]
+        self._stopping_since = 0  # and its first stamp [ns]
         self._mode.stop()
 
     def _begin_efforts(self):
@@ -225,6 +225,8 @@ class ControlLoop:
         if unstable:
             self._mode = self._braking
             self._mode.stop()
+        if self._stopping is not None:
+            self._choose_stopping()
         return unstable
 
     def require(self, target):
@@ -251,7 +253,16 @@ class ControlLoop:
     @property
     def is_braking(self):
         """Whether the mode waits until efforts carry the arm and it stands."""
-        return self.supervisor.starting or self._stopping_since is not None
+        return self.supervisor.starting or (self.state is not None and self._waits)
+
+    @property
+    def _waits(self):
+        """Whether the mode has no joint springs and waits for the arm to stand.
+
+        From motion, springs of poses make joints faster, and so may gravity compensation.
+        """
+        mode = self._mode
+        return not (mode.begun or mode.stops_arm or self._is_slow(STANDING))
 
     @property
     def shortfall(self):
@@ -332,6 +343,7 @@ class ControlLoop:
         if is_start or self._is_interrupted(before):
             self._finish("no valid joint state for longer than hold_time")
             self._mode.stop()
+            self._stopping = None
         if unstable := self._check_gains(before):
             self._finish(unstable)
         if self.not_executed:
@@ -372,7 +384,6 @@ class ControlLoop:
         """
         state, limits = self.state, self.limits
         command, time = self._braking.command(state), state.newest
-        self._stopping_since = None
         if before is None:
             limits.limit_to_gravity(command)
         if self._carried_since is None and limits.reaches_gravity(command, self._elapsed(time)):
@@ -390,19 +401,24 @@ class ControlLoop:
         return (np.abs(self.state.velocity) <= fraction * self._max_speed).all()
 
     def _stops(self):
-        """Return whether regulation stops the arm before a mode without joint springs begins.
-
-        From motion, springs of poses make joints faster, and so may gravity compensation.
-        """
-        mode, time = self._mode, self.state.newest
-        if mode.begun or mode.stops_arm or self._is_slow(STANDING):
-            self._stopping_since = None
+        """Return whether another mode stops the arm before the mode begins."""
+        time = self.state.newest
+        if not self._waits:
+            self._stopping = None
             return False
-        if self._stopping_since is None:
-            self._stopping_since, regulation = time, self.modes[REGULATION]
-            self._stopping = self._braking if self._unstable(regulation) else regulation
-            self._stopping.stop()
+        if self._stopping is None:
+            self._stopping_since = time
+            self._choose_stopping()
         return time - self._stopping_since <= START_TIMEOUT * 1e9
+
+    def _choose_stopping(self):
+        """Let regulation stop the arm if it is stable at the measured rate, else as at a start."""
+        regulation = self.modes[REGULATION]
+        is_stable = self._periods >= CHECK_EVERY and not self._unstable(regulation)
+        stopping = regulation if is_stable else self._braking
+        if stopping is not self._stopping:
+            self._stopping = stopping
+            stopping.stop()
 
     def _follow(self, external, now):
         """Return the command of the mode in force, or of the one that stops the arm before it."""

@@ -119,12 +119,29 @@ def test_a_mode_that_begins_in_motion(arm, mode, is_switch):
     closed = Closed(arm, rate=1000, initial_mode=initial_mode, controlled_link="tool0")
     if is_switch:
         closed.go(20)
-        closed.loop.switch(mode)
     closed.plant.reset(Q, np.full(6, -0.3))
     closed.go(1)
+    if is_switch:
+        closed.loop.switch(mode)
     assert closed.loop.is_braking == (not is_switch or mode in (GRAVITY_COMPENSATION, POSE))
+    if mode == POSE:
+        with pytest.raises(InputError, match="target came while braking"):
+            closed.loop.require("target")
     for _ in range(500):
         closed.go(1)
         assert np.abs(closed.plant.qd).max() <= 0.3
     assert np.abs(closed.plant.qd).max() <= 0.01
     assert not closed.loop.is_braking
+
+
+def test_unstable_regulation_does_not_stop_an_arm(arm):
+    """Damping does, also before the rate of states is measured."""
+    options = {"initial_mode": GRAVITY_COMPENSATION, "regulation_stiffness": ["*=2000"]}
+    closed = Closed(arm, 125, **options)
+    closed.plant.reset(Q, np.full(6, -0.1))
+    closed.go(1)  # the first command compensates gravity
+    before = np.abs(closed.plant.qd).max()
+    for _ in range(60):
+        closed.go(1)
+        assert np.abs(closed.plant.qd).max() <= before
+    assert not closed.loop.is_braking and np.abs(closed.plant.qd).max() <= 0.01
