@@ -593,9 +593,15 @@ WRONG_MAPS = [
         for value in ([1, 1], [1, -2], [1, True], [])
     ),
     ({"joints": ["s", "s"]}, r"joints is \['s', 's'\]; expected .* each once"),
-    ({"scale": {"effort": 0}}, "scale is {'effort': 0}; expected .* finite numbers other than 0"),
+    *(
+        ({"scale": {"effort": value}}, "scale is {.*}; expected .* finite numbers other than 0")
+        for value in (0, True, [])
+    ),
     ({"scale": {"position": "grad"}}, "scale is {'position': 'grad'}"),
-    ({"offset": {"position": "deg"}}, "offset is {'position': 'deg'}; expected .* finite numbers"),
+    *(
+        ({"offset": {"position": value}}, "offset is {.*}; expected .* finite numbers")
+        for value in ("deg", [])
+    ),
     ({"position": [1, 2], "scale": {"effort": 1}}, "scale has effort; expected columns of it"),
     ({"header": "no"}, "header is 'no'; expected true or false"),
     ({"skip": -1}, "skip is -1; expected a whole number"),

@@ -103,15 +103,16 @@ def _parse_scale(value):
     factors = {}
     for quantity, entry in value.items():
         units = entry if isinstance(entry, list | tuple) and quantity != "time" else [entry]
-        numbers = [factor_of(quantity, str(unit)) or float(unit) for unit in units]
-        factors[quantity] = _require(np.isfinite(numbers).all() and all(numbers), tuple(numbers))
+        numbers = [factor_of(quantity, text) or float(text) for text in map(str, units)]
+        valid = numbers and np.isfinite(numbers).all() and all(numbers)
+        factors[quantity] = _require(valid, tuple(numbers))
     return factors
 
 
 def _parse_offset(value):
     offsets = {key: tuple(np.array(entry, float).ravel().tolist()) for key, entry in value.items()}
-    valid = offsets.keys() <= {*QUANTITIES} and all(map(np.all, map(np.isfinite, offsets.values())))
-    return _require(valid, offsets)
+    valid = all(numbers and np.isfinite(numbers).all() for numbers in offsets.values())
+    return _require(valid and offsets.keys() <= {*QUANTITIES}, offsets)
 
 
 def _parse_mixing(value):
