@@ -293,7 +293,10 @@ sys.stdout.buffer.write(pickle.dumps((outcome, texts, "yourdfpy" in sys.modules)
 
 @pytest.mark.parametrize("fault", [False, True])
 def test_description_read_in_a_process_of_its_own(fault, tmp_path):
-    """Description, warnings and errors are those of the reader, which stays outside."""
+    """Description, warnings and errors are those of the reader, which stays outside.
+
+    A module of its name in the working directory is not imported.
+    """
     parent = "<patent" if fault else "<parent"
     text = (
         '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
@@ -303,7 +306,9 @@ def test_description_read_in_a_process_of_its_own(fault, tmp_path):
     path.write_text(text)
     source = f"{path} unused:=1"
     command = [sys.executable, "-c", DESCRIBE]
-    process = subprocess.run(command, input=pickle.dumps(source), capture_output=True, check=True)
+    (tmp_path / "yourdfpy.py").write_text("raise SystemExit('not the reader')")
+    options = {"capture_output": True, "check": True, "cwd": tmp_path}
+    process = subprocess.run(command, input=pickle.dumps(source), **options)
     outcome, warned, has_reader = pickle.loads(process.stdout)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -7,6 +7,7 @@ The reader of URDFs brings 80 MB of libraries that a node does not need again, a
 which its callbacks would wait. What a hostile file does to the reader, it does not do to the node.
 """
 
+import os
 import pickle
 import subprocess
 import sys
@@ -20,8 +21,10 @@ def described(source):
     """Return the description of a URDF; warnings and errors are those of :func:`describe`."""
     if "yourdfpy" in sys.modules:  # this process has the libraries already
         return describe(source)
-    command = [sys.executable, "-m", __name__]
-    process = subprocess.run(command, input=pickle.dumps(source), capture_output=True)
+    command, environment = [sys.executable, "-m", __name__], os.environ | {"PYTHONSAFEPATH": "1"}
+    process = subprocess.run(  # which imports nothing from the working directory
+        command, input=pickle.dumps(source), capture_output=True, env=environment
+    )
     if process.returncode != 0:
         end = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         raise UrdfError(f"The reader of the URDF ended with {process.returncode}: {end}")
