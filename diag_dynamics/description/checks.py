@@ -395,6 +395,6 @@ def warn(text: str, category: type[ModelWarning] = ModelWarning) -> None:
         handler(category(text))
         return
     frame, level = currentframe(), 1
-    while frame and frame.f_globals["__name__"].startswith("diag_dynamics."):
+    while frame and frame.f_globals.get("__name__", "").startswith("diag_dynamics."):
         frame, level = frame.f_back, level + 1
     warnings.warn(text, category, stacklevel=level)

@@ -274,15 +274,16 @@ def test_no_mistakes_are_named(case):
 
 
 def test_many_mistakes_are_one_short_warning():
+    """It names a caller, also one in a namespace without a name."""
     links = [link(f"l{k}") for k in range(100)]
     joints = [
         joint(f"j{k}", "fixed", "upper", f"l{k}").replace("<axis", f'<axis a{k // 4}="1"')
         for k in range(100)
     ]
     with pytest.warns(dd.ModelWarning) as caught:
-        dd.load_urdf(arm(*links, *joints))
+        exec("load(text)", {"load": dd.load_urdf, "text": arm(*links, *joints)})
     text = str(caught[0].message)
-    assert len(caught) == 1 and len(text) < 2000
+    assert len(caught) == 1 and len(text) < 2000 and caught[0].filename == "<string>"
     assert "joint 'j0' and 3 more: <axis>" in text and "And 15 more mistakes" in text
 
 
