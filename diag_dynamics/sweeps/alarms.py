@@ -15,7 +15,8 @@ FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 
 STANDING_SPEED, STANDING_TIME, DECAY = 0.005, 30_000_000, 4
 """A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns]. Twice that time
-counts at most. Higher rates reduce it `DECAY` times as fast, so that noise ends no standing."""
+counts at most. Higher rates reduce it `DECAY` times as fast: single ones of more than 133 Hz end no
+standing, and more than a fifth of all do."""
 
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""
