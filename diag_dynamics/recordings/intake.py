@@ -73,6 +73,7 @@ class Intake:
         values = settings.values
         self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
         map_name, self._mapped = self._map_name if names else None, {}
+        self._joints = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}
         self._base = None
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
@@ -89,9 +90,9 @@ class Intake:
         return self._counts + self.assembler.counts + Counter({"time jumped back": jumps})
 
     def _map_name(self, name):
-        """Return the robot's name of a joint; reject a second name of the same joint."""
+        """Return the robot's name of a joint; reject a second name of one of its joints."""
         joint = self.names.map_name(name)
-        if (other := self._mapped.setdefault(joint, name)) != name:
+        if joint in self._joints and (other := self._mapped.setdefault(joint, name)) != name:
             text = f"joint_names maps both '{other}' and '{name}' to joint '{joint}'"
             raise InputError(f"{text}; expected one name of the recording for each joint.")
         return joint

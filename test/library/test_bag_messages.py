@@ -375,7 +375,7 @@ def test_joint_names_of_later_messages(tmp_path):
 
 def test_joint_names_of_a_message_that_has_both(tmp_path):
     """A name that is mapped to a joint, and the joint's own, are named, be it in one message or in
-    two.
+    two. Two names of another robot's joint in two messages are not.
     """
     message = moving("fer_a", "panda_a", "panda_b")
     two = sorted(
@@ -387,6 +387,7 @@ def test_joint_names_of_a_message_that_has_both(tmp_path):
             "maps both 'fer_a' and 'panda_a' to joint 'panda_a'",
         )
         refused(what, path, arm("panda_a", "panda_b"), joint_names={"fer_a": "panda_a"})
+    assert len(dd.read_recording(path, arm("panda_b"), joint_names={"fer_a": "panda_a"}))
 
 
 WRONG_MAPS = {
