@@ -5,8 +5,10 @@
 diagnostics.
 """
 
+import os
 import pickle
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -321,6 +323,23 @@ def test_description_read_in_a_process_of_its_own(fault, tmp_path):
             assert pickle.dumps(outcome) == pickle.dumps(describe(source))
     assert warned == [(warning.category, str(warning.message)) for warning in caught]
     assert warned and not has_reader
+
+
+def test_reader_of_descriptions_ends_with_its_node(tmp_path):
+    """It waits for a part of the robot from a pipe that nobody writes."""
+    robot, part = tmp_path / "r.urdf.xacro", tmp_path / "part"
+    os.mkfifo(part)
+    include = f'<xacro:include filename="{part}"/>'
+    robot.write_text(f'<robot name="r" xmlns:xacro="http://wiki.ros.org/xacro">{include}</robot>')
+    module = "diag_dynamics.nodes.support.description_process"
+    command = [sys.executable, "-c", f"from {module} import described; described({str(robot)!r})"]
+    node = subprocess.Popen(command)
+    with open(part, "wb") as pipe:  # once the reader has opened it
+        node.kill()
+        node.wait()
+        ends = select.poll()
+        ends.register(pipe, select.POLLERR)
+        assert ends.poll(60_000)
 
 
 def test_warnings_are_logged():
