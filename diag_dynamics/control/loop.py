@@ -174,6 +174,8 @@ class ControlLoop:
     def switch(self, mode):
         """Put a mode in force from the next state on, with that state as its target.
 
+        One without joint springs begins when the arm stands.
+
         Efforts approach those of the new law at the effort rate, and the energy tank is filled. An
         InputError names gains that are unstable at the rate of the states.
         """
