@@ -25,7 +25,6 @@ from diag_dynamics.control.modes import (
 from diag_dynamics.exceptions import InputError
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
-GOAL = Q + np.array([0.3, 0.2, -0.3, 0.4, -0.4, 0.5])
 
 
 @pytest.fixture(scope="module")

@@ -401,10 +401,7 @@ TWICE = "".join(
     f'<joint name="{name}" joint1="other" joint2="{on}"/>'
     for name, on in (("e1", "turn"), ("e2", "shift"))
 )
-TOOL, BODY_C = (
-    'name="tool"><site name="tip"/>',
-    f'<body name="c" pos="-0.5 0 0">{OTHER}<geom size="0.1"/></body>',
-)
+BODY_C = f'<body name="c" pos="-0.5 0 0">{OTHER}<geom size="0.1"/></body>'
 
 
 def with_tendon(attributes, kind="fixed"):

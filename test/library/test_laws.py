@@ -22,7 +22,6 @@ from laws import LAWS, assert_same, everything, fields, load
 from oracles import FLOATING
 
 PANDA = "panda_description/urdf/panda.urdf"
-TALOS = "talos_data/robots/talos_reduced.urdf"
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")

@@ -37,19 +37,6 @@ from robots import description, joint, link
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-FEW = tuple(
-    (NAMED[name].floating if floating else NAMED[name])._replace(mimic="embed")
-    for name, floating in (
-        ("follower of a follower", False),
-        ("several followers of one leader", True),
-        ("multiplier 0", False),
-        ("massless follower link", True),
-        ("parallel gripper", False),
-    )
-)
-"""Robots of one feature each; what is shown of them holds for random trees, too."""
-
-
 # --- the model
 
 

@@ -21,7 +21,6 @@ from paper_operators import Operators, cross
 
 PANDA = "panda_description/urdf/panda.urdf"
 UR5 = "ur_description/urdf/ur5_robot.urdf"
-TALOS = "talos_data/robots/talos_reduced.urdf"
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 

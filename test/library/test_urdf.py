@@ -202,12 +202,6 @@ def test_rounded_inertias_do_not_warn():
             dd.load_urdf(description("r", link("a", mass=1.0, inertia=inertia)))
 
 
-MIMIC = (
-    '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/>'
-    '<mimic joint="{}"/></joint>'
-)
-
-
 # --- Errors
 
 ENTITY = '<!DOCTYPE robot [<!ENTITY m "7">]>'

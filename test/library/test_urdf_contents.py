@@ -82,7 +82,6 @@ def test_quaternions_turn_origins(length):
 # --- Probable mistakes
 
 AXIS = '<axis xyz="0.0 0.0 1.0"/>'
-LIMIT = '<limit lower="-10" upper="10" effort="100" velocity="100"/>'
 JOINT_ORIGIN = '<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0"/>'
 FOLLOWER = (
     '<joint name="follower" type="revolute"><parent link="upper"/><child link="l"/>'

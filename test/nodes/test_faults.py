@@ -20,12 +20,7 @@ from joint_state_cases import COUNTERS, WIRING
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS
 from nodes import LATCHED, MS, PANDA, UR5, Monitor, Reports, description, joint_state, robot
 
-FINGER, MIMIC_FINGER, JOINT, HAND = (
-    "panda_finger_joint1",
-    "panda_finger_joint2",
-    "panda_joint4",
-    "panda_hand",
-)
+FINGER, MIMIC_FINGER = "panda_finger_joint1", "panda_finger_joint2"
 INPUTS = {"joint_states": JointState, "odom": Odometry}
 COUNTED = set(COUNTERS) | {"received", "odometry received"}
 ARM = tuple(name for name in robot(PANDA).names if name != FINGER)

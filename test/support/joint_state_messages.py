@@ -14,7 +14,7 @@ NOW = 100 * S
 otherwise.
 """
 
-NAN, INF, PI = math.nan, math.inf, math.pi
+NAN, INF = math.nan, math.inf
 NAMES = ("shoulder", "elbow", "wrist")
 LIMITS = {"shoulder": (-INF, INF), "elbow": (-5.0, 4.0), "wrist": (-6.0, 60.0)}
 VELOCITY_LIMITS = {"shoulder": 6.0, "elbow": 3.0, "wrist": 0.0}
