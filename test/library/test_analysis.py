@@ -184,7 +184,8 @@ def test_windows_near_collisions_explain_nothing():
     """Those within 0.2 s of one are left out, unless collisions last for half of the time."""
     stamps, none = np.arange(101) * S // 10, np.zeros(100)
     kinetic, friction = np.resize([1.0, -1.0], 100), none + 0.5
-    for wrong, end, expected in ((30, 34, True), (29, 34, False), (36, 34, False), (31, 90, False)):
+    cases = (30, 34, True), (29, 34, False), (35, 34, True), (36, 34, False), (31, 90, False)
+    for wrong, end, expected in cases:
         effort = kinetic + friction - 5.0 * np.isin(np.arange(100), [31, wrong])
         columns = stamps[:-1], stamps[1:], kinetic, effort, none, friction, none[:, None]
         balance = Balance(("joint",))
