@@ -3,8 +3,10 @@
 
 """Many states at once: the numbers of single calls, on any number of threads."""
 
+import os
 import platform
 import re
+import signal
 import sys
 import threading
 
@@ -247,6 +249,18 @@ def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     with pytest.raises(KeyboardInterrupt):
         two.evaluate(Q, QD, TAU, threads=2)
     assert len(ended) == 1 and len(waits) == interrupts
+
+
+@pytest.mark.full  # forks the process of the test
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")
+def test_forked_process_has_threads_of_its_own(two):
+    Q, QD, TAU = states(two)
+    expected = two.evaluate(Q, QD, TAU, threads=2).nu
+    if child := os.fork():
+        assert os.waitpid(child, 0)[1] == 0
+    else:
+        signal.alarm(int(HANG))
+        os._exit(not np.array_equal(two.evaluate(Q, QD, TAU, threads=2).nu, expected))
 
 
 @pytest.fixture
