@@ -18,6 +18,7 @@ import robots
 from accuracy import EPS, norm
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
+from described import PANDA, TALOS, UR5
 from diag_dynamics.collision.predicted_contact import (
     reduced_mass,
     simplified_mass,
@@ -27,9 +28,6 @@ from robots import description, joint, link, random_robots, robot
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-PANDA = "panda_description/urdf/panda.urdf"
-TALOS = "talos_data/robots/talos_reduced.urdf"
-UR5 = "ur_description/urdf/ur5_robot.urdf"
 ROOT = Path(__file__).parents[2]
 
 

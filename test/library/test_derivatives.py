@@ -30,10 +30,9 @@ from derivative_oracles import (
     jacobian,
     rate_oracle_of,
 )
+from described import PANDA
 from examples import examples
 from oracles import State
-
-PANDA = "panda_description/urdf/panda.urdf"
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 

@@ -18,10 +18,9 @@ import diag_dynamics as dd
 import robots
 from accuracy import assert_close
 from coupling import Coupled
+from described import PANDA
 from laws import LAWS, assert_same, everything, fields, load
 from oracles import FLOATING
-
-PANDA = "panda_description/urdf/panda.urdf"
 
 # Some example robots have inertias that no rigid body has; test_urdf.py is about that.
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")

@@ -18,8 +18,8 @@ import pytest
 
 import diag_dynamics as dd
 import robots
+from described import PANDA
 
-PANDA = "panda_description/urdf/panda.urdf"
 PAYLOAD = {"mass": 2.0, "com": (0.05, -0.02, 0.1), "inertia": np.diag([0.02, 0.03, 0.04])}
 COPIES = {
     "copy": copy.copy,

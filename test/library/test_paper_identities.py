@@ -16,11 +16,9 @@ import diag_dynamics as dd
 import robots
 from accuracy import EPS, assert_close, norm, tolerance
 from derivative_oracles import RateOracle
+from described import PANDA, UR5
 from oracles import State
 from paper_operators import Operators, cross
-
-PANDA = "panda_description/urdf/panda.urdf"
-UR5 = "ur_description/urdf/ur5_robot.urdf"
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 

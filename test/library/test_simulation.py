@@ -16,6 +16,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from described import PANDA, TALOS, UR5
 from diag_dynamics import simulation
 from diag_dynamics.exceptions import InputError
 from engines import distance, reference, start
@@ -25,9 +26,6 @@ from pages import blocks_of
 from robots import description, joint, link, random_robots, robot_path
 
 DOCS = Path(__file__).parents[2] / "docs"
-PANDA = "panda_description/urdf/panda.urdf"
-UR5 = "ur_description/urdf/ur5_robot.urdf"
-TALOS = "talos_data/robots/talos_reduced.urdf"
 SOLO = "solo_description/robots/solo12.urdf"
 HAND = "allegro_hand_description/urdf/allegro_left_hand.urdf"
 MOBILE = {robot.id: robot.urdf for robot in random_robots() if robot.id.startswith("mobile")}
