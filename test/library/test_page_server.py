@@ -91,6 +91,11 @@ def rejected(address, **query):
 # --- Requests ---
 
 
+def test_a_port_that_cannot_be_served():
+    with pytest.raises(dd.InputError, match="port 70000"):
+        PageServer(list, port=70000)
+
+
 def test_files_and_their_headers(serve, arm, tmp_path, monkeypatch):
     """Files may be symlinks, as colcon --symlink-install installs them."""
     for path in server.STATIC.iterdir():
