@@ -12,7 +12,7 @@ import pytest
 
 import diag_dynamics as dd
 import robots
-from described import subject
+from described import MS, subject
 from diag_dynamics.cli.calibrate import METHODS
 from diag_dynamics.cli.main import main
 from diag_dynamics.collision import calibration, residuals
@@ -26,7 +26,6 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from motions import recorded
 
 NAMES = ("shoulder", "elbow", "wrist")
-MS = 1_000_000  # [ns]
 PERIOD = 10 * MS
 JOINTS = {"shoulder": 10.0, "elbow": 5.0, "wrist": 1.0}
 THRESHOLDS = dd.Thresholds({**JOINTS, "total": 12.0, "norm": 20.0}, hold_off=0.5)
@@ -678,6 +677,8 @@ def calibrated(recording, path, *options):
 def test_the_command(ur5, tables, tmp_path, capsys):
     """The thresholds of a recording find the push in another one, its joint and its torque."""
     alarms, out, joint = tmp_path / "alarms.yaml", tmp_path / "summary.json", ur5.dof_names[2]
+    parameters = {"joints": {joint: {"friction": 0.5}}}
+    dd.Parameters.from_dict(parameters).save(tmp_path / "arm.yaml")
     options = (
         "--false-alarms",
         "20/min",
@@ -687,18 +688,29 @@ def test_the_command(ur5, tables, tmp_path, capsys):
         "25",
         "--hold-off",
         "0.5",
+        "--standing",
+        "1.5",
+        "--stiction",
+        "0.4",
+        "--parameters",
+        str(tmp_path / "arm.yaml"),
     )
     assert calibrated(tables / "free.csv", alarms, *options) == 0
+    values = parameters_of([alarms])
+    assert values["collision.standing"] == 1.5 and values["collision.stiction"] == 0.4
+    assert values["external_torque.friction"]
+    assert f"# With '{tmp_path / 'arm.yaml'}'" in alarms.read_text()
     printed = capsys.readouterr().out
     assert (
         "20/min" in printed
         and "Held out: " in printed
         and all(name in printed for name in ur5.dof_names)
     )
-    rates = {"false_alarms": 1 / 3, "false_contacts": 2 / 3}
-    result = dd.calibrate(
-        dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5), **rates, hold_off=0.5
-    )
+    numbers = {"false_alarms": 1 / 3, "false_contacts": 2 / 3, "hold_off": 0.5}
+    numbers.update(standing=1.5, stiction=0.4)
+    model = ur5.with_parameters(parameters)
+    recording = dd.read_recording(tables / "free.csv", model)
+    result = dd.calibrate(recording, dd.DiagonalDynamics(model), **numbers)
     contact = result.contact
     methods = [METHODS[entry.method].format(entry.peaks) for entry in (result, contact)]
     assert f"Thresholds of collision, {methods[0]}, and of contact, {methods[1]};" in printed
