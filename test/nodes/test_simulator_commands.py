@@ -234,15 +234,18 @@ def test_stall(arm):
 # --- lockstep
 
 
-def test_lockstep(peer):
+def test_lockstep(peer, tmp_path):
     """Each command takes the robot one state further, to the last bit where the library's own
     simulation gets.
 
     That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not.
     use_sim_time, as a launch gives it to all of its nodes, is not for the one that makes time.
     """
-    noise = [1e-3, 1e-2, 0.0]
+    noise, path = [1e-3, 1e-2, 0.0], tmp_path / "arm.yaml"
+    spring = {"stiffness": 900.0, "rotor_inertia": 1e-2, "position": "link"}
+    dd.Parameters.from_dict({"flexible_joints": {"panda_joint2": spring}}).save(path)
     parameters = {
+        "parameters_file": str(path),
         "lockstep": True,
         "rate": 500.0,
         "sensor_noise": noise,
@@ -250,7 +253,7 @@ def test_lockstep(peer):
     }
     clock = peer.topic(Clock, "/clock")
     with Simulator(peer, "/lockstep", PANDA, **parameters) as simulator:
-        reference = dd.Simulation(simulator.model, step=1e-3)
+        reference = dd.Simulation(simulator.model.with_parameters(path), step=1e-3)
         rng, seen = np.random.default_rng(1), []
         begin = nanoseconds(simulator.states.messages[-1].header.stamp)
         for k in range(1, 201):
@@ -267,7 +270,8 @@ def test_lockstep(peer):
                 list(truth.position) == reference.q.tolist()
                 and list(truth.velocity) == reference.qd.tolist()
             )
-            assert list(truth.effort) == reference.effort.tolist()
+            expected = reference.with_spring_torques(reference.effort)
+            assert list(truth.effort) == expected.tolist()
             seen.append(
                 [
                     np.array(state.position[:8]) - reference.q,
