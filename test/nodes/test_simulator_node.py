@@ -10,6 +10,7 @@ import pytest
 from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import robots
@@ -46,7 +47,10 @@ def test_description(wave):
 
 
 def test_description_of_a_xacro_file(peer, tmp_path):
-    """The simulator publishes the URDF that xacro makes of the file and its arguments."""
+    """The simulator publishes the URDF that xacro makes of the file and its arguments.
+
+    Time passes as fast as possible.
+    """
     path, yaml_path = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
     yaml_path.write_text("joints: {left_turn: {damping: 0.5}}")
     path.write_text(
@@ -58,9 +62,11 @@ def test_description_of_a_xacro_file(peer, tmp_path):
         '<child link="tip"/></joint></robot>'
     )
     topic = peer.topic(String, "/expanded/robot_description", LATCHED)
+    states = peer.topic(JointState, "/expanded/joint_states")
     parameters = {"robot_description": f"{path} side:=left", "parameters_file": str(yaml_path)}
+    parameters["real_time_factor"] = 0.0
     with peer.start("simulator", "-r", "__ns:=/expanded", **parameters) as simulator:
-        peer.wait_until(lambda: topic.messages, "a description")
+        peer.wait_until(lambda: topic.messages and states.messages, "a description")
         assert f"Parameters of 1 joint from '{yaml_path}'." in simulator.output
     assert load_urdf(topic.messages[-1].data).dof_names == ("left_turn",)
     with pytest.raises(DiagDynamicsError, match="Give side:=VALUE"):
