@@ -165,8 +165,10 @@ def test_thresholds(thresholds, shares, level, named):
     """
     watch = Watching(**thresholds)
     assert watch.accept(CLOCK, at_energy(*shares)) == (level > OK)
+    watch.accept(CLOCK + MS, at_energy(0, 0))
     status = watch.report()
     assert status.level == level and named in status.message
+    assert status.values["largest kinetic energy [J]"] == f"{sum(shares):g}"
     with pytest.raises(InputError, match=r"'energy\.error' names 'knee'"):
         watch.configure(error={"knee": 1.0})
 
