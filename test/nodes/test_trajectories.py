@@ -44,7 +44,7 @@ def from_the_start(arm):
 
 def test_a_topic_reports_motion_and_success(arm):
     """Status and controller state have desired and actual motion, and the status the outcome;
-    efforts are ignored.
+    efforts are ignored, and a rejection names the joint.
     """
     message = trajectory([(1.0, GOAL, [0] * 6)], NAMES)
     message.points[0].effort = [1.0] * 6
@@ -71,6 +71,9 @@ def test_a_topic_reports_motion_and_success(arm):
         part = t**2 * (3.0 - 2.0 * t)  # a cubic between rests, written out
         np.testing.assert_allclose(desired.positions, START + part * 0.1, atol=2e-3)
         np.testing.assert_allclose(desired.velocities, 0.6 * (t - t**2), atol=0.02)
+    arm.trajectory.publish(trajectory([(1.0, GOAL)], ["wing", *NAMES[1:]]))
+    status = arm.wait_for(lambda s: "'wing'" in s.trajectory_reason, "the rejection")
+    assert status.trajectory_code == -1
 
 
 def test_a_pose_in_a_frame_of_tf(arm):
