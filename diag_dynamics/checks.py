@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -128,20 +127,6 @@ def unit(name: str, value: object) -> Array:
     return u / np.linalg.norm(u)
 
 
-class JointNames(tuple[str, ...]):
-    """Names of a model's joints or coordinates, and the source joints of its mimic joints."""
-
-    sources: Mapping[str, str]
-
-    def __new__(
-        cls, names: Iterable[str], sources: Mapping[str, str] = MappingProxyType({})
-    ) -> JointNames:
-        """Store both."""
-        joints = super().__new__(cls, names)
-        joints.sources = sources
-        return joints
-
-
 def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     """Return the numbers of a dict, Series or DataFrame in the order of the names.
 
@@ -156,15 +141,12 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
         raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries, expected none.")
     else:
         return value
-    sources = names.sources if isinstance(names, JointNames) else {}
     for label in entries:
         if label not in names:
-            if label in sources:
-                cause = f"a mimic joint of '{sources[label]}'. Remove it"
-                raise InputError(f"{name} has {label!r}, which is {cause}.")
             near = get_close_matches(str(label), names, n=1)
             meant = f"; is '{near[0]}' meant?" if near else f"; they are {listed(names)}."
-            raise InputError(f"{name} has {label!r}, which is none of this robot's names{meant}")
+            joints = "joints with an entry of their own, which mimic, locked and fixed ones lack"
+            raise InputError(f"{name} has {label!r}; expected names of {joints}{meant}")
     missing = [label for label in names if label not in entries]
     if missing:
         raise InputError(f"{name} has nothing for {listed(missing)}.")

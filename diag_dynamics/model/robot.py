@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import JointNames, number, vector
+from diag_dynamics.checks import number, vector
 from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
 from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.description.parameters import (
@@ -148,9 +148,8 @@ class RobotModel:
         coupled = tree.coupled
         groups = coupled.groups if coupled else []
         self.name = description.name
-        sources = {name: mimic.leader for name, mimic in tree.mimics.items()}
-        self.dof_names = JointNames(tree.dof_names, sources)
-        self.coordinate_names = JointNames(tree.coordinate_names, sources)
+        self.dof_names = tree.dof_names
+        self.coordinate_names = tree.coordinate_names
         self.joint_names = tuple(joint.name for joint in tree.joints)
         self.fixed_joints = tuple(n for n, j in joints.items() if j.type == "fixed")
         self.mimic_joints = tuple(

@@ -132,14 +132,6 @@ WRONG = [
 ]
 
 
-def test_a_mimic_joint_has_no_value():
-    model = dd.load_robot("panda")
-    q = dict.fromkeys(model.dof_names, 0.0)
-    where = "q has 'panda_finger_joint2', which is a mimic joint of 'panda_finger_joint1'"
-    with pytest.raises(dd.InputError, match=where):
-        dd.DiagonalDynamics(model).mass_matrix(q | {"panda_finger_joint2": 0.0})
-
-
 def masked(values):
     return np.ma.masked_array(
         np.array(values, float), mask=np.broadcast_to([False, True], np.shape(values))
