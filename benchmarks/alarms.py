@@ -346,7 +346,7 @@ class Row(NamedTuple):
     median: float  # delay [s] of pushes that are seen, of all trials
 
 
-FRACTIONS = 0.0, 0.5, 1.0
+FRACTIONS = 0.0, 0.75
 """Dead zones by the Coulomb friction."""
 
 

@@ -35,7 +35,7 @@ class DeadZone:
         The fraction is below zero, or the gain not above it.
     """
 
-    def __init__(self, dynamics: DiagonalDynamics, fraction: float, gain: float = 25.0) -> None:
+    def __init__(self, dynamics: DiagonalDynamics, fraction: float, gain: float) -> None:
         self._gain = positive("gain", gain, "[1/s]")
         model = instance("dynamics", dynamics, DiagonalDynamics).model
         self._dynamics, self._fraction = dynamics, not_negative("fraction", fraction, "a fraction")

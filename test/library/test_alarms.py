@@ -269,14 +269,14 @@ def test_a_dead_zone_in_parts(arm):
     r = arm.epsilon_from_tau(q, np.nan_to_num(torque))
     r[100:150, :3] = np.nan
     columns_of = stamps, q, rates, r, torque
-    whole, zone, parts = DeadZone(arm, 0.7).lower(*columns_of), DeadZone(arm, 0.7), []
+    whole, zone, parts = DeadZone(arm, 0.7, 25.0).lower(*columns_of), DeadZone(arm, 0.7, 25.0), []
     for first in range(0, len(stamps), 33):
         parts.append(zone.lower(*(column[first : first + 33] for column in columns_of)))
     for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
         np.testing.assert_allclose(np.concatenate(of_parts), column, rtol=1e-12, atol=1e-14)
     assert np.isnan(whole[1][100:150, 2]).all() and np.isnan(whole[0][100:150, :3]).all()
     rates[:], rates[:, 5] = 0.0, 0.3
-    zone = DeadZone(arm, 0.7)
+    zone = DeadZone(arm, 0.7, 25.0)
     zone.lower(*columns_of)
     again = zone.lower(*(column[:3] for column in columns_of))[1]
     np.testing.assert_array_equal(again[0], torque[0])
@@ -294,10 +294,10 @@ def test_no_dead_zone_without_friction(arm):
     stamps, q, rates, torque = stopping(4, 300)
     r = arm.epsilon_from_tau(q, torque)
     for dynamics, fraction in ((bare, 0.5), (arm, 0.0)):
-        lowered = DeadZone(dynamics, fraction).lower(stamps, q, rates, r, torque)
+        lowered = DeadZone(dynamics, fraction, 25.0).lower(stamps, q, rates, r, torque)
         assert lowered[0] is r and lowered[1] is torque
     with pytest.raises(InputError, match="fraction"):
-        DeadZone(arm, -0.1)
+        DeadZone(arm, -0.1, 25.0)
     with pytest.raises(InputError, match="gain"):
         DeadZone(arm, 0.1, 0.0)
 

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import redirect_stdout
 
 from diag_dynamics.description.catalog import describe
 from diag_dynamics.description.checks import handle_warnings, warn
@@ -33,7 +34,8 @@ def described(source):
     )
     if process.returncode != 0:
         end = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        raise UrdfError(f"The reader of the URDF ended with {process.returncode}: {end}")
+        text = f"the reader of the URDF ended with {process.returncode}, expected 0: {end}"
+        raise UrdfError(f"{text} Try diag-dynamics inspect with the same file.")
     description, warnings, error = pickle.loads(process.stdout)
     for warning in warnings:
         warn(warning.args[0], type(warning))
@@ -61,5 +63,6 @@ def end_with(parent):
 
 if __name__ == "__main__":
     threading.Thread(target=end_with, args=[int(sys.argv[1])], daemon=True).start()
-    reply = pickle.dumps(answer(pickle.load(sys.stdin.buffer)))
+    with redirect_stdout(sys.stderr):  # what libraries print is no part of the reply
+        reply = pickle.dumps(answer(pickle.load(sys.stdin.buffer)))
     sys.stdout.buffer.write(reply)
