@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-from arm import Cycles, control_loop, gravity_of
+from arm import Cycles, Q, control_loop, gravity_of
 from controlled import frictionless
 from described import UR5, robot
 from diag_dynamics.control.modes import (
@@ -23,8 +23,6 @@ from diag_dynamics.control.modes import (
     TRACKING,
 )
 from diag_dynamics.exceptions import InputError
-
-Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])
 
 
 @pytest.fixture(scope="module")

@@ -10,16 +10,13 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
+from controlled import FINGERS, PANDA
 from diag_dynamics import excite
 from diag_dynamics.cli.main import main
 from diag_dynamics.control.references import Trajectory, Waypoints
 from examples import shortened
 from motions import efforts
 from oracles import Oracle
-from robots import robot
-
-PANDA = robot("panda_description/urdf/panda.urdf")
-FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ import pytest
 
 import diag_dynamics as dd
 import robots
+from controlled import PANDA, RANDOM, UR5
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
 from diag_dynamics.dynamics.contact_force import ContactForce
@@ -20,13 +21,10 @@ from diag_dynamics.exceptions import InputError
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
-PANDA = robots.robot("panda_description/urdf/panda.urdf")
 ARM = PANDA._replace(
     id="panda_arm", locked_joints={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
 )
-UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 Z1 = robots.robot("z1_description/urdf/z1.urdf")
-RANDOM = {robot_id.id: robot_id for robot_id in robots.random_robots()}
 TEXTBOOK = {robot_id.id: robot_id for robot_id in robots.textbook_robots()}
 ROBOTS = (
     ARM,

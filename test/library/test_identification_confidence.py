@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from controlled import FINGERS
 from described import PANDA
 from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.fit import Layout
@@ -162,8 +163,6 @@ def test_intervals_of_a_payload_contain_errors_of_gains(name):
 
 
 # --- Base parameters
-
-FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import pytest
 
 import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
+from controlled import FINGERS
 from desk_arm import DOWN, JOINTS, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
 from diag_dynamics.identification.identify import FitData
@@ -169,7 +170,6 @@ def test_slow_motion_does_not_tell_the_other_sign_from_a_ceiling(arm):
         dd.identify(recording(10.0 * t, q, qd / 10.0, tau), arm, "friction")
 
 
-FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 ARMS = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", {}),
     "panda": ("panda_description/urdf/panda.urdf", FINGERS),

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import diag_dynamics as dd
+from controlled import PANDA
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import (
     BALL,
@@ -25,7 +26,6 @@ from motions import efforts
 from oracles import Oracle
 from robots import random_robots, robot
 
-PANDA = robot("panda_description/urdf/panda.urdf")
 ROBOTS = [
     PANDA,
     robot("ur_description/urdf/ur5_robot.urdf").floating,

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-import robots
+from controlled import RANDOM
 from coupling import NAMED, Coupled
 from described import subject
 from diag_dynamics.exceptions import InputError
 from loads import GAIN, STEP, Arm, low_pass
 
-RANDOM = {robot.id: robot for robot in robots.random_robots()}
 MIMIC = (NAMED["nested three deep"], NAMED["several followers of one leader"])
 TREES = {r.id: r for r in (RANDOM["mobile_tree_20"], RANDOM["random_tree_0"].floating, *MIMIC)}
 CENTER = (0.04, 0.02, -0.05)

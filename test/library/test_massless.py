@@ -15,7 +15,7 @@ from derivative_oracles import RateOracle
 from diag_dynamics.inspection import inspect_robot
 from laws import everything
 from oracles import Oracle
-from robots import description, joint, link
+from robots import BOX, description, joint, link
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
@@ -23,7 +23,6 @@ SINGULAR, MOTIONLESS, EMPTY = (
     [id for id, exclusion in robots.EXCLUDED.items() if exclusion.reason == reason]
     for reason in (robots.SINGULAR, robots.MOTIONLESS, robots.EMPTY)
 )
-BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 ROD = {"mass": 1.0, "com": (0, 0, 1), "inertia": (0.1, 0, 0, 0.1, 0, 0)}  # no inertia about z
 DOT = {"mass": 1.0, "com": (0, 0, 0.5), "inertia": (0, 0, 0, 0, 0, 0)}
 

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
-import robots
+from controlled import ARM, PANDA, RANDOM, READY, UR5
 from described import subject
 from diag_dynamics.exceptions import InputError
 from motions import recorded
 
-PANDA = robots.robot("panda_description/urdf/panda.urdf")
-ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
-RANDOM = {robot.id: robot for robot in robots.random_robots()}
 ROBOTS = {
     r.id: r
     for r in (
@@ -27,10 +24,8 @@ ROBOTS = {
         RANDOM["random_tree_0"].floating,
     )
 }
-READY = np.array([0.0, -0.5, 0.1, -2.0, 0.1, 1.6, 0.5])
 N, GAIN = 7, 25.0
 GAINS = np.linspace(20.0, 80.0, N)
-UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 ROBOTS |= {UR5.id: UR5}
 
 

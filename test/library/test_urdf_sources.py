@@ -16,9 +16,8 @@ import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.description import text as sources
 from diag_dynamics.inspection import inspect_robot
-from robots import description, joint, link
+from robots import BOX, description, joint, link
 
-BOX = {"mass": 2.0, "com": (0.1, 0.2, 0.3), "inertia": (0.1, 0.0, 0.0, 0.2, 0.0, 0.3)}
 ARM = description(
     "arm", link("base"), link("upper", **BOX), joint("shoulder", "revolute", "base", "upper")
 )

@@ -15,6 +15,7 @@ RANDOM = {robot.id: robot for robot in robots.random_robots()}
 PANDA = robots.robot("panda_description/urdf/panda.urdf")
 UR5 = robots.robot("ur_description/urdf/ur5_robot.urdf")
 TREE = RANDOM["geared_tree_10"]
+FINGERS = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 ARM = PANDA._replace(id="panda_arm", locked_joints={"panda_finger_joint1": 0.02})
 Z1 = robots.robot("z1_description/urdf/z1.urdf")._replace(locked_joints={"jointGripper": -0.5})
 FRAMES = {PANDA.id: "panda_hand", ARM.id: "panda_hand", UR5.id: "tool0", TREE.id: "link_11"}

@@ -7,9 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 import diag_dynamics as dd
+from described import S
 from diag_dynamics.recordings.intake import States
-
-S = 10**9
 
 
 def fourier(rng, t, low, high, fastest=1.7, base=0.1, harmonics=5, share=0.35):
