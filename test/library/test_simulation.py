@@ -335,9 +335,10 @@ def test_wrenches_are_efforts_of_their_jacobian(frame):
     f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
     jacobian = Oracle(robot_path(UR5).read_text(), model.dof_names).effort_of(q, f_ext, frame)
     sims = [dd.Simulation(model, q, qd, step=1e-6, effort_limits=False) for _ in range(2)]
-    sims[0].advance(f_ext=f_ext, frame=frame)
-    sims[1].advance(jacobian)
-    np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
+    for wrenches, efforts in ((f_ext, jacobian), (None, None)):  # a push ends
+        sims[0].advance(f_ext=wrenches, frame=frame)
+        sims[1].advance(efforts)
+        np.testing.assert_allclose(sims[0].qd, sims[1].qd, rtol=0, atol=1e-9)
     assert np.abs(sims[0].qd - qd).max() > 1e-5
 
 
