@@ -112,6 +112,13 @@ def test_echo_prints_a_field(left, panda):
     assert float(echo.output.split()[0]) == pytest.approx(K, rel=1e-6)
 
 
+def test_echo_names_the_fields(left):
+    command = [sys.executable, EXAMPLES / "echo.py", f"{left.name}/kinetic_energy"]
+    with Process([*command, "--field", "wrong"]) as echo:
+        assert echo.wait(HANG) == 2, echo.tail()
+    assert "--field is 'wrong'; expected one of header, dof_names" in echo.output
+
+
 def test_echo_prints_a_latched_text(peer):
     """A text that was published before echo started is printed as it is, for example a URDF."""
     text = '<robot name="a">\n</robot>'
@@ -223,10 +230,3 @@ def test_wrong_arguments_are_named(arguments, error):
     with Process([sys.executable, EXAMPLES / arguments[0], *arguments[1:]]) as process:
         assert process.wait(HANG) == 2
     assert process.output.startswith("usage: ") and error in process.output
-
-
-def test_echo_names_the_fields(left):
-    command = [sys.executable, EXAMPLES / "echo.py", f"{left.name}/kinetic_energy"]
-    with Process([*command, "--field", "wrong"]) as echo:
-        assert echo.wait(HANG) == 2, echo.tail()
-    assert "--field is 'wrong'; expected one of header, dof_names" in echo.output

@@ -188,7 +188,8 @@ def start(block, folder, environment):
 
     code = block.code
     for command, program in REPLACEMENTS.items():
-        code = code.replace(command, f"python3 {ROOT}/examples/{program}")
+        path = shlex.quote(str(ROOT / "examples" / program))
+        code = code.replace(command, f"python3 {path}")
     return Process(["bash", "-euo", "pipefail", "-c", code], cwd=folder, env=environment)
 
 
