@@ -20,8 +20,7 @@ from launch.actions import (
 from launch.conditions import IfCondition
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
-from launch_ros.actions import LifecycleNode, Node
-from launch_ros.event_handlers import OnStateTransition
+from launch_ros.actions import Node
 
 ARGUMENTS = {
     "namespace": ("", "Namespace of all nodes."),
@@ -49,20 +48,21 @@ def start(context):
             **common,
         )
 
-    def after(process, action):
+    def after(process, action, condition=None):
         """Return the handler that starts an action after a process; its error ends the launch."""
 
         def on_exit(event, _):
             return EmitEvent(event=Shutdown(reason="a step failed")) if event.returncode else action
 
-        return RegisterEventHandler(OnProcessExit(target_action=process, on_exit=on_exit))
+        handler = OnProcessExit(target_action=process, on_exit=on_exit)
+        return RegisterEventHandler(handler, condition=condition)
 
     manager = Node(
         package="controller_manager", executable="ros2_control_node", parameters=files, **common
     )
     states = spawner("joint_state_broadcaster")
     efforts = spawner("effort_controller", "--inactive")
-    controller = LifecycleNode(
+    controller = Node(
         package="diag_dynamics",
         executable="controller",
         name="diag_dynamics_controller",
@@ -70,22 +70,28 @@ def start(context):
         arguments=["--ros-args", "--log-level", arguments["log_level"]],
         **common,
     )
-    actions = [manager, states, after(states, efforts), after(efforts, controller)]
+    # A lifecycle event is sent once and may be lost. Commands are sent until somebody hears them.
+    root = Path("/", namespace)
+    options = ["--once", "--qos-reliability", "best_effort"]
+    topic = [str(root / "effort_controller" / "commands"), "std_msgs/msg/Float64MultiArray"]
+    command = ExecuteProcess(cmd=["ros2", "topic", "echo", *options, *topic], output="log")
     # Not a second spawner: it would configure effort_controller again.
-    command = ["ros2", "control", "switch_controllers", "--activate", "effort_controller"]
-    where = ["--controller-manager", str(Path("/", namespace, "controller_manager"))]
-    switch = ExecuteProcess(cmd=[*command, "--strict", *where], output="both")
-    is_active = OnStateTransition(
-        target_lifecycle_node=controller,
-        goal_state="active",
-        entities=[switch],
-        handle_once=True,  # a reaction or a person may deactivate effort_controller later
+    switch = ExecuteProcess(
+        cmd=[
+            *("ros2", "control", "switch_controllers", "--activate", "effort_controller"),
+            *("--strict", "--controller-manager", str(root / "controller_manager")),
+        ],
+        output="both",
     )
     activates = IfCondition(arguments["activate"])
     return [
-        *actions,
-        RegisterEventHandler(is_active, condition=activates),
-        after(switch, None),
+        manager,
+        states,
+        after(states, efforts),
+        after(efforts, controller),
+        after(efforts, command, activates),
+        after(command, switch, activates),
+        after(switch, None, activates),
     ]
 
 

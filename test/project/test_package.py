@@ -343,11 +343,9 @@ def test_launches_give_parameters(file):
 @pytest.mark.ros
 @pytest.mark.parametrize("namespace", ["", "left/arm"])
 def test_ros2_control_activates_efforts_last(namespace):
-    """The node follows the inactive effort controller, which is activated when the node is
-    active.
-    """
+    """The node follows the inactive effort controller, which is activated when commands arrive."""
     steps = actions_of("ros2_control", **({"namespace": namespace} if namespace else {}))
-    manager, states, efforts, controller, switch = steps
+    manager, states, efforts, controller, command, switch = steps
     assert [manager.executable, states.executable, efforts.executable] == [
         "ros2_control_node",
         "spawner",
@@ -358,10 +356,13 @@ def test_ros2_control_activates_efforts_last(namespace):
     assert controller.name == NODES["controller"]
     assert {step.namespace for step in (manager, states, efforts, controller)} == {namespace}
     assert (efforts.starts_after, controller.starts_after) == (states, efforts)
-    assert switch.starts_after == (controller, "active")
-    assert switch.is_once and switch.has_handler  # not again after a reaction; errors are seen
+    assert (command.starts_after, switch.starts_after) == (efforts, command)
+    assert switch.has_handler  # errors are seen
     assert switch.cmd[2:5] == ["switch_controllers", "--activate", "effort_controller"]
-    assert switch.cmd[-1] == "/".join(["", *filter(None, [namespace]), "controller_manager"])
+    root = "/".join(["", *filter(None, [namespace])]).rstrip("/")
+    assert switch.cmd[-1] == f"{root}/controller_manager"
+    assert command.cmd[:4] == ["ros2", "topic", "echo", "--once"]
+    assert f"{root}/effort_controller/commands" in command.cmd
     assert Path(manager.parameters[0]).samefile(ROOT / "config" / "effort_controllers.yaml")
     assert len(actions_of("ros2_control", activate="false")) == 4
-    assert len(actions_of("ros2_control", activate="True")) == 5
+    assert len(actions_of("ros2_control", activate="True")) == 6

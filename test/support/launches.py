@@ -64,14 +64,6 @@ def on_process_exit(target_action, on_exit):
     return action
 
 
-def on_state_transition(target_lifecycle_node, goal_state, entities, handle_once):
-    """Stand for OnStateTransition, of one action."""
-    (action,) = entities
-    action.starts_after = (target_lifecycle_node, goal_state)
-    action.is_once = handle_once
-    return action
-
-
 STAND_INS = {
     "launch": module("launch", LaunchDescription=list),
     "launch.actions": module(
@@ -81,7 +73,7 @@ STAND_INS = {
         ExecuteProcess=SimpleNamespace,
         IncludeLaunchDescription=include,
         OpaqueFunction=lambda function: function,
-        RegisterEventHandler=lambda handler, condition=True: handler if condition else None,
+        RegisterEventHandler=lambda handler, condition: None if condition is False else handler,
     ),
     "launch.conditions": module(
         "launch.conditions", IfCondition=lambda text: text.lower() == "true"
@@ -96,12 +88,7 @@ STAND_INS = {
         LaunchConfiguration=lambda name: lambda configurations: configurations[name],
     ),
     "launch_ros": module("launch_ros"),
-    "launch_ros.actions": module(
-        "launch_ros.actions", LifecycleNode=SimpleNamespace, Node=SimpleNamespace
-    ),
-    "launch_ros.event_handlers": module(
-        "launch_ros.event_handlers", OnStateTransition=on_state_transition
-    ),
+    "launch_ros.actions": module("launch_ros.actions", Node=SimpleNamespace),
     "launch_ros.parameter_descriptions": module(
         "launch_ros.parameter_descriptions", ParameterValue=parameter_value
     ),
