@@ -44,21 +44,49 @@ RATE, OBSERVER_GAIN, GRAVITY = 250.0, 25.0, 9.81
 """Joint states per second; gain of the monitor's observer [1/s]; acceleration of gravity [m/s²]."""
 
 
+LEVER = 0.1
+"""Distance of a pushed point from the origin of its link [m]."""
+
+
+def turning_wrench(dynamics, link):
+    """Return the wrench on a link that turns its joint, for a force of 1 N; shape (6,).
+
+    It is in the link's axes, about its origin. By the torque in its own joint, a pushed link
+    differs from the links before it.
+    """
+    q = dynamics.model.start
+    moved_by = np.flatnonzero(dynamics.jacobian(q, link, frame="link").any(axis=0))
+    if not moved_by.size:
+        return np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    points = LEVER * np.vstack([np.eye(3), -np.eye(3)])
+    jacobians = [dynamics.jacobian(q, link, point=point, frame="link") for point in points]
+    velocities = [jacobian[:3, moved_by[-1]] for jacobian in jacobians]
+    speeds = np.linalg.norm(velocities, axis=1)
+    farthest = np.argmax(speeds)
+    direction = velocities[farthest] / speeds[farthest]
+    return np.concatenate([direction, np.cross(points[farthest], direction)])
+
+
 class Pusher(Node):
     """Pushes the end effector every few seconds, and the link of a page by its button."""
 
-    def __init__(self, link, force):
+    def __init__(self, model, link, force):
         super().__init__("pusher")
         self._link, self._force = link, force
-        self._wrenches = self.create_publisher(WrenchStamped, "external_wrench", 10)
+        dynamics = DiagonalDynamics(model)
+        self._wrenches = {name: turning_wrench(dynamics, name) for name in model.link_names}
+        self._publisher = self.create_publisher(WrenchStamped, "external_wrench", 10)
         self.create_timer(PUSH_PERIOD, self.push)
 
     def push(self, link=""):
-        """Push a link sideways, each time from the other side."""
+        """Push beside a link's joint, each time from the other side."""
         message = WrenchStamped()
-        message.header.frame_id, message.wrench.force.y = link or self._link, self._force
+        message.header.frame_id = link or self._link
+        wrench = self._force * self._wrenches[message.header.frame_id]
+        force, torque = message.wrench.force, message.wrench.torque
+        force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
         self._force = -self._force
-        self._wrenches.publish(message)
+        self._publisher.publish(message)
 
 
 def find_port(port=PARAMETERS["port"].default):
@@ -118,7 +146,6 @@ def main(args=None):
         "robot_description": source,
         "motion": "wave",
         "rate": RATE,
-        "wrench_axes": "world",
         "wrench_timeout": PUSH_TIME,
     }
     covariance = (DEVIATION * weight) ** 2 * np.eye(model.nv)
@@ -132,7 +159,7 @@ def main(args=None):
     }
 
     def make_nodes():
-        pusher = Pusher(link, FORCE * weight)
+        pusher = Pusher(model, link, FORCE * weight)
         page = {"port": find_port(), "robots": [NAMESPACE]}
         view = ViewNode(pusher.push, parameter_overrides=overrides(page))
         print(f"Open {view.address}", flush=True)
