@@ -47,7 +47,9 @@ def test_top_in_a_terminal(peer, tmp_path):
         dof_names=["elbow"], nu=[2.0], velocity=[1.0], coriolis=[0.0], kinetic_energy=2.0
     )
     state.articulated_inertia = [4.0]
-    environment = os.environ | {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8", "SHELL": "/bin/sh"}
+    # Pytest's readline gives its workers COLUMNS and LINES, which rich prefers to the terminal's.
+    environment = {name: os.environ[name] for name in os.environ.keys() - {"COLUMNS", "LINES"}}
+    environment |= {"LANG": "C.UTF-8", "LC_ALL": "C.UTF-8", "SHELL": "/bin/sh"}
 
     def tmux(*arguments):
         whole = ["tmux", "-S", tmp_path / "socket", "-f", os.devnull, *arguments]
