@@ -12,22 +12,16 @@ import yaml
 
 
 def convert(kind, value):
-    """Return a value of YAML as the type of a field."""
+    """Return a value of YAML as a type."""
     if isinstance(value, list):
         return [convert(kind, entry) for entry in value]
     if not isinstance(value, dict):
         return float(value) if "double" in kind else value
-    name = kind.removeprefix("sequence<").removesuffix(">").replace("/", ".msg.")
-    return fill(locate(name), value)
-
-
-def fill(kind, values):
-    """Return a message of a class."""
-    types = kind.get_fields_and_field_types()
-    for name in values:
-        if name not in types:
-            parser.error(f"REQUEST has '{name}'; expected fields of {', '.join(types) or 'none'}.")
-    return kind(**{name: convert(types[name], value) for name, value in values.items()})
+    message = locate(kind.removeprefix("sequence<").removesuffix(">").replace("/", ".msg."))
+    types = message.get_fields_and_field_types()
+    if unknown := ", ".join(map(str, value.keys() - types)):
+        parser.error(f"REQUEST has '{unknown}'; expected fields of {', '.join(types) or 'none'}.")
+    return message(**{name: convert(types[name], entry) for name, entry in value.items()})
 
 
 parser = argparse.ArgumentParser(description=__doc__)
@@ -35,13 +29,15 @@ parser.add_argument("service")
 parser.add_argument("type", help="such as rcl_interfaces/srv/GetParameters")
 parser.add_argument("request", nargs="?", default="{}", help="fields in YAML")
 args = parser.parse_args()
-service = locate(args.type.replace("/", "."))
+name = args.type.replace("/", ".")
+service = locate(name)
 if not hasattr(service, "Request"):
     parser.error(f"TYPE is '{args.type}'; expected the type of a service. Is it installed?")
 try:
-    request = fill(service.Request, yaml.safe_load(args.request))
+    request = convert(f"{name}.Request", dict(yaml.safe_load(args.request)))
 except (AssertionError, AttributeError, TypeError, ValueError, yaml.YAMLError) as error:
-    parser.error(f"REQUEST is '{args.request}'; expected fields of the type. {error}")
+    reason = " ".join(str(error).split())
+    parser.error(f"REQUEST is '{args.request}'; expected fields of the type. {reason}")
 rclpy.init()
 node = rclpy.create_node("call")
 client = node.create_client(service, args.service)
