@@ -3,12 +3,14 @@
 
 """Values by name in lists of parameters: ``joint=0.5``, ``*`` for all others; xacro arguments."""
 
+import argparse
 import math
 import os
 import re
 import shlex
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.text import shortened
 
 ALL = "*"
 """Name for every joint without an entry of its own."""
@@ -21,6 +23,14 @@ _WITH_ARGUMENTS = re.compile(r"(?P<path>.*?)\s+(?P<arguments>[A-Za-z_][\w.-]*:=.
 
 LARGEST = 1e9
 """Largest number of a parameter without other bounds."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser of a command line, whose errors are shortened."""
+
+    def error(self, message):
+        """See argparse."""
+        super().error(shortened(message))
 
 
 def assignments(parameter, entries, kind=float, minimum=None):

@@ -22,7 +22,7 @@ from diag_dynamics.recordings.summary import (
     format_summary,
     make_row,
 )
-from diag_dynamics.text import Progress, aligned, plain
+from diag_dynamics.text import Progress, aligned, plain, shortened
 
 EPILOG = (
     "exit status: 0 no problem; 1 unreadable data, rejected messages, a wrong unit, a power "
@@ -125,7 +125,8 @@ def _analyse(chosen, parameters, robot, write):
         print(format_summary(summary))
         common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
         if faults:
-            print(f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}.", file=sys.stderr)
+            text = f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}."
+            print(shortened(text), file=sys.stderr)
     return DOUBTFUL if faults else DONE
 
 
@@ -137,7 +138,7 @@ def _analyse_several(chosen, parameters, robot, write):
             summary = _summary(chosen, recording, parameters, robot)
         except (DiagDynamicsError, OSError) as error:
             failed[recording] = str(error)
-            print(f"diag-dynamics analyse: {error}", file=sys.stderr)
+            print(f"diag-dynamics analyse: {shortened(str(error))}", file=sys.stderr)
             continue
         summaries.append(summary)
         if _prints(chosen):
@@ -145,7 +146,7 @@ def _analyse_several(chosen, parameters, robot, write):
     write({"recordings": summaries, "failed": failed})
     if _prints(chosen):
         lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
-        print("\n".join([*lines, *(f"failed: {plain(path)}" for path in failed)]))
+        print("\n".join([*lines, *(f"failed: {shortened(path)}" for path in failed)]))
     if not summaries:
         return FAILED
     return DOUBTFUL if failed or any(map(describe_faults, summaries)) else DONE

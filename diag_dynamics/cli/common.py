@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from shlex import quote
 
-from diag_dynamics.entries import ARGUMENT, assignments, split_arguments
+from diag_dynamics.entries import ARGUMENT, Parser, assignments, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import plain, shortened
 
@@ -40,14 +40,6 @@ class Terminated(KeyboardInterrupt):
     status = 128 + signal.SIGTERM
 
 
-class Parser(argparse.ArgumentParser):
-    """A parser of a command line, whose errors are shortened."""
-
-    def error(self, message):
-        """See argparse."""
-        super().error(shortened(message))
-
-
 def run_command(name, about, module, arguments):
     """Parse the arguments of a command of the library, run its module, return the exit status."""
     epilog = getattr(module, "EPILOG", None)
@@ -67,7 +59,7 @@ def run_command(name, about, module, arguments):
         lost = " and ".join(f"'{path}'" for path in outputs.values() if path not in (None, "-"))
         rest = f"; not written: {lost}" if lost else ""
         kind = "terminated" if isinstance(error, Terminated) else "interrupted"
-        print(f"diag-dynamics {name}: {kind}{rest}.", file=sys.stderr)
+        print(shortened(f"diag-dynamics {name}: {kind}{rest}."), file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
         print(

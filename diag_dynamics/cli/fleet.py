@@ -9,7 +9,7 @@ from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.fleet import analyse_fleet
-from diag_dynamics.text import Progress, plain
+from diag_dynamics.text import Progress, plain, shortened
 
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads"  # options without --fleet
 
@@ -52,7 +52,7 @@ def analyse(chosen, parameters, robot):
             parameters=parameters,
             **common.reading_options(chosen),
         )
-    errors = [plain(row["error"]) for row in rows if "error" in row]
+    errors = [shortened(row["error"]) for row in rows if "error" in row]
     if not chosen.quiet:
         for error in errors:
             print(f"diag-dynamics analyse: {error}", file=sys.stderr)

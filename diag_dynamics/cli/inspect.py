@@ -11,7 +11,7 @@ from pathlib import Path
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.text import listed, plain
+from diag_dynamics.text import listed, plain, shortened
 
 WIDTH = 80
 
@@ -91,7 +91,7 @@ def _estimate(robot, density, output):
         mass = f"{estimate.mass:.4g} kg, estimated from {estimate.source}"
         print(plain(f"{estimate.link}: {mass} at {density:g} kg/m³"))
     for link, reason in result.failed.items():
-        print(plain(f"{link}: not estimated: {reason}"), file=sys.stderr)
+        print(shortened(f"{link}: not estimated: {reason}"), file=sys.stderr)
     if not result.estimates:
         why = "" if result.failed else ": no link without <inertial> has geometry"
         print(f"No inertia was estimated{why}. No file was written.", file=sys.stderr)

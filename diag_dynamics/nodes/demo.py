@@ -3,7 +3,6 @@
 
 """The demo: a simulated robot that is pushed, its monitor, the page and `top` in one process."""
 
-import argparse
 import os
 import signal
 import socket
@@ -18,6 +17,7 @@ from rich.console import Console
 
 from diag_dynamics.description.catalog import robot_source
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.entries import Parser
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import end_effector_link, load_urdf
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
@@ -110,7 +110,7 @@ def compile_robot(source, options):
 
 def parse(arguments):
     """Return the options of the command."""
-    parser = argparse.ArgumentParser(prog="demo", description=__doc__)
+    parser = Parser(prog="demo", description=__doc__)
     parser.add_argument(
         "--robot", default="panda", help="a URDF or xacro file, or a name of diag-dynamics robots"
     )

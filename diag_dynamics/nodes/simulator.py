@@ -220,10 +220,8 @@ class SimulatorNode(TableNode, Node):
             self.create_timer(1.0 / (values["rate"] * self._pace.factor), self._tick)
         else:
             self.create_timer(UNPACED, self._tick, clock=steady_clock())
-        self.get_logger().info(
-            f"Ready: robot '{shortened(model.name)}', "
-            f"{model.nv} degrees of freedom, motion '{values['motion']}', {values['rate']:g} Hz."
-        )
+        text = f"{model.nv} degrees of freedom, motion '{values['motion']}', {values['rate']:g} Hz"
+        self.get_logger().info(shortened(f"Ready: robot '{model.name}', {text}."))
 
     def _use(self, model):
         self._maker = MessageMaker(model, self._revision)
@@ -350,7 +348,7 @@ class SimulatorNode(TableNode, Node):
             self._log_rejected(WRENCHES, error)
 
     def _log_rejected(self, topic, error):
-        self.get_logger().debug(f"rejected on {topic}: {shortened(str(error))}")
+        self.get_logger().debug(shortened(f"rejected on {topic}: {error}"))
 
     # --- Outputs
 

@@ -3,7 +3,6 @@
 
 """Joints of a robot by kinetic energy or torque in the terminal, with peaks and collisions."""
 
-import argparse
 import math
 import signal
 import sys
@@ -16,6 +15,7 @@ from rich.live import Live
 from rich.table import Column, Table
 from rich.text import Text
 
+from diag_dynamics.entries import Parser
 from diag_dynamics.msg import DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.clocks import NodeTime, steady_clock
 from diag_dynamics.nodes.support.runner import run
@@ -91,7 +91,7 @@ class Top(Node):
 
 def main(args=None):
     """Show a robot: ``ros2 run diag_dynamics top``."""
-    parser = argparse.ArgumentParser(prog="top", description=__doc__)
+    parser = Parser(prog="top", description=__doc__)
     parser.add_argument("topic", nargs="?", default=STATE, help="states (default: %(default)s)")
     parser.add_argument("--by", choices=UNITS, default="energy", help="order and peaks")
     chosen = parser.parse_args(remove_ros_args(args or sys.argv)[1:])

@@ -532,9 +532,8 @@ class ViewNode(TableNode, Node):
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:
-                self.get_logger().error(
-                    f"{robot.monitor}: {fault.reason}", throttle_duration_sec=5.0
-                )
+                text = shortened(f"{robot.monitor}: {fault.reason}")
+                self.get_logger().error(text, throttle_duration_sec=5.0)
         for monitor in [monitor for monitor, robot in self._robots.items() if robot.has_gone]:
             self._robots.pop(monitor).destroy()
 

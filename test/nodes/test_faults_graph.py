@@ -6,6 +6,7 @@ is named.
 """
 
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -338,3 +339,27 @@ def test_names_that_would_act(peer):
     assert all(text.isprintable() for text in texts_of(diagnostics.messages))
     assert len(shortened("\x1b" * 1_000_000)) <= MAX_LENGTH
     check_log(process)
+
+
+@pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
+def test_long_names_have_short_lines(peer, node):
+    """The graph of the tests rejects longer lines of a log."""
+    long, elbow = "long" * 1000, ELBOW.replace("elbow", "long" * 1000)
+    diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
+    descriptions = peer.publisher(String, f"/{node}/robot_description", LATCHED)
+    text = re.sub("arm|elbow|upper", long, URDF)
+    descriptions.publish(description(text))
+    feeder = peer.publisher(JointState, f"/{node}/joint_states")
+    options = {
+        "monitor": {},
+        "simulator": {"robot_description": repr(text)},
+        "controller": {"robot_compensates_gravity": "false", "autostart": "true"},
+    }
+    with peer.start(node, "-r", f"__ns:=/{node}", **options[node]) as process:
+        for names, position in (([elbow], 0.0), ([elbow, WRIST], math.nan), ([long], 0.0)) * 20:
+            feeder.publish(joint_state(names, [position] * len(names), [0.0] * len(names)))
+            peer.pass_time(0.1)
+        descriptions.publish(description(text.replace('value="1"', 'value="-1"')))
+        peer.pass_time(1.0)
+    assert long[:300] in process.output
+    assert 0 < max(map(len, texts_of(diagnostics.messages))) <= MAX_LENGTH

@@ -190,6 +190,7 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect nowhere.xml", "'nowhere.xml' is neither a file"),
     ("inspect talos", "'talos' is neither a file nor an example robot"),
     (f"inspect {5000 * 'x'}", "x' is neither a file nor"),
+    (f"analyse {5000 * 'x'} {5000 * 'y'} --urdf panda --quiet", "File name too long"),
     ("inspect panda -o {tmp}/new.urdf", "require each other"),
     ("inspect panda --estimate-inertias -5 -o {tmp}/new.urdf", "estimate_inertias is -5.0"),
     (f"inspect arm.xml {ESTIMATE}", "is an MJCF. MuJoCo estimates"),
@@ -246,7 +247,8 @@ def test_refused(line, message, run, folder, tmp_path):
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
     status, out, error = run(line)
     assert (status, out) == (2, "") and message in error and "Traceback" not in error
-    assert "usage:" in error or error.count("\n") == 1
+    assert "usage:" in error or error.count("\n") == 1 + line.endswith("--quiet")
+    assert max(map(len, error.splitlines())) <= 1000
     assert {path: path.stat().st_mtime_ns for path in folder.iterdir()} == before and not list(
         tmp_path.iterdir()
     )

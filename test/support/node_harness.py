@@ -20,6 +20,7 @@ from functools import cache
 from types import SimpleNamespace
 from typing import ClassVar
 
+import pytest
 import rclpy
 from rclpy.clock import ClockType
 from rclpy.node import Node
@@ -31,6 +32,7 @@ from rosgraph_msgs.msg import Clock
 
 from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.descriptions import PERIOD, THREAD
+from diag_dynamics.text import MAX_LENGTH
 
 SECOND = 1_000_000_000
 
@@ -200,6 +202,8 @@ class GraphLogger:
         self._last = {}
 
     def _log(self, severity, message, once=False, throttle_duration_sec=0.0):
+        if len(message) > MAX_LENGTH:
+            pytest.fail(f"a line of the log has {len(message)} characters: {message[:200]}")
         frame = sys._getframe(2)
         place, now = (frame.f_code, frame.f_lineno), self.graph.steady
         if place in self._last and (once or now - self._last[place] < throttle_duration_sec):

@@ -422,7 +422,7 @@ class ControllerNode(ManagedNode):
 
     def _rejected(self, now, cause, reason):
         self._record.refuse(f"rejected: {cause}", reason)
-        self.get_logger().debug(f"rejected: {cause}: {shortened(reason)}")
+        self.get_logger().debug(shortened(f"rejected: {cause}: {reason}"))
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
@@ -487,7 +487,7 @@ class ControllerNode(ManagedNode):
         return False
 
     def _log_rejected(self, topic, reason):
-        text, log = f"Rejected on {topic}: {reason}", self.get_logger()
+        text, log = shortened(f"Rejected on {topic}: {reason}"), self.get_logger()
         log.debug(text)
         if self._rejections.is_due(text, self.time.steady()):
             log.warning(text)

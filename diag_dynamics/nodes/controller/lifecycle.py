@@ -51,7 +51,8 @@ class ManagedNode(TableNode, LifecycleNode):
             answered, fault = attempt(answer, request, response)
             if fault is None:
                 return answered
-            self.get_logger().error(f"Transition rejected in state {self.phase}: {fault.reason}")
+            text = f"Transition rejected in state {self.phase}: {fault.reason}"
+            self.get_logger().error(shortened(text))
             response.success = False
             return response
 

@@ -218,10 +218,9 @@ class CollisionWatch(Watch):
         self._withheld += 1
         if frames[0] != self._unobserved_frame:
             self._unobserved_frame = frames[0]
-            self._node.get_logger().warning(
-                f"No external wrench at {shortened(frames[0])}: the joints do not observe all "
-                "directions (docs/external-wrench.md)."
-            )
+            reason = "the joints do not observe all directions (docs/external-wrench.md)"
+            text = shortened(f"No external wrench at {frames[0]}: {reason}.")
+            self._node.get_logger().warning(text)
 
     def _alarming(self):
         """Return the Alarming of the last state."""

@@ -242,7 +242,7 @@ class MonitorNode(TableNode, Node):
 
     def _reject(self, outcome, cause, text):
         self._statistics.count_rejected(outcome, cause, text)
-        self.get_logger().debug(f"{outcome}: {cause}: {self._statistics.last_rejection}")
+        self.get_logger().debug(shortened(f"{outcome}: {self._statistics.last_rejection}"))
 
     def _publish(self, robot, state, outcome):
         """Evaluate a state, watch it, and publish it where there are subscribers."""

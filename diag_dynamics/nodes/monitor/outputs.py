@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import ORDER, TOPICS
+from diag_dynamics.text import shortened
 
 
 def _type(name):
@@ -74,7 +75,7 @@ class Outputs:
             _, fault = attempt(self.publish_beside, "markers", stamp, lambda: robot.markers(s))
             if fault:
                 log = self._node.get_logger()
-                log.warning(f"Markers: {fault.reason}", throttle_duration_sec=5.0)
+                log.warning(shortened(f"Markers: {fault.reason}"), throttle_duration_sec=5.0)
 
     def publish_beside(self, topic, stamp, make):
         """Publish another topic; `make` returns its message about a state stamped `stamp` [ns]."""

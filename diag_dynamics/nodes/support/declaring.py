@@ -165,7 +165,7 @@ def judge(node, specs, take):
         if fault is None:
             return SetParametersResult(successful=True)
         if fault.is_internal:
-            node.get_logger().error(f"Parameters rejected: {fault.reason}")
+            node.get_logger().error(shortened(f"Parameters rejected: {fault.reason}"))
         return SetParametersResult(successful=False, reason=fault.reason)
 
     _warn_unknown(node)

@@ -61,7 +61,8 @@ def answered(node, kind, answer, named=str, keep=()):
             return response
         reason = named(fault.text)
         if fault.is_internal:
-            node.get_logger().error(f"{kind.__name__}: {fault.reason}", throttle_duration_sec=5.0)
+            text = shortened(f"{kind.__name__}: {fault.reason}")
+            node.get_logger().error(text, throttle_duration_sec=5.0)
             reason = f"Internal error: {fault.text}"
         kept_fields = {field: getattr(response, field) for field in keep}
         return kind.Response(success=False, message=shortened(reason), **kept_fields)

@@ -3,7 +3,6 @@
 
 """Start, spin and end nodes. Signals are handled before anything large is imported."""
 
-import argparse
 import faulthandler
 import gc
 import os
@@ -19,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from diag_dynamics.entries import Parser
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.text import shortened
 
@@ -156,7 +156,7 @@ def node_class(executable):
 
 def parse_arguments(executable, args):
     """Print the help, or refuse arguments that are not of ROS."""
-    argparse.ArgumentParser(
+    Parser(
         prog=executable,
         usage=f"{executable} [--ros-args -p NAME:=VALUE --params-file FILE -r FROM:=TO "
         "--log-level LEVEL ...]",
