@@ -29,6 +29,7 @@ def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
     inertia.
     """
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(demo.signal, "signal", lambda *_: None)  # later tests have Ctrl-C
     assert demo.main(["demo", "--robot", robot]) == 1
     output = capsys.readouterr()
     assert [text for text in texts if text not in output.err] == []
