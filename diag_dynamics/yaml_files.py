@@ -54,7 +54,7 @@ def read_yaml(path: object, title: str) -> Any:
 def read_text(path: object, title: str) -> str:
     """Return the text of a file; `title` names it in errors."""
     try:
-        return Path(str(path)).expanduser().read_text(encoding="utf-8")
+        return Path(str(path)).expanduser().read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError, ValueError) as error:  # ValueError: a null in the name
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{title} cannot be read: {reason}.") from error

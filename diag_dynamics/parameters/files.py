@@ -4,6 +4,7 @@
 """Parameters of the monitor without a node: from YAML files, and from a command line."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields
 from fnmatch import fnmatch
@@ -98,11 +99,11 @@ def _read_file(path):
         node_name = str(node).split("/")[-1]
         if fnmatch(MONITOR, node_name):
             ignored = OF_OTHERS if node_name != MONITOR else ()
-            values |= {
-                name: value
-                for name, value in _flatten(section["ros__parameters"])
-                if name not in ignored
-            }
+            entries = [*_flatten(section["ros__parameters"])]
+            for name, count in Counter(name for name, _ in entries).items():
+                if count > 1:
+                    raise InputError(f"'{path}': '{name}' is there {count} times; expected once.")
+            values |= {name: value for name, value in entries if name not in ignored}
     return values
 
 

@@ -3,6 +3,7 @@
 
 """Written files are whole or absent, and files of parameters that were cut are rejected."""
 
+import codecs
 import math
 import os
 import re
@@ -76,8 +77,9 @@ def test_a_truncated_file_of_parameters_is_rejected(tmp_path):
     saved = dd.Parameters(joints)
     saved.save(path)
     whole = path.read_bytes()
-    for size in range(len(whole)):
-        path.write_bytes(whole[:size])
+    cuts = [whole[:size] for size in range(len(whole))]
+    for cut in (*cuts, codecs.BOM_UTF8 + whole[: whole.rindex(b"#")]):
+        path.write_bytes(cut)
         with pytest.raises(dd.InputError, match=r"arm\.yaml'"):
             dd.Parameters.load(path)
     path.write_text(yaml_text(saved.to_dict()))
@@ -117,6 +119,14 @@ def test_keys_are_there_once(tmp_path, read):
     path.write_text("joints: {a: {damping: 1}}\njoints: {a: {damping: 2}}")
     with pytest.raises(dd.InputError, match=r"x\.yaml' is no YAML: key 'joints' is there 2 times"):
         read(path)
+
+
+def test_parameters_are_there_once(tmp_path):
+    """With dots or as groups."""
+    path, names = tmp_path / "x.yaml", "{energy: {warn: [a=1]}, energy.warn: [a=2]}"
+    path.write_text(f"/**: {{ros__parameters: {names}}}")
+    with pytest.raises(dd.InputError, match=r"x\.yaml': 'energy\.warn' is there 2 times"):
+        parameters_of([path])
 
 
 @pytest.mark.parametrize(
