@@ -51,8 +51,8 @@ READ_TIMEOUT = 20.0
 MAX_CONNECTIONS = 64
 """Connections, above which the next one is refused."""
 
-ACCEPT_RETRY_PERIOD = 10.0
-"""Time until the next attempt to accept connections after an error [s]."""
+ACCEPT_RETRY_PERIOD, ACCEPT_REPORT_PERIOD = 1.0, 60.0
+"""Time until the next attempt to accept connections after an error, and between two reports [s]."""
 
 KEEPALIVE_TIMEOUT = 15.0
 """Time after which a connection without requests is closed [s]."""
@@ -171,6 +171,7 @@ class PageServer:
 
     async def _accept_connections(self, server):
         """Accept connections: servers of asyncio have no maximum and log every error."""
+        next_report = time.monotonic()
         while not self._end.is_set():
             try:
                 connection, _ = await self._loop.sock_accept(self._socket)
@@ -179,12 +180,15 @@ class PageServer:
                 else:
                     await self._loop.connect_accepted_socket(server, connection)
             except OSError as error:  # as without free file descriptors
-                if not self._end.is_set():
+                if self._end.is_set():
+                    return
+                if time.monotonic() >= next_report:
+                    next_report = time.monotonic() + ACCEPT_REPORT_PERIOD
                     logger.warning(
                         "The page accepts no connections: %s. Close other programs.", error
                     )
-                    with suppress(asyncio.TimeoutError):
-                        await asyncio.wait_for(self._end.wait(), ACCEPT_RETRY_PERIOD)
+                with suppress(asyncio.TimeoutError):
+                    await asyncio.wait_for(self._end.wait(), ACCEPT_RETRY_PERIOD)
 
     @web.middleware
     async def _guard(self, request, handler):

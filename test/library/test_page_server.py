@@ -5,7 +5,9 @@
 pass.
 """
 
+import asyncio
 import contextlib
+import errno
 import http.client
 import itertools
 import json
@@ -167,6 +169,22 @@ def test_connections_above_the_maximum_are_refused(address):
         assert others[-1].recv(12) == b"HTTP/1.0 200"
         others.pop().close()
         assert get_json_when_free(address)
+
+
+def test_errors_of_accepting_are_logged_once_a_minute(serve, arm, monkeypatch, caplog):
+    """Then connections are accepted again."""
+    loop, errors = asyncio.SelectorEventLoop, iter([OSError(errno.EMFILE, "no descriptor")] * 20)
+    accept = loop.sock_accept
+
+    async def fail_at_first(*arguments):
+        for error in errors:
+            raise error
+        return await accept(*arguments)
+
+    monkeypatch.setattr(loop, "sock_accept", fail_at_first)
+    monkeypatch.setattr(server, "ACCEPT_RETRY_PERIOD", 1e-3)
+    assert get_json(serve(arm.stream), "/robots")
+    assert len(caplog.messages) == 1 and "no descriptor" in caplog.text
 
 
 def get_json_when_free(address):

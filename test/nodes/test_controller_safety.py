@@ -512,6 +512,7 @@ def test_another_robot(fed):
     lines = fed.process.output[begin:].splitlines()
     assert ["Holding gravity: the state" in line for line in lines].count(True) == 1
     assert ["Resumed: mode " in line for line in lines].count(True) == 1
+    assert ["[WARN] " in line for line in lines if "Mode damping, by service." in line] == [True]
     fed.descriptions.publish(description(robot(UR5).urdf))
     fed.wait_until_told("control", "mode damping", b"\0")
     fed.descriptions.publish(description(panda.urdf))
