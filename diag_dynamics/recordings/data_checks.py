@@ -466,6 +466,7 @@ class Hypotheses:
         self._joints, count = np.arange(model.nv), -model.nv
         self._tiny = np.maximum(MODEL_ERROR**2 * largest_of_kind(model, square), 1e-300)
         self._weight = np.where(square > 0.0, 1.0 / (square + self._tiny), 0.0)
+        self._is_alone = np.count_nonzero(self._weight) < min(2, model.nv)
         self._inner, self._across = products[..., :count, :count], products[..., :count, count:]
         self._own = self._across[0, self._joints, :, self._joints]
         self._efforts = np.diagonal(products[..., count:, count:], axis1=-2, axis2=-1)
@@ -477,7 +478,7 @@ class Hypotheses:
         self._noise = self._share(free[:, self._joints, self._joints, self._joints])
         self.plain = 1.0 * (np.arange(len(self._own[0])) <= INERTIAL)
         self._misfit = self._left(self.plain)
-        self.base = self._with_best_payload()
+        self.base, self._spread = self._with_best_payload()
         loads, reach = (
             self.base[INERTIAL + 1 :],
             np.linalg.norm(model.bodies["translation"], axis=1).sum(),
@@ -497,16 +498,20 @@ class Hypotheses:
         return squares @ self._weight / self._whole
 
     def _with_best_payload(self):
-        """Return the plain sum with the best multiples of point masses."""
+        """Return the plain sum with the best multiples of point masses, and how these spread.
+
+        The spread is the inverse of the second derivatives of what is left.
+        """
         places = np.arange(INERTIAL + 1, len(self.plain))
         inner = np.einsum("k,kij->ij", self._weight, self._inner[0])
         missing = self._weight @ (self._own - self._inner[0] @ self.plain)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner)[places], 1e-300))
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(inner)[places], 1e-200))
         matrix = inner[np.ix_(places, places)] * scale[:, None] * scale
         inverse = np.linalg.pinv(matrix, 1e-6, hermitian=True)
         columns = self.plain.copy()
         columns[places] += scale * (inverse @ (scale * missing[places]))
-        return columns
+        spread = np.linalg.inv(matrix + SINGULAR * np.eye(len(matrix))) * scale[:, None] * scale
+        return columns, spread * self._whole[0]
 
     def _squares(self, columns):
         """Return squares of efforts (columns) less torques of joints (rows), (S, nv, nv)."""
@@ -529,8 +534,10 @@ class Hypotheses:
     def best(self, *hypotheses):
         """Return the text of the hypothesis that leaves least.
 
-        The text is empty if the model or a payload leaves as little.
+        The text is empty if fewer than two joints move, or the model or a payload leaves as little.
         """
+        if self._is_alone:
+            return ""
         slight, loaded = SLIGHT * min(1.0, self._misfit[0]), self._left(self.base)[0]
         accepted = [
             (left[0], text)
@@ -543,9 +550,7 @@ class Hypotheses:
         return next(texts, "")
 
     def fault(self):
-        """Return the text of the best of all hypotheses; empty if fewer than two joints move."""
-        if np.count_nonzero(self._weight) < min(2, self._model.nv):
-            return ""
+        """Return the text of the best of all hypotheses; empty if none is."""
         return self.best(self.without_gravity(), self.scale(), self.order(), self.nothing())
 
     def nothing(self):
@@ -554,16 +559,27 @@ class Hypotheses:
         return self._left(0.0 * self.plain), text
 
     def payload(self):
-        """Return the mass that the model lacks or has too much, in words; empty if none fits."""
-        is_below = self._is_below(self._left(self.base), MAX_LEFT * self._misfit)
-        if self._misfit[0] < SLIGHT or not is_below:
+        """Return the mass that the model lacks or has too much, in words.
+
+        The text is empty if fewer than two joints move, none fits, or no mass leaves as little.
+        """
+        left = self._left(self.base)
+        slight = SLIGHT * min(1.0, self._misfit[0])
+        is_below = self._is_below(left, MAX_LEFT * self._misfit)
+        if self._is_alone or self._misfit[0] < SLIGHT or not is_below:
             return ""
         masses = self.base[INERTIAL + 1 :].reshape(-1, len(CENTRES)).sum(axis=1)
         k = int(np.argmax(np.abs(masses)))
-        carries, lacks = ("robot", "model") if masses[k] > 0.0 else ("model", "robot")
+        places = slice(k * len(CENTRES), (k + 1) * len(CENTRES))
+        spread = self._spread[places, places].sum()
+        error = np.sqrt(spread * (ALIKE * (left[0] + slight) - left[0]))
         mass, link = abs(masses[k]), self._links[k]
+        if error > mass:
+            return ""
+        carries, lacks = ("robot", "model") if masses[k] > 0.0 else ("model", "robot")
         return (
-            f"the {carries} seems to have about {mass:.2g} kg at {link} that the {lacks} lacks "
+            f"the {carries} seems to have about {mass:.2g} ± {error:.1g} kg at {link} that the "
+            f"{lacks} lacks, or heavier links "
             f"(diag-dynamics identify --what friction,payload:{link})"
         )
 
