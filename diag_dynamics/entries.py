@@ -33,11 +33,11 @@ class Parser(argparse.ArgumentParser):
         super().error(shortened(message))
 
 
-def assignments(parameter, entries, kind=float, minimum=None):
+def assignments(parameter, entries, kind=float, minimum=None, advice=""):
     """Return values by name from strings such as ``joint=0.5``; empty strings do not count.
 
     `kind` is float, bool or str, the type behind the last ``=``. A number is at least `minimum` and
-    within ±:data:`LARGEST`.
+    within ±:data:`LARGEST`. The error about another value ends in `advice`.
     """
     values = {}
     for entry in entries:
@@ -47,7 +47,7 @@ def assignments(parameter, entries, kind=float, minimum=None):
         name, value = name.strip(), _parsed(text.strip(), kind)
         title = f"parameter '{parameter}' has {entry!r}"
         if not equals or not name or value is None:
-            raise InputError(f"{title}, expected name={_EXPECTED[kind]}.")
+            raise InputError(f"{title}, expected name={_EXPECTED[kind]}.{advice}")
         if name in values:
             raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
         if minimum is not None and value < minimum:

@@ -138,7 +138,7 @@ def _analyse_several(chosen, parameters, robot, write):
             summary = _summary(chosen, recording, parameters, robot)
         except (DiagDynamicsError, OSError) as error:
             failed[recording] = str(error)
-            print(f"diag-dynamics analyse: {shortened(str(error))}", file=sys.stderr)
+            common.report_error("analyse", error, chosen)
             continue
         summaries.append(summary)
         if _prints(chosen):

@@ -62,19 +62,17 @@ def run_command(name, about, module, arguments):
         print(shortened(f"diag-dynamics {name}: {kind}{rest}."), file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
-        print(
-            f"diag-dynamics {name}: {shortened(_with_robot(str(error), chosen))}", file=sys.stderr
-        )
+        report_error(name, error, chosen)
         return FAILED
 
 
-def _with_robot(text, chosen):
-    """Return a text whose commands name the robot of this command."""
-    robot = getattr(chosen, "urdf", None)
-    if robot is None:
-        return text
-    arguments = " ".join(map(quote, [robot, *chosen.xacro_args]))
-    return text.replace("--urdf ROBOT", f"--urdf {arguments}")
+def report_error(name, error, chosen):
+    """Print the error of a command; the commands in its text name the command's robot."""
+    text, robot = str(error), getattr(chosen, "urdf", None)
+    if robot is not None:
+        arguments = " ".join(map(quote, [robot, *chosen.xacro_args]))
+        text = text.replace("--urdf ROBOT", f"--urdf {arguments}")
+    print(f"diag-dynamics {name}: {shortened(text)}", file=sys.stderr)
 
 
 @contextmanager

@@ -407,11 +407,11 @@ def _with_defaults(name, values, defaults):
 
 def _input_options(values):
     """Return the options of joint states."""
-    effort_scale = assignments("effort_scale", values["effort_scale"])
+    advice = " Set effort_available to false for joints without effort or in an unknown unit."
+    effort_scale = assignments("effort_scale", values["effort_scale"], advice=advice)
     if zeros := [name for name, scale in effort_scale.items() if not scale]:
         raise InputError(
-            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number. "
-            "Set effort_available to false for joints without effort."
+            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number.{advice}"
         )
     return Options(
         timeouts=_with_defaults("joint_timeout", values, {ALL: JOINT_TIMEOUT}),

@@ -391,6 +391,7 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert list(summary["failed"]) == [str(none)]
     assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
     assert analyse(bag, table, "--quiet") == (UNJUDGED, "", "")
+    assert len(analyse(bag, 5000 * "n", "--quiet")[2]) < 1000
     assert (
         "writes results of one recording, but there are 2. Use --fleet"
         in analyse(bag, table, "--csv", tmp_path / "x")[2]

@@ -121,7 +121,7 @@ BY_JOINT = "joint_timeout", "effort_available", "effort_scale", "effort_includes
             (["elbow=1", " elbow =1"],),
             "two entries for 'elbow'",
         ),
-        (["effort_scale"], (["elbow=0"],), "expected another number"),
+        (["effort_scale"], (["elbow=0"], ["elbow=nan"]), "Set effort_available to false"),
         (BY_JOINT[:1] + BY_JOINT[2:3], (["knee=2"],), "names 'knee'"),
         (BY_JOINT[1:2] + BY_JOINT[3:], (["knee=true"],), "names 'knee'"),
         (
