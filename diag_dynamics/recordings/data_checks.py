@@ -689,7 +689,6 @@ def find_fault(relation: Relation) -> Fault | None:
         return Fault(text)
     torque, factor, wrong = relation.torque, relation.factor, relation.wrong()
     right = relation.judged() & ~wrong
-    texts = np.array([_describe_joint(relation, k) for k in range(len(torque))], dtype=object)
     turned = (
         (factor >= OTHER_SIGN[0])
         & (factor <= OTHER_SIGN[1])
@@ -702,16 +701,25 @@ def find_fault(relation: Relation) -> Fault | None:
         named = (
             heavy & turned if np.any(heavy & turned) else heavy & (torque == torque[heavy].max())
         )
-        return Fault("; ".join(texts[named]))
+        return Fault(_describe_joints(relation, named))
     if text := relation.weight.best(relation.weight.without_gravity()):
         return Fault(text)
     doubtful = wrong | relation.doubtful()
-    text = f"{'; '.join(texts[doubtful])}; or the model lacks the load of a light joint"
+    text = f"{_describe_joints(relation, doubtful)}; or the model lacks the load of a light joint"
     return Fault(text, light=True) if doubtful.any() else None
 
 
+def _describe_joints(relation, chosen):
+    """Return what is wrong with the efforts of joints, bool, and each advice once."""
+    texts = {}
+    for k in np.flatnonzero(chosen):
+        text, advice = _describe_joint(relation, k)
+        texts.setdefault(advice, []).append(text)
+    return "; ".join("; ".join(joints) + advice for advice, joints in texts.items())
+
+
 def _describe_joint(relation, k):
-    """Return what is wrong with the effort of a joint."""
+    """Return what is wrong with the effort of a joint, and an advice."""
     name, factor, error = (
         relation.model.dof_names[k],
         relation.factor[k],
@@ -723,14 +731,11 @@ def _describe_joint(relation, k):
         f"{factor:.3g} ± {error:.2g} times the model torque",
     )
     if abs(factor) <= error:
-        return (
-            f"{begin} does not follow the motion: it is {text}. "
-            "Check that it is measured at this joint"
-        )
+        text = f"{begin} does not follow the motion: it is {text}"
+        return text, ". Check that it is measured at its joint"
     if OTHER_SIGN[0] <= factor <= OTHER_SIGN[1]:
-        return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')"
-    return (
-        f"{begin} is {text}; expected {low:g} to {high:g}. Check unit (N m, N), side of the gear "
-        "and order of the joints "
+        return f"{begin} has the opposite sign: it is {text} (effort_scale: '{name}=-1')", ""
+    return f"{begin} is {text}; expected {low:g} to {high:g}", (
+        ". Check unit (N m, N), side of the gear and order of the joints "
         "(effort_scale). For raw units of drives use diag-dynamics identify --what gains,friction"
     )
