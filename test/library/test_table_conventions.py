@@ -282,6 +282,8 @@ def test_comments_and_metadata_that_may_state_an_order_are_an_error(tmp_path, co
     np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.array(JOINTS, object))
     with pytest.raises(dd.InputError, match=r"'names: .*' may state their order"):
         read(tmp_path / "x.npz")
+    np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.ones(3, dtype=bool))
+    assert "position" in str(read(tmp_path / "x.npz").findings)
 
 
 def test_a_quantity_without_a_separator_names_no_joint(tmp_path):

@@ -158,7 +158,9 @@ def _require_order(columns, texts, joints):
     if all(labels) and labels != sorted(labels):
         raise InputError(f"columns have numbers, and the joints others: {listed(joints)}.")
     cells = [
-        f"{column.name}: {', '.join(column.sample)}" for column in columns if not column.numeric
+        f"{column.name}: {', '.join(column.sample)}"
+        for column in columns
+        if not (column.numeric or column.type.endswith("bool"))
     ]
     names = "|".join(map(re.escape, joints))
     for text in [*texts, *cells] if len(joints) > 1 else ():
