@@ -15,7 +15,7 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
-from diag_dynamics.recordings.findings import require_plausible
+from diag_dynamics.recordings.findings import require_plausible, word_for_missing
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 
@@ -112,15 +112,15 @@ def calibrate(
         require_plausible(findings)
         if not with_efforts:
             require_efforts(states > 0, counts)
-        if (fault := motion.fault()) and not fault.light:
-            name = f"'{path}': " if path else ""
-            faults[f"{name}{fault.text}: thresholds are wrong"] = True
+        if fault := motion.fault():
+            name, certain = f"'{path}': " if path else "", "may be" if fault.light else "are"
+            faults[f"{name}{fault.text}: thresholds {certain} wrong"] = True
     if not efforts.states:
         raise InputError("recordings is empty; expected at least one.")
-    unmeasured = efforts.unmeasured()
+    unmeasured = efforts.unmeasured(word_for_missing(counts))
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
-    warnings = [unmeasured] if unmeasured else list(faults)
+    warnings = [unmeasured] * bool(unmeasured) + list(faults)
     if not efforts.moved:
         warnings.append("no joint moves: the thresholds hold for a robot at rest")
     return calibrate_residuals(

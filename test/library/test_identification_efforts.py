@@ -452,6 +452,7 @@ def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
     file.
     """
     t, q, qd, tau = motion()
+    *light, weak = motion(seed=4)
     standing = q.copy(), 0.0 * qd
     standing[0][:, :2] = q[0, :2]
     standing[1][:, 2] = qd[:, 2]
@@ -459,15 +460,16 @@ def test_joints_that_stand_are_no_evidence(tmp_path, capsys):
         *standing, np.gradient(standing[1], t, axis=0)
     )
     options = "-o", str(tmp_path / "alarms.yaml")
-    for columns, expected in (
-        ((t, *standing, alone * [9.0, 9.0, 1.0] + noise(alone, 0.02)), False),
-        ((t, q, qd, tau * [1.0, 1.0, -1.0]), True),
+    for columns, certain, expected in (
+        ((t, *standing, alone * [9.0, 9.0, 1.0] + noise(alone, 0.02)), "", 0),
+        ((t, q, qd, tau * [1.0, 1.0, -1.0]), "are", 2),
+        ((*light, weak * [1.0, 1.0, 0.01]), "may be", 1),
     ):
         _, printed = commanded(tmp_path, capsys, "calibrate", columns, *options)
-        assert ("log.csv': the effort of joint 'elbow'" in printed) == expected
-        assert ("thresholds are wrong" in printed) == expected
+        text = re.search("log.csv': the effort of joint 'elbow'.*: thresholds (.*?) wrong", printed)
+        assert (text[1] if text else "") == certain
         status, printed = commanded(tmp_path, capsys, "identify", columns, "--what", "friction")
-        assert (status == 2) == expected
+        assert status == expected
 
 
 def test_the_balance_of_a_desk_arm(tmp_path, capsys):
