@@ -28,6 +28,7 @@ from diag_dynamics.control.limits import (
 )
 from diag_dynamics.control.tank import EnergyTank
 from diag_dynamics.dynamics import DiagonalDynamics
+from diag_dynamics.sweeps.limits import ROWS, deliver
 
 FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
@@ -43,6 +44,8 @@ The effort is a fraction of the effort limit. Without a limit it is the second n
 
 CONTACT_RATE = 30.0
 """Rate of the approach to contact limits [1/s]."""
+
+NO_FACTOR = np.empty((0, 0))
 
 
 class Limited(NamedTuple):
@@ -139,7 +142,10 @@ class Limits:
             if contact_points is None
             else ContactLimiter(dynamics, contact_points, CONTACT_RATE)
         )
-        self._rate = EffortRate(dynamics, effort_rate, self.energy)
+        self._rate, self._dynamics = EffortRate(effort_rate, model.dof_names), dynamics
+        self._energy_limits = energy.limit, energy.joint_limit, energy.rate
+        dynamics.compile("factors")
+        deliver.compile()
         self._gravity = np.zeros(model.nv)
         self.reset(start)
         self.begin()
@@ -180,8 +186,9 @@ class Limits:
         forces [J^½/s], such as an observer's residual.
         """
         not_negative("period", period, "[s]")
-        h, q = period or FIRST_PERIOD, vector("q", q, self._names)
-        self._gravity = g = command.gravity_torque
+        h = period or FIRST_PERIOD
+        g = vector("command.gravity_torque", command.gravity_torque, self._names)
+        self._gravity = g
         if self._is_new:
             self.reset(self.gravity_compensation)
         command = self._rate.scaled(command, period)
@@ -198,21 +205,31 @@ class Limits:
         slower = command
         if self.contact:
             command = self.contact.filter(q, qd, command, h, external)
-        saturated = self._saturation.filter(command)
-        self.scale = saturated.scale
-        bound, demand, offset = self._saturation.limit, saturated.tau, g
-        if self._compensated:  # weight beyond the limit is left to the robot
-            bound = np.maximum(bound, np.abs(g))
-            demand = g + self.scale * (command.tau - g)
-            demand = np.minimum(np.maximum(demand, -bound), bound) - g
-            offset = np.zeros_like(g)
-        moving = demand - offset, self.sent - offset
-        reached, brakes = self._rate.foreseen(q, command, *moving, bound, period)
+        rows = np.empty((ROWS, len(g)))
+        self.scale, brakes = deliver(
+            self._dynamics.factors(q).l if self.energy else NO_FACTOR,
+            command.nu,
+            command.tau,
+            g,
+            self.sent,
+            self._saturation.limit,
+            HEAVY,
+            self._compensated,
+            self._rate.rate,
+            period,
+            *self._energy_limits,
+            rows,
+        )
+        effort, demand, saturated, waiting = rows[:4]
+        if self._rate.scales is not None:
+            waiting[self._rate.scales] = 1.0
+        at_limit = names_where(self._names, saturated)
+        limited = at_limit + names_where(self._names, waiting)
         return Limited(
-            self._send(offset + reached),
+            self._send(effort),
             demand,
-            command._replace(scale=self.scale, limited=saturated.limited),
-            tuple(dict.fromkeys(saturated.limited + self._rate.limited(demand, self.sent))),
+            command._replace(scale=self.scale, limited=at_limit),
+            tuple(dict.fromkeys(limited)),
             brakes or slower is not unlimited,
             command is not slower,
         )

@@ -188,9 +188,9 @@ class PositionRepulsion:
         h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
         depth = np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
-        d = np.clip(depth, -self._margin, self._margin)
-        if not d.any():
+        if not depth.any():
             return command
+        d = np.clip(depth, -self._margin, self._margin)
         inertia = 1.0 / np.square(self.dynamics.factors(q).l).sum(axis=0)
         bound = inertia * (SPRING * np.abs(d) / h + DAMPER * np.abs(qd)) / h
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)

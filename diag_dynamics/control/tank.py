@@ -57,7 +57,8 @@ class EnergyTank:
         self.dynamics, model = actuated(dynamics), dynamics.model
         self.capacity = positive("capacity", capacity, "[J]")
         self.rate = positive("rate", rate, "[1/s]")
-        self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        self._continuous = continuous if continuous.any() else None
         self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
         dynamics.compile("tau_from_epsilon", "forward_dynamics", "potential_energy")
@@ -78,7 +79,9 @@ class EnergyTank:
         potential = float(self.dynamics.potential_energy(q)) if self._gravity else 0.0
         last, self._at = self._at, (q, potential)
         if tau is not None and last is not None:
-            moved = nearest(q, last[0], self._continuous) - last[0]
+            moved = q - last[0]
+            if self._continuous is not None:
+                moved = nearest(q, last[0], self._continuous) - last[0]
             work = float(vector("tau", tau, names) @ moved) - (self._at[1] - last[1])
             self.energy = min(self.energy - (work if held else max(work, 0.0)), self.capacity)
         return self.energy

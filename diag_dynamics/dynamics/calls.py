@@ -205,12 +205,6 @@ class SweepCaller:
         self._call(*kernels, inputs, (Y,), at, self.regressor)
         return Y
 
-    def derivative(self, sweep: Callable[..., int], at: States, scratch: int = 0) -> Array:
-        """Return the vector of a sweep along q̇."""
-        rows, result = np.empty((scratch, self.nv)), np.empty(self.nv)
-        self.check(sweep(self.robot, at.q, *at.vectors.values(), *rows, result), at)
-        return result
-
     def articulated_inertias(self, at: States) -> tuple[Array, Array]:
         """Return D and Ḋ."""
         D, D_rate = np.empty((2, self.nv))

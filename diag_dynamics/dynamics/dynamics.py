@@ -93,6 +93,7 @@ class DiagonalDynamics:
         self._zero, self._robot = self._arguments.zero, self._caller.robot
         self._loops = bool(model.loops)
         self._nv = model.nv
+        self._sizes = model.nq, model.nv, model.nv
         self._tables: dict[Any, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -383,8 +384,7 @@ class DiagonalDynamics:
 
         It is the rate of mᵀ itself along q̇, from d(mᵀx)/dt: ṁᵀq̇ = ν̇ − mᵀq̈.
         """
-        at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.m_rate_transposed_times, at)
+        return self._differentiate(derivatives.m_rate_transposed_times, q, qd, x)
 
     def coriolis_bracket_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return B(q, ν)x [J^½/s], shape (nv,), of x [J^½], in O(N).
@@ -392,16 +392,33 @@ class DiagonalDynamics:
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of
         :meth:`coriolis_matrix_times`.
         """
-        at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.coriolis_bracket_times, at, scratch=2)
+        return self._differentiate(derivatives.coriolis_bracket_times, q, qd, x, scratch=2)
 
     def coriolis_matrix_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N).
 
         C_s q̇ = c, and Ṁ − 2C_s is skew: the product that passivity-based tracking needs.
         """
+        return self._differentiate(derivatives.coriolis_matrix_times, q, qd, x)
+
+    def _differentiate(
+        self, sweep: Callable[..., int], q: Any, qd: Any, x: Any, scratch: int = 0
+    ) -> Array:
+        """Return the vector of a sweep along q̇."""
+        rows, result, sizes = np.empty((scratch, self._nv)), np.empty(self._nv), self._sizes
+        try:
+            if (
+                not self._loops
+                and are_vectors(q, qd, x)
+                and (q.size, qd.size, x.size) == sizes
+                and not sweep(self._robot, q, qd, x, *rows, result)
+            ):
+                return result
+        except TypeError:  # as in evaluate
+            pass
         at = self._arguments.one(q, qd=qd, x=x)
-        return self._caller.derivative(derivatives.coriolis_matrix_times, at)
+        self._caller.check(sweep(self._robot, at.q, *at.vectors.values(), *rows, result), at)
+        return result
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
         """Return Ṁ = Σ q̇_i ∂M/∂q_i [kg m²/s, …], shape (nv, nv) (Identity 6.3).

@@ -62,12 +62,15 @@ def saturate(tau, gravity, limit, heavy, saturated):
 STEPS, BISECTIONS = 60, 6
 """Cycles of the prediction, and bisections between full braking and the demanded effort."""
 
-ROWS = 9
-"""Rows of memory of :func:`foresee`."""
+ROWS = 14
+"""Rows of memory of :func:`deliver`."""
+
+ROUNDING = 1e-12
+"""Rounding error of efforts from and to those without gravity."""
 
 
 @nk.kernel
-def _brake(inverse, mobility, slope, nu, effort, change, period, lower, upper, braking):
+def _brake(inverse, inertia, slope, nu, effort, change, frequency, lower, upper, braking):
     """Fill the next efforts on the fastest way to rest of each joint, at a bounded rate.
 
     They end without effort. D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are
@@ -78,15 +81,16 @@ def _brake(inverse, mobility, slope, nu, effort, change, period, lower, upper, b
         rate = 0.0
         for i in range(j + 1):
             rate += inverse[i, j] * nu[i]
-        momentum = abs(rate) / mobility[j]
-        size = min(math.sqrt(slope[j] * momentum), momentum / period)
+        momentum = abs(rate) * inertia[j]
+        size = min(math.sqrt(slope[j] * momentum), momentum * frequency)
         target = min(max(math.copysign(size, -rate), lower[j]), upper[j])
         braking[j] = min(max(target, effort[j] - change[j]), effort[j] + change[j])
 
 
 @nk.kernel
-def _keeps(inverse, mobility, slope, nu, u, change, period, limit, joint_limit, lower, upper):
+def _keeps(inverse, inertia, slope, nu, u, change, period, limit, joint_limit, lower, upper):
     """Return whether braking after the efforts u keeps all limits [J]; ν and u change."""
+    frequency = 1.0 / period
     for _ in range(STEPS + 1):
         energy = 0.0
         for i in range(len(nu)):
@@ -99,45 +103,38 @@ def _keeps(inverse, mobility, slope, nu, u, change, period, limit, joint_limit, 
                 return False
         if energy > limit:
             return False
-        _brake(inverse, mobility, slope, nu, u, change, period, lower, upper, u)
+        _brake(inverse, inertia, slope, nu, u, change, frequency, lower, upper, u)
     return True
 
 
-@nk.entry_kernel(
-    *(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER),
-    *(nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX),
-)
-def foresee(
-    inverse, nu, effort, demand, change, period, limit, joint_limit, rate, gravity, bound, rows
-):
-    """Fill rows[0] with efforts between full braking and those within the change of `effort`.
+@nk.kernel
+def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, rate, rows):
+    """Move the efforts `near` towards full braking until braking after them keeps the limits [J].
 
-    Returns 1 if they brake. They are the nearest to the demand after which braking keeps the limits
-    [J], to which energies return at `rate` [1/s] from above; without any, full braking. The
-    prediction is ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without gravity. `change`
-    is the largest change of an effort in a cycle, `bound` the largest effort with gravity; rows:
-    (ROWS, nv).
+    Returns whether they brake: the fraction of the way is the least, or all of it where none
+    suffices. Energies return to their limits at `rate` [1/s] from above. The prediction is ν̇ = ℓu
+    with a constant `inverse` ℓ, where u are efforts without gravity within rows[0] and rows[1].
+    `effort` are the last ones, and `change` their largest change in a cycle.
     """
-    near, brake, ahead, u = rows[0], rows[1], rows[2], rows[3]
-    lower, upper, mobility, slope, allowed = rows[4], rows[5], rows[6], rows[7], rows[8]
+    lower, upper, brake, ahead, u = rows[0], rows[1], rows[2], rows[3], rows[4]
+    inertia, slope, allowed = rows[5], rows[6], rows[7]
     remaining, now = 1.0 - min(rate * period, 1.0), 0.0
     for j in range(len(nu)):
-        share, mobility[j] = 0.5 * nu[j] * nu[j], 0.0
+        share, mobility = 0.5 * nu[j] * nu[j], 0.0
         now += share
         allowed[j] = max(joint_limit[j], share * remaining)
-        lower[j], upper[j] = -bound[j] - gravity[j], bound[j] - gravity[j]
         slope[j] = 2.0 * change[j] / period
         for i in range(j + 1):
-            mobility[j] += inverse[i, j] * inverse[i, j]
-        near[j] = min(max(demand[j], effort[j] - change[j]), effort[j] + change[j])
+            mobility += inverse[i, j] * inverse[i, j]
+        inertia[j] = 1.0 / mobility
     limit = max(limit, now * remaining)
-    _brake(inverse, mobility, slope, nu, effort, change, period, lower, upper, brake)
+    _brake(inverse, inertia, slope, nu, effort, change, 1.0 / period, lower, upper, brake)
     good, fraction, step = 0.0, 1.0, 1.0
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
             ahead[i], u[i] = nu[i], brake[i] + fraction * (near[i] - brake[i])
         step *= 0.5
-        if _keeps(inverse, mobility, slope, ahead, u, change, period, limit, allowed, lower, upper):
+        if _keeps(inverse, inertia, slope, ahead, u, change, period, limit, allowed, lower, upper):
             good = fraction
             if fraction == 1.0:
                 break
@@ -145,7 +142,96 @@ def foresee(
         else:
             fraction -= step
     if good == 1.0:
-        return 0
+        return False
     for i in range(len(nu)):
         near[i] = brake[i] + good * (near[i] - brake[i])
-    return 1
+    return True
+
+
+@nk.entry_kernel(
+    *(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FLAG),
+    *(nk.VECTOR, nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.FILLED_MATRIX),
+)
+def deliver(
+    inverse,
+    nu,
+    tau,
+    gravity,
+    last,
+    limit,
+    heavy,
+    compensated,
+    effort_rate,
+    period,
+    energy_limit,
+    joint_energy_limit,
+    energy_rate,
+    rows,
+):
+    """Fill the rows with the effort to send, the demand and two masks.
+
+    Returns the scale of the effort limits, and whether the effort brakes for the energy. The demand
+    is `tau` within the limits; the effort is the nearest to it that `effort_rate` allows after the
+    `last` one. Masks: joints at their limits, and joints that wait for their rate. A robot that is
+    `compensated` receives efforts without gravity. `inverse` ℓ is empty without an energy limit.
+    """
+    effort, demand, saturated, waiting = rows[0], rows[1], rows[2], rows[3]
+    moving, change, work = rows[4], rows[5], rows[6:]
+    scale, is_within = 1.0, True
+    for k in range(len(tau)):
+        is_within = is_within and abs(tau[k]) <= limit[k]
+        demand[k] = tau[k]
+    if not is_within:
+        scale = saturate(tau, gravity, limit, heavy, demand)
+    for k in range(len(tau)):
+        bound, offset = limit[k], gravity[k]
+        saturated[k] = not is_within and abs(demand[k]) >= bound * (1.0 - ROUNDING)
+        if compensated:  # weight beyond the limit is left to the robot
+            bound, offset = max(bound, abs(gravity[k])), 0.0
+            total = gravity[k] + scale * (tau[k] - gravity[k])
+            demand[k] = min(max(total, -bound), bound) - gravity[k]
+        work[0, k], work[1, k] = -bound - gravity[k], bound - gravity[k]
+        moving[k], change[k] = last[k] - offset, period * effort_rate[k]
+        effort[k] = min(max(demand[k] - offset, moving[k] - change[k]), moving[k] + change[k])
+    brakes = (
+        len(inverse) > 0
+        and period > 0.0
+        and _foresee(
+            inverse,
+            nu,
+            moving,
+            effort,
+            change,
+            period,
+            energy_limit,
+            joint_energy_limit,
+            energy_rate,
+            work,
+        )
+    )
+    for k in range(len(tau)):
+        effort[k] += 0.0 if compensated else gravity[k]
+        waiting[k] = abs(effort[k] - demand[k]) > ROUNDING * (1.0 + abs(demand[k]))
+    return scale, brakes
+
+
+@nk.entry_kernel(nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_MATRIX)
+def demand_rate(tau, gravity, rate, period, rows):
+    """Return the rate of τ − g relative to the largest one, and the joint where it is largest.
+
+    Of each joint the least demand of this and the last cycles counts. The rows have the last τ − g
+    and the last demands. Without a period there is none.
+    """
+    largest, joint = 0.0, 0
+    for k in range(len(tau)):
+        moving = tau[k] - gravity[k]
+        if period > 0.0:
+            demand = abs(moving - rows[0, k]) / (period * rate[k])
+            least = demand
+            for row in range(len(rows) - 1, 0, -1):
+                least = min(least, rows[row, k])
+                rows[row, k] = rows[row - 1, k] if row > 1 else demand
+            if least > largest:
+                largest, joint = least, k
+        rows[0, k] = moving
+    return largest, joint

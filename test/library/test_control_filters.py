@@ -468,6 +468,12 @@ def without_limits(s):
             lambda s: dd.Limits(s.dyn).filter(READY, READY, gravity_command(s), -1.0),
             "period is -1.0",
         ),
+        (
+            lambda s: dd.Limits(s.dyn).filter(
+                READY, READY, gravity_command(s)._replace(gravity_torque=HURT[:2]), PERIOD
+            ),
+            r"command.gravity_torque has shape \(2,\)",
+        ),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
         (
             lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0),
