@@ -24,7 +24,6 @@ from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.sweeps import kinematics
 from diag_dynamics.sweeps.limits import project, saturate
 
 HEAVY = 0.9
@@ -242,10 +241,9 @@ class ContactLimiter:
         if not points.limited.any():
             raise InputError("points have no limit: there is nothing to bound.")
         dynamics.compile(
-            "contact_limits", "forward_dynamics", "nu_from_qd", "qd_from_nu", "tau_from_epsilon"
+            *("contact_limits", "forward_dynamics", "wrench_factor"),
+            *("nu_from_qd", "qd_from_nu", "tau_from_epsilon"),
         )
-        dynamics.compile("link_velocity", "operational_inverse_inertia", "epsilon_from_wrench")
-        kinematics.integrate.compile()
 
     @property
     def scale(self) -> float:
@@ -292,7 +290,7 @@ class ContactLimiter:
             tau = tau + dynamics.tau_from_epsilon(q, vector("external", external, names))
         # an explicit step of order 2
         qdd = dynamics.forward_dynamics(q, qd, tau)
-        ahead, then = dynamics.model.integrate(q, h * qd + 0.5 * h * h * qdd), qd + h * qdd
+        ahead, then = q + h * qd + 0.5 * h * h * qdd, qd + h * qdd
         allowed = now + min(self.rate * h, 1.0) * ((AIM * self._scale) ** 2 - now)
         change = self._slowed(ahead, then, allowed) - then
         if not change.any():
@@ -316,15 +314,14 @@ class ContactLimiter:
     def _impulse(self, q: Array, qd: Array, contact: PredictedContact, k: int) -> Array:
         """Return M⁻¹JᵀΛv of an entry, the change of rates by an impulse.
 
-        The impulse stops the worst point of the entry.
+        The impulse stops the worst point of the entry. In total rates it takes ν's projection onto
+        the range of ℓJᵀ.
         """
-        dynamics, link = self.dynamics, contact.links[k]
-        point = self.points.points[k][contact.point[k]]
-        v = dynamics.link_velocity(q, link, qd, point)[:3]
-        mobility = dynamics.operational_inverse_inertia(q, link, point)[:3, :3]
-        impulse = np.linalg.pinv(mobility, rcond=IMMOBILE, hermitian=True) @ v
-        w = dynamics.epsilon_from_wrench(q, link, np.concatenate([impulse, np.zeros(3)]), point)
-        return dynamics.qd_from_nu(q, w)
+        dynamics, point = self.dynamics, self.points.points[k][contact.point[k]]
+        factor = dynamics.wrench_factor(q, contact.links[k], point)[:, :3]
+        directions, sizes, _ = np.linalg.svd(factor, full_matrices=False)
+        directions = directions[:, sizes**2 > IMMOBILE * sizes[0] ** 2]
+        return dynamics.qd_from_nu(q, directions @ (dynamics.nu_from_qd(q, qd) @ directions))
 
 
 def _fraction(usage: Array, allowed: Array) -> Array:
