@@ -319,7 +319,7 @@ class JointRegulation(JointLaw):
     V = ½|s|² + ½(q_d − q)ᵀK_q(q_d − q) falls at −sᵀcs.
 
     The stiffness is K_q > 0 [N m/rad, N/m], the damping ratio ζ > 0; 1 is critical. The attribute
-    `stiffness`, shape (nv,), may be set between commands.
+    `stiffness`, a positive definite matrix of shape (nv, nv), may be set between commands.
 
     Example
     -------
@@ -333,23 +333,32 @@ class JointRegulation(JointLaw):
 
     def __init__(self, dynamics: DiagonalDynamics, stiffness: Gain, damping_ratio: float) -> None:
         super().__init__(dynamics, "factors")
-        self.stiffness = per_name("stiffness", stiffness, dynamics.model.dof_names, STIFF)
+        self.stiffness = np.diag(per_name("stiffness", stiffness, dynamics.model.dof_names, STIFF))
         self.damping_ratio = positive("damping_ratio", damping_ratio, "[1]")
+
+    @property
+    def stiffness(self) -> Array:
+        """Stiffness K_q [N m/rad, N/m], shape (nv, nv)."""
+        return self._stiffness
+
+    @stiffness.setter
+    def stiffness(self, matrix: Array) -> None:
+        self._stiffness, self._root = matrix, np.linalg.cholesky(matrix)
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)
-        root = self.dynamics.factors(q).l * np.sqrt(self.stiffness)
+        root = self.dynamics.factors(q).l @ self._root
         braking = modal_damping(root, s, self.damping_ratio)
         return self._closed(
-            q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self.stiffness * error
+            q, qd, self._reference(q, qd, qd_d, qdd_d), s, braking, error, self._stiffness @ error
         )
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError unless the fastest mode at q has ω·period < min(4ζ, 1/ζ)."""
-        root = self.dynamics.factors(q).l * np.sqrt(self.stiffness)
+        root = self.dynamics.factors(q).l @ self._root
         names = [f"stiffness of '{name}'" for name in self.dynamics.model.dof_names]
         largest = largest_frequency(self.damping_ratio, period)
-        require_slow(root, names, self.stiffness, largest, period)
+        require_slow(root, names, np.diag(self._stiffness), largest, period)
 
 
 def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:

@@ -54,6 +54,9 @@ ARRIVED, PATIENCE = 0.01, 2.0
 FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
 """Error at which springs overcome Coulomb friction [rad, m], and compensated fraction at rest."""
 
+STIFFER = 2.0
+"""Square root of the stiffness of regulation relative to that of tracking."""
+
 ROUNDS = 8
 """Bisections of the largest stable stiffness."""
 
@@ -246,7 +249,6 @@ class JointMode(Mode):
     """Mode with set-points and trajectories, whose law follows a desired motion of the joints."""
 
     targets = ("joint_trajectory", "set_point")
-    _spring = 0.0  # stiffness at rest, where friction is compensated [N m/rad, N/m]
 
     def __init__(self, law, approach, values):
         super().__init__(law, values)
@@ -365,6 +367,10 @@ class JointMode(Mode):
         command = self.law.command(state.position, state.velocity, *self.desired)
         return self._with_friction(state.position, command) if self._rubs else command
 
+    def _spring(self, error):
+        """Return the effort of springs at an error, where friction is compensated at rest."""
+        return np.zeros_like(error)
+
     def _with_friction(self, q, command):
         """Add the friction of the model at the desired velocity and, at rest, a part of it.
 
@@ -375,7 +381,7 @@ class JointMode(Mode):
         moving = np.minimum(np.abs(velocity) / max(model.friction_velocity, AT_REST), 1.0)
         bound = FRICTION_SHARE * _coulomb_friction(model, command.gravity_torque)
         effort = self.law.dynamics.friction_torque(velocity, q)
-        effort += (1.0 - moving) * np.clip(self._spring * command.error, -bound, bound)
+        effort += (1.0 - moving) * np.clip(self._spring(command.error), -bound, bound)
         added = self.law.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 
@@ -396,11 +402,11 @@ class TrackingMode(JointMode):
 class RegulationMode(JointMode):
     """Joint springs with one damping ratio.
 
-    Joints without a stiffness of their own are as stiff as tracking, whose torque at an error e is
-    Te, T = m K mᵀΛ: k = Σ_j |T_kj|. Under a load no joint then ends further off than the furthest
-    one by tracking. Springs that have to be stiffer overcome Coulomb friction at FRICTION_ERROR.
-    All k are at most ω²D, D the inertia of a joint while all others are free, with the largest ω
-    at which no mode exceeds half of the stable stiffness.
+    Their stiffness is a multiple of that of tracking, T = Λ^½ m K mᵀ Λ^½, so that no joint ends
+    further off under a load, and on its diagonal that which overcomes Coulomb friction at
+    FRICTION_ERROR. No mode exceeds half of the stable stiffness: the diagonal is at most ω²D, D the
+    inertia of a joint while all others are free. A joint with a stiffness of its own is not
+    coupled.
     """
 
     name = "regulation"
@@ -411,8 +417,10 @@ class RegulationMode(JointMode):
         self._chosen = by_dof(
             "regulation_stiffness", values["regulation_stiffness"], names, automatic
         )
-        self._gain = _gains(dynamics, values, "tracking_gain")
-        self._convergence = _gains(dynamics, values, "tracking_convergence")
+        self._gain, self._convergence = (
+            np.sqrt(_gains(dynamics, values, f"tracking_{name}"))
+            for name in ("gain", "convergence")
+        )
         self._period = values["max_state_age"]
         law = JointRegulation(dynamics, 1.0, values["regulation_damping_ratio"])
         super().__init__(law, np.full(len(names), APPROACH_RATE), values)
@@ -425,37 +433,39 @@ class RegulationMode(JointMode):
         """Set the stiffness for a position [rad, m] and a period [s]."""
         self._period, law = period, self.law
         m, inverse = law.dynamics.factors(position)[:2]
-        tracking = np.abs(m * self._gain @ m.T * self._convergence).sum(axis=1)
+        root = STIFFER * self._convergence[:, None] * m * self._gain
         friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
-        demand = np.maximum(tracking, friction / FRICTION_ERROR)
         largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
-        stiffness = _stable_stiffness(inverse, demand, largest)
-        adapted = np.where(np.isinf(self._chosen), stiffness, self._chosen)
-        if not np.array_equal(adapted, law.stiffness):
-            law.stiffness = adapted
+        stiffness = _stable_stiffness(inverse, root, friction / FRICTION_ERROR, largest)
+        chosen = np.isfinite(self._chosen)
+        stiffness[chosen] = stiffness[:, chosen] = 0.0
+        stiffness[chosen, chosen] = self._chosen[chosen]
+        if not np.array_equal(stiffness, law.stiffness):
+            law.stiffness = stiffness
             self.forget_rate()  # V of the last state has the stiffness from before
 
-    @property
-    def _spring(self):
-        return self.law.stiffness
+    def _spring(self, error):
+        return self.law.stiffness @ error
 
 
-def _stable_stiffness(inverse, demand, largest):
-    """Return the stiffness min(k, ω²D) of joint springs, by ℓ, of a demand k.
+def _stable_stiffness(inverse, root, single, largest):
+    """Return the stiffness root rootᵀ + min(k, ω²D) of joint springs, by ℓ; k are those of joints.
 
     No mode exceeds the square `largest` of a frequency [1/s²]. D are the inertias of single joints,
     so that springs give way where they are stiff for their inertia.
     """
+    fastest = np.linalg.norm(inverse @ root, 2) ** 2
+    coupled = min(1.0, 0.5 * largest / fastest) * root @ root.T
     inertia = 1.0 / np.square(inverse).sum(axis=0)
-    low, high, square = largest / len(inertia), largest, largest
+    low, high, square = 0.0, largest, largest
     for _ in range(ROUNDS):
-        root = inverse * np.sqrt(np.minimum(demand, square * inertia))
-        if np.linalg.norm(root, 2) ** 2 > largest:
+        stiffness = coupled + np.diag(np.minimum(single, square * inertia))
+        if np.linalg.norm(inverse @ stiffness @ inverse.T, 2) > largest:
             high = square
         else:
             low = square
         square = 0.5 * (low + high)
-    return np.minimum(demand, low * inertia)
+    return coupled + np.diag(np.minimum(single, low * inertia))
 
 
 _MODES = GravityCompensationMode, DampingMode, PoseMode, TrackingMode, RegulationMode

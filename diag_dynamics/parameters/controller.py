@@ -53,7 +53,7 @@ _WHILE_UNCONFIGURED = {
     "regulation_stiffness": Spec(
         [""],
         "Stiffnesses of regulation, each as joint=stiffness; * for all others [N m/rad, N/m]. "
-        "By default those of tracking, or enough to overcome Coulomb friction at 0.02 rad.",
+        "By default four times tracking's, and more against Coulomb friction.",
     ),
     "regulation_damping_ratio": Spec(
         1.0, "Damping ratio of all modes of regulation; 1: critical.", 1e-3, 100.0

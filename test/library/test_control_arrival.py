@@ -44,12 +44,12 @@ def test_each_joint_arrives(robot, q, link, rate, rotor):
 
 @pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, rate):
-    """The load of 2 kg is unknown; the bound is half of the largest distance by tracking."""
-    distances = [
-        Closed(robot, q, link, rate, load=2.0, **values).go(goal_of(q)).max()
+    """The load of 2 kg is unknown. Distances below 1 mrad count as that."""
+    ours, theirs = (
+        np.maximum(Closed(robot, q, link, rate, load=2.0, **values).go(goal_of(q)), 1e-3)
         for values in ({}, {"initial_mode": TRACKING, "friction_compensation": False})
-    ]
-    assert distances[0] < 0.5 * distances[1]
+    )
+    assert (ours <= theirs).all() and ours.max() < 0.3 * theirs.max()
 
 
 @pytest.mark.parametrize("friction", [0.7, 1.3])
@@ -73,9 +73,9 @@ def test_wrong_friction_causes_no_limit_cycle(robot, q, link, rate, friction):
     ],
 )
 def test_tolerances_judge_the_error_that_a_load_leaves(load, tolerance, code):
-    """The load moves a joint 0.03 rad off, more than the tolerance; friction does not."""
+    """The load moves a joint 8 mrad off, more than the tolerance; friction does not."""
     robot, q, link = ARMS[0]
-    closed = Closed(robot, q, link, 125, load=load, **{tolerance: ["*=0.02"]})
+    closed = Closed(robot, q, link, 125, load=load, **{tolerance: ["*=0.005"]})
     closed.run(1.0)
     points = waypoints([(1.0, goal_of(q), np.zeros(len(q)))])
     closed.loop.take_trajectory(points, 0, closed.stamp)
