@@ -62,7 +62,7 @@ def saturate(tau, gravity, limit, heavy, saturated):
 STEPS, BISECTIONS = 60, 6
 """Cycles of the prediction, and bisections between full braking and the demanded effort."""
 
-ROWS = 14
+ROWS = 13
 """Rows of memory of :func:`deliver`."""
 
 ROUNDING = 1e-12
@@ -70,40 +70,39 @@ ROUNDING = 1e-12
 
 
 @nk.kernel
-def _brake(inverse, inertia, slope, nu, effort, change, frequency, lower, upper, braking):
-    """Fill the next efforts on the fastest way to rest of each joint, at a bounded rate.
+def _brake(momentum, effort, change, period, lower, upper, braking):
+    """Fill the next efforts −s p on the way to rest at a bounded rate, where they end at zero.
 
-    They end without effort. D q̈ = u, D = 1/(ℓᵀℓ)_jj the inertia of a joint while all others are
-    free, and |u̇| ≤ R make it a double integrator, whose switching curve is u = −sign(q̇)
-    √(2RD|q̇|).
+    p = Mq̇ = mν are the momenta, ṗ = u with a constant M: all decay alike, and K with them. Each is
+    a double integrator with |u̇| ≤ R and the switching curve |u| = √(2R|p|). s is the largest rate
+    at which all are within theirs and none reverses in a cycle.
     """
-    for j in range(len(nu)):
-        rate = 0.0
-        for i in range(j + 1):
-            rate += inverse[i, j] * nu[i]
-        momentum = abs(rate) * inertia[j]
-        size = min(math.sqrt(slope[j] * momentum), momentum * frequency)
-        target = min(max(math.copysign(size, -rate), lower[j]), upper[j])
+    rate = 1.0 / period
+    for j in range(len(momentum)):
+        if abs(momentum[j]) * rate * rate > 2.0 * change[j] / period:
+            rate = math.sqrt(2.0 * change[j] / (period * abs(momentum[j])))
+    for j in range(len(momentum)):
+        target = min(max(-rate * momentum[j], lower[j]), upper[j])
         braking[j] = min(max(target, effort[j] - change[j]), effort[j] + change[j])
 
 
 @nk.kernel
-def _keeps(inverse, inertia, slope, nu, u, change, period, limit, joint_limit, lower, upper):
-    """Return whether braking after the efforts u keeps all limits [J]; ν and u change."""
-    frequency = 1.0 / period
+def _keeps(inverse, momentum, u, change, period, limit, joint_limit, lower, upper):
+    """Return whether braking after the efforts u keeps all limits [J]; momentum and u change."""
     for _ in range(STEPS + 1):
         energy = 0.0
-        for i in range(len(nu)):
-            total_rate = nu[i]
-            for j in range(i, len(nu)):
-                total_rate += period * inverse[i, j] * u[j]
-            nu[i], share = total_rate, 0.5 * total_rate * total_rate
+        for i in range(len(u) - 1, -1, -1):
+            momentum[i] += period * u[i]
+            total_rate = 0.0
+            for j in range(i, len(u)):
+                total_rate += inverse[i, j] * momentum[j]
+            share = 0.5 * total_rate * total_rate
             energy += share
             if share > joint_limit[i]:
                 return False
         if energy > limit:
             return False
-        _brake(inverse, inertia, slope, nu, u, change, frequency, lower, upper, u)
+        _brake(momentum, u, change, period, lower, upper, u)
     return True
 
 
@@ -117,24 +116,23 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, rate
     `effort` are the last ones, and `change` their largest change in a cycle.
     """
     lower, upper, brake, ahead, u = rows[0], rows[1], rows[2], rows[3], rows[4]
-    inertia, slope, allowed = rows[5], rows[6], rows[7]
+    momentum, allowed = rows[5], rows[6]
     remaining, now = 1.0 - min(rate * period, 1.0), 0.0
-    for j in range(len(nu)):
-        share, mobility = 0.5 * nu[j] * nu[j], 0.0
+    for i in range(len(nu) - 1, -1, -1):
+        share, rest = 0.5 * nu[i] * nu[i], nu[i]
         now += share
-        allowed[j] = max(joint_limit[j], share * remaining)
-        slope[j] = 2.0 * change[j] / period
-        for i in range(j + 1):
-            mobility += inverse[i, j] * inverse[i, j]
-        inertia[j] = 1.0 / mobility
+        allowed[i] = max(joint_limit[i], share * remaining)
+        for j in range(i + 1, len(nu)):
+            rest -= inverse[i, j] * momentum[j]
+        momentum[i] = rest / inverse[i, i]
     limit = max(limit, now * remaining)
-    _brake(inverse, inertia, slope, nu, effort, change, 1.0 / period, lower, upper, brake)
+    _brake(momentum, effort, change, period, lower, upper, brake)
     good, fraction, step = 0.0, 1.0, 1.0
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
-            ahead[i], u[i] = nu[i], brake[i] + fraction * (near[i] - brake[i])
+            ahead[i], u[i] = momentum[i], brake[i] + fraction * (near[i] - brake[i])
         step *= 0.5
-        if _keeps(inverse, inertia, slope, ahead, u, change, period, limit, allowed, lower, upper):
+        if _keeps(inverse, ahead, u, change, period, limit, allowed, lower, upper):
             good = fraction
             if fraction == 1.0:
                 break

@@ -184,6 +184,20 @@ def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **opt
     return np.array(energies), np.abs(plant.q - target).max()
 
 
+def test_a_large_effort_rate_does_not_stop_an_arm():
+    """All joints brake at once in the prediction, light ones of an xArm beside heavy ones."""
+    dyn, q, rest = dd.DiagonalDynamics(dd.load_robot("xarm7")), np.full(N, 0.3), np.zeros(N)
+    law = dd.JointRegulation(dyn, [20.0, 20.0, 10.0, 10.0, 2.0, 2.0, 1.0], 1.0)
+    limits = dd.Limits(dyn, energy_limit=0.1, effort_rate=1e9)
+    plant = dd.Simulation(dyn.model, q=q, limits=False, friction=rest, damping=rest)
+    energies = []
+    for _ in range(50):
+        command = law.command(plant.q, plant.qd, q + 0.5)
+        plant.advance(limits.filter(plant.q, plant.qd, command, 8e-3).effort, steps=8)
+        energies.append(plant.kinetic_energy)
+    assert 0.098 < max(energies) < 0.102
+
+
 def test_noise_does_not_weaken_a_law():
     """Rates are measured with a noise of 5 mrad/s, as of a differentiated encoder."""
     s, rng = subject(UR5), np.random.default_rng(3)
