@@ -23,6 +23,7 @@ from diag_dynamics.control.modes import (
     TRACKING,
 )
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.parameters.controller import PARAMETERS
 
 
 @pytest.fixture(scope="module")
@@ -142,3 +143,10 @@ def test_unstable_regulation_does_not_stop_an_arm(arm):
         closed.go(1)
         assert np.abs(closed.plant.qd).max() <= before
     assert not closed.loop.is_braking and np.abs(closed.plant.qd).max() <= 0.01
+
+
+def test_the_controller_has_few_parameters():
+    """Parameters of removed modes, speeds and springs are gone."""
+    assert len(PARAMETERS) <= 43
+    gone = "payload_link", "pose_damping", "position_speed", "limit_stiffness", "contact.points"
+    assert PARAMETERS.keys().isdisjoint(gone)
