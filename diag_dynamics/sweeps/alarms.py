@@ -15,8 +15,8 @@ FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 
 STANDING_SPEED, STANDING_TIME, DECAY = 0.005, 30_000_000, 4
 """A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns]. Twice that time
-counts at most. Higher rates reduce it `DECAY` times as fast: single ones of more than 133 Hz end no
-standing, and more than a fifth of all do."""
+counts at most. Higher rates reduce it `DECAY` times as fast, each by that time at most: single ones
+end no standing, and more than a fifth of all do."""
 
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""
@@ -47,7 +47,8 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
             elif abs(rates[t, k]) < STANDING_SPEED:
                 standing[k] = min(standing[k] + elapsed[t], 2 * STANDING_TIME)
             else:
-                standing[k] = max(standing[k] - DECAY * elapsed[t], 0)
+                lost = min(DECAY * elapsed[t], STANDING_TIME)
+                standing[k] = max(standing[k] - lost, 0)
             zone = zones[t, k] if standing[k] >= STANDING_TIME else 0.0
             widths[k] += pace * (zone - widths[k])
             if abs(torque[t, k]) <= widths[k]:

@@ -246,7 +246,7 @@ def test_standing_joints_have_a_dead_zone(arm):
     slow, width, standing = np.zeros(6), np.zeros(6), 0
     for t, step in enumerate(np.diff(stamps / 1e9, prepend=stamps[0] / 1e9)):
         moves = np.abs(rates[t]) >= 0.005
-        slow = np.clip(slow + step * np.where(moves, -4.0, 1.0), 0.0, 0.06)
+        slow = np.clip(slow + np.where(moves, -min(4.0 * step, 0.03), step), 0.0, 0.06)
         stands = slow >= 0.03 - 1e-9
         zones = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
         width = np.exp(-10.0 * step) * width + (1.0 - np.exp(-10.0 * step)) * zones * stands
