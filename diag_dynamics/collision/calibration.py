@@ -21,6 +21,7 @@ from diag_dynamics.collision.detector import NORM, TOTAL, Detector, Judged, Thre
 from diag_dynamics.collision.residuals import (
     Residuals,
     Rows,
+    allowed_alarms,
     fit_limits,
     part_numbers,
     poisson_interval,
@@ -316,7 +317,7 @@ class _HeldOut:
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
 
     def _chosen(self, without: int | None = None) -> int:
-        """Return the number of the first factor with alarms at the rate, or at most one."""
+        """Return the number of the first factor with the allowed alarms, or at most one."""
         counted = np.arange(len(self._parts)) != without
         for k in range(len(FACTORS)):
             if k == len(self._counts):
@@ -324,12 +325,12 @@ class _HeldOut:
                     [self._judge(part, FACTORS[k]) for part in range(len(self._parts))]
                 )
             count = sum(np.array([alarms for alarms, _ in self._counts[k]])[counted])
-            if count <= max(1.0, self._rate * self._time[counted].sum()):
+            if count <= max(1.0, allowed_alarms(self._rate, self._time[counted].sum())):
                 break
         return k
 
     def factor(self) -> float:
-        """Return the smallest factor at which held-out parts have the requested rate of alarms."""
+        """Return the smallest factor at which held-out parts have the allowed alarms."""
         return float(FACTORS[self._chosen()])
 
     def alarms(self) -> tuple[int, float]:

@@ -25,6 +25,7 @@ CELL = 20_000_000  # only the largest values within this time are kept [ns]
 MIN_PEAKS, MAX_PEAKS = 10, 50
 PEAK_PERIOD = 4.0  # time of the data for each peak, between these bounds [s]
 MIN_FITTED = 4  # fewest peaks of a tail
+QUANTILE = 0.1  # of the number of alarms at the requested rate, which thresholds leave
 # Smallest deviation of a joint relative to the largest, and smallest eigenvalue of correlations
 MIN_NOISE = 1e-9
 CENSORED = 10  # one of so many peaks counts while its height is ignored: the highest
@@ -185,6 +186,17 @@ def poisson_interval(count: int) -> tuple[float, float]:
     return float(gammaincinv(count, 0.025)) if count else 0.0, float(gammaincinv(count + 1, 0.975))
 
 
+def allowed_alarms(rate: float, duration: float) -> float:
+    """Return the number of alarms that shows a rate of at most the requested one [1/s].
+
+    A detector with the requested rate has more of them in nine of ten recordings. A recording too
+    short to show the rate has the expected number, at most one.
+    """
+    gammaincinv = require("scipy.special", "calibrate").gammaincinv
+    expected = rate * duration
+    return max(min(1.0, expected), float(gammaincinv(expected, QUANTILE)))
+
+
 def peaks_above(segments: Segments, level: float, release: float, hold_off: float) -> Array:
     """Return the highest score of each alarm at a level, by release and hold-off [s]."""
     maxima = [np.empty(0)]
@@ -213,14 +225,14 @@ def block_maxima(segments: Segments) -> Array:
 def find_level(
     segments: Segments, duration: float, rate: float, release: float, hold_off: float
 ) -> Level | None:
-    """Return the level that a score exceeds at a rate [1/s]; None for too few peaks.
+    """Return the level that a score exceeds at a rate [1/s] at most; None for too few peaks.
 
     It is counted in long data, otherwise extrapolated from peaks of alarms or from one-second
     maxima.
     """
     scores = np.concatenate([score for _, score in segments])
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]
-    expected = rate * duration
+    expected = allowed_alarms(rate, duration)
     min_count = int(np.clip(duration / PEAK_PERIOD, MIN_PEAKS, MAX_PEAKS))
     before, best, peaks = float(grid[0]), -math.inf, np.empty(0)
     for level in grid.tolist():
@@ -242,7 +254,7 @@ def find_level(
 def fit_limits(
     rows: Rows, rate: float, release: float, hold_off: float
 ) -> tuple[Array, Level | None]:
-    """Return thresholds that values exceed at a rate [1/s], and their level.
+    """Return thresholds that values exceed at a rate [1/s] at most, and their level.
 
     The level is the factor of the thresholds upon each spread.
     """

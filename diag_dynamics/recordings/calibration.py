@@ -38,7 +38,7 @@ def calibrate(
     """Return the thresholds of an :class:`Detector` for a rate of false alarms.
 
     Each detector (a joint's |m r|, ‖m r‖, |r|) gets its own spread times one common factor. All
-    detectors together then have alarms at the requested rate.
+    detectors together then have alarms at the requested rate at most, with a confidence of 90 %.
 
     Parameters
     ----------

@@ -340,19 +340,19 @@ def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=
 
 
 @pytest.mark.parametrize(
-    ("seconds", "rate", "method", "heavy"),
-    [(200, 1 / 60, "tail", True), (600, 0.1, "counted", False)],
+    ("seconds", "rate", "method", "heavy", "share"),
+    [(200, 1 / 60, "tail", True, 0.385), (600, 0.1, "counted", False, 0.84)],
 )
-def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
-    """Of unseen noise, on average over eight calibrations; each of them is near, and its interval
-    contains the rate.
+def test_the_rate_that_was_asked_for(seconds, rate, method, heavy, share):
+    """It is the upper limit of that of unseen noise, which has a share of it on average over eight
+    calibrations. The share is the 10 % quantile of Γ(rate · seconds), the number of alarms.
     """
     ratios, inside = [], 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
         result = calibrate(*noise(rng, seconds, heavy), rate=rate)
         assert result.method == method and (
-            method == "tail" or result.peaks == int(rate * result.duration)
+            method == "tail" or result.peaks == int(share * rate * result.duration)
         )
         stamps, r, torque = noise(rng, 1000, heavy)
         judged = dd.Detector(FOUR, result).judge(
@@ -360,16 +360,17 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy):
         )
         ratios.append(judged.begins.sum() / (1000 * rate))
         low, high = result.rate_interval
-        inside += low <= rate <= high
-    assert 0.6 < np.mean(ratios) < 1.5 and min(ratios) > 0.2 and max(ratios) < 4.0 and inside >= 7
+        inside += low <= share * rate <= high
+    assert 0.6 < np.mean(ratios) / share < 1.5 and max(ratios) < 1.5 and inside >= 7, ratios
+    assert sum(ratio <= 1.0 for ratio in ratios) >= 7
 
 
 def test_one_jerk_is_one_alarm():
     """A jerk of 25 times the spread moves no threshold by an eighth, and joints have thresholds by
     their own spread.
     """
-    with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]))
-    without = calibrate(*noise(np.random.default_rng(2), 200))
+    with_jerk = calibrate(*noise(np.random.default_rng(2), 200, jerks=[0.37 * 200]), factor=False)
+    without = calibrate(*noise(np.random.default_rng(2), 200), factor=False)
     limits, expected = (result.of_names(FOUR).tolist() for result in (with_jerk, without))
     assert limits == pytest.approx(expected, rel=0.12)
     assert with_jerk.alarms == without.alarms + 1 and with_jerk.held_out >= 1
