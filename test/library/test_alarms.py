@@ -718,6 +718,8 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert (
         printed.count(contact.describe_rate()) == 1 and f"{contact.limits['norm']:.4g}" in printed
     )
+    smallest = result.limits[joint] + 0.4 * 0.5  # of Coulomb friction 0.5 N m
+    assert f"{contact.limits[joint]:.4g}  {smallest:.4g}\n" in printed
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
     summary = json.loads(out.read_text())
