@@ -7,8 +7,8 @@
 
 Real recordings without contact (../shared/recordings) have pushes put into their efforts: on an arm that is held on its way,
 a push is what the efforts are short of. One half of a recording calibrates, the other one is pushed. The simulated Panda is
-pushed indeed, under a tracking law, and has other friction than the observer knows of. Another one stops after each motion,
-where its friction holds it, and is pushed there or on its way. Four further arms are plants of Pinocchio with stiction, whose
+pushed indeed, under a tracking law, and has other friction than the observer knows of. It stops after each motion, where
+its friction holds it, and is pushed there or on its way. Three further arms are plants of Pinocchio with stiction, whose
 programs move some of the joints and stop: see arms_with_stiction.py.
 
 The momentum observer (De Luca and Mattone, 2003) has the thresholds of the row without a dead zone.
@@ -45,14 +45,14 @@ PUSH, LATEST, PAUSE = (
     1.5,
 )  # [s]: how long a push lasts, until when it may be seen, between two of them
 FORCES = (10.0, 20.0, 40.0)  # [N]
-ARMS = "ur5_robot", "ur10_robot", "xarm7", "z1"
+ARMS = "ur5_robot", "xarm7", "z1"
 MOTION, PERIOD_OF_STOPS, PERIOD_OF_PUSHES = 3.0, 6.0, 5.0  # [s]
 PUSHED = {
     "standing": (4.0, 5.4),
     "moving": (0.5, 2.2),
 }  # when a push begins, after the beginning of a motion [s]
 PERIOD = 2e-3  # [s] of the simulated samples
-STICTION = 8.0  # ratio of the friction of an arm that stops to that of the other one
+STICTION = 8.0  # factor on the simulated friction
 KNOWN = 0.8  # part of the simulated friction that the observers know of
 VELOCITY_NOISE, EFFORT_NOISE = 2e-3, 0.1  # standard deviations [rad/s], [N m]
 
@@ -259,27 +259,6 @@ def _with_friction(robot, states):
     return robot, states
 
 
-class Sines:
-    """Sines of all joints, no two of one period: what comes later is like what came before, and never the same."""
-
-    def __init__(self, model, rng):
-        lower, upper, n = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0), model.nv
-        self.centre, self.pace = 0.5 * (lower + upper), rng.uniform(0.4, 1.5, n)
-        self.swing, self.phase = (
-            0.25 * (upper - lower) * rng.uniform(0.4, 1, n),
-            rng.uniform(0, 2 * np.pi, n),
-        )
-
-    def __call__(self, t):
-        """Position, velocity and acceleration at a time [s]."""
-        angle, size = self.pace * t + self.phase, self.swing * self.pace
-        return (
-            self.centre + self.swing * np.sin(angle),
-            size * np.cos(angle),
-            -size * self.pace * np.sin(angle),
-        )
-
-
 class Stops:
     """Motions to random poses of all joints, with a stop after each."""
 
@@ -416,41 +395,37 @@ def recorded(robot, states, count, rng):
     return judge(robot, [robot.observed(states) for states in (first, second)], trials)
 
 
-def simulated(count, seconds, rng, stops):
-    """Rows of the simulated Panda, on sines or with stops."""
+def simulated(count, seconds, rng):
+    """Rows of the simulated Panda, which stops after each motion."""
     options = {"locked_joints": {"panda_finger_joint1": 0.0}, "mimic": "lock"}
     n = 7
-    true = tuple((STICTION if stops else 1.0) * rng.uniform(low, 1.0, n) for low in (0.2, 0.3))
+    true = tuple(STICTION * rng.uniform(low, 1.0, n) for low in (0.2, 0.3))
     known = [
         {"damping": KNOWN * damping, "friction": KNOWN * friction}
         for damping, friction in zip(*true, strict=True)
     ]
     joints = [f"panda_joint{k}" for k in range(1, n + 1)]
     robot = Robot(
-        f"Panda, simulated{' with stops' * stops}, {KNOWN:.0%} of its friction known",
+        f"Panda, simulated with stops, {KNOWN:.0%} of its friction known",
         find_urdf("panda"),
         LINKS,
         dict(zip(joints, known, strict=True)),
         **options,
     )
-    path = (Stops if stops else Sines)(robot.model, rng)
+    path = Stops(robot.model, rng)
     quiet = [
         robot.observed(simulate(robot, true, path, begin, seconds, rng)) for begin in (0.0, 600.0)
     ]
     trials = []
     for number, force in enumerate(FORCES):
-        for kind, (first, last) in (PUSHED if stops else {"": (0.0, 0.0)}).items():
-            length, ats = 3.0 + 2.0 * PAUSE * count, None
-            if stops:
-                length = PERIOD_OF_STOPS * (count + 1)
-                ats = np.round(
-                    1e9 * (PERIOD_OF_STOPS * np.arange(count) + rng.uniform(first, last, count))
-                )
-                ats = ats.astype(np.int64)
+        for kind, (first, last) in PUSHED.items():
+            length = PERIOD_OF_STOPS * (count + 1)
+            begins = PERIOD_OF_STOPS * np.arange(count) + rng.uniform(first, last, count)
+            ats = np.round(1e9 * begins).astype(np.int64)
             given = pushes(rng, robot, np.array([0, round(1e9 * length)]), count, force, ats)
             begin = PERIOD_OF_STOPS * (200 + 70 * number)
             states = simulate(robot, true, path, begin, length, rng, given)
-            trials.append((f"{kind} {force:g} N".strip(), given, robot.observed(states)))
+            trials.append((f"{kind} {force:g} N", given, robot.observed(states)))
     return judge(robot, quiet, trials)
 
 
@@ -523,8 +498,7 @@ def compare(short):
             rows += recorded(*panda(Path(folder)), count, rng)
         else:
             print(f"{RECORDINGS} is not there: only what is simulated")
-    for stops in (False, True):
-        rows += simulated(*((1, 15.0) if short else (40, 300.0)), np.random.default_rng(20), stops)
+    rows += simulated(*((1, 15.0) if short else (40, 300.0)), np.random.default_rng(20))
     for arm in ARMS[-1:] if short else ARMS:
         rows += with_stiction(arm, *((15.0, 1) if short else (300.0, 10)))
     return rows
