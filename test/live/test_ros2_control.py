@@ -5,7 +5,7 @@
 
 DIAG_DYNAMICS_ROS2_CONTROL names a prefix with ros2_control, ros2_controllers, `ros2 launch`, `ros2
 topic` and the hardware of test/plant: a rigid UR5 with brakes that obeys positions or efforts.
-`pytest -rP` shows the measured figures. They hold on an idle machine.
+`pytest -rP` shows the measured figures. They are of an idle machine.
 """
 
 import os
@@ -37,14 +37,14 @@ pytestmark = [
 ROOT = Path(__file__).resolve().parents[2]
 NAMES, START = robot(UR5).names, (0.0, -1.3, 1.5, -0.8, 0.7, 0.3)
 EFFORTS, POSITIONS = "effort_controller", "joint_trajectory_controller"
-MAX_SPEED = 0.03
-"""Maximum speed after a switch from rest [rad/s]."""
-MAX_FALLS = 3
-"""Maximum number of cycles without a command after a switch."""
+FALL, MAX_FALLS, HIDDEN = 0.026, 10, 4
+"""Speed that gravity adds in a cycle without a command [rad/s], and numbers of such cycles.
+
+The first is the largest number after a switch. The second stands for those that lost states hide
+and for commands that come late.
+"""
 MAX_DISPLACEMENT, DAMPING = 0.01, 10.0
 """Maximum displacement of an arm at rest [rad], and rate by default at which it stops [1/s]."""
-ANSWER = 10
-"""Cycles after a state within which commands answer it at effort_rate."""
 VELOCITY = 0.3
 """Velocity of all joints in a motion [rad/s]."""
 ROUNDING = 0.01
@@ -116,20 +116,24 @@ class States:
         return self
 
     @property
-    def left(self):
-        """Largest speed that cycles without a command have left, 0 without one [rad/s].
+    def limit(self):
+        """Largest speed that cycles without a command may add [rad/s].
 
         effort_controller forgets its command when it is activated. The arm falls until it receives
-        the next one, and a first command that answers this arrives ANSWER cycles later.
+        the next one.
         """
-        cycles = np.flatnonzero(self.falls)
-        return max((self.speed[cycle : cycle + ANSWER + 1].max() for cycle in cycles), default=0.0)
+        return FALL * (self.falls.sum() + HIDDEN)
+
+    def require_rest(self):
+        """See that an arm at rest has only fallen, and little."""
+        assert self.speed.max() <= self.limit
+        assert self.displacement <= MAX_DISPLACEMENT + self.limit / DAMPING
 
     def report(self, what, **figures):
         """Print the figures, and see that few cycles lacked a command."""
         print(
             f"{what}: peak {self.speed.max():.4f} rad/s, displacement {self.displacement:.5f} rad; "
-            f"{self.falls.sum()} cycles without command left {self.left:.4f} rad/s",
+            f"{self.falls.sum()} cycles without command",
             *(f"{name} {value}" for name, value in figures.items()),
         )
         assert self.falls.sum() <= MAX_FALLS, what
@@ -246,27 +250,24 @@ def test_the_launch_file(arm):
     states = arm.first
     states.report("launch file")
     assert arm.state_of(EFFORTS) == "active"
-    assert states.speed.max() <= max(MAX_SPEED, states.left)
-    assert states.displacement <= MAX_DISPLACEMENT + states.left / DAMPING
+    states.require_rest()
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_switch(arm, mode):
-    """From rest the arm stays at rest; in motion no joint becomes faster than it was."""
+    """From rest the arm only falls; in motion no joint becomes faster than it was by more."""
     arm.switch([POSITIONS], [EFFORTS])
     arm.choose(mode)
     states = States(arm.peer).begin()
     arm.switch([EFFORTS], [POSITIONS])
     states.end(1.0).report(f"{mode}, from rest")
-    assert states.speed.max() <= max(MAX_SPEED, states.left)
-    assert states.displacement <= MAX_DISPLACEMENT + states.left / DAMPING
+    states.require_rest()
     arm.switch([POSITIONS], [EFFORTS])
     arm.move(VELOCITY if MODES.index(mode) % 2 else -VELOCITY)
     states = States(arm.peer).begin()
     arm.switch([EFFORTS], [POSITIONS])
     states.end(1.0).report(f"{mode}, in motion")
-    limit = max(VELOCITY * (1.0 + ROUNDING), states.left)
-    assert states.speed.max() <= limit
+    assert states.speed.max() <= VELOCITY * (1.0 + ROUNDING) + states.limit
 
 
 def test_a_restart_and_a_reaction(arm):
@@ -286,8 +287,7 @@ def test_a_restart_and_a_reaction(arm):
         states = States(arm.peer).begin()
         arm.switch([EFFORTS], [])
         states.end(2.0).report("after a restart")
-        assert states.speed.max() <= max(MAX_SPEED, states.left)
-        assert states.displacement <= MAX_DISPLACEMENT + states.left / DAMPING
+        states.require_rest()
         arm.spawn(POSITIONS, "--inactive")
         check_reaction(arm)
 
@@ -318,4 +318,4 @@ def check_reaction(arm):
         report = reports.wait_for(lambda report: report.values["calls"] == "1", "the call")
         times = {key: value for key, value in report.values.items() if key.endswith("after [ms]")}
         states.report("reaction", **times)
-        assert np.abs(states.velocity[-1]).max() <= MAX_SPEED
+        assert np.abs(states.velocity[-1]).max() <= FALL

@@ -141,6 +141,17 @@ def test_a_switch_in_motion(arm, mode):
     assert not arm.status.messages[-1].message
 
 
+def test_a_command_at_the_activation(arm):
+    """The effort controller has forgotten its command: the next one does not wait for a state."""
+    arm.run(0.02)
+    count = len(arm.sent.messages)
+    arm.manager.switch(["trajectories"], ["effort_controller"])
+    arm.peer.graph.spin()
+    (command,) = arm.sent.messages[count:]
+    gravity = pinocchio_command("damping_10", arm.plant.q, np.zeros(6), None)
+    np.testing.assert_allclose(command.data, gravity, atol=1e-9)
+
+
 def test_a_law_starts_anew_with_its_controller(arm):
     """An earlier set-point, and efforts on the way to it, do not count."""
     assert arm.ask("tracking").success

@@ -405,10 +405,17 @@ class ControllerNode(ManagedNode):
         return f"controller '{name}' is {state}"
 
     def _take_activity(self, before, state):
-        """Start anew when the state of the effort controller changes."""
-        is_in_force = self._loop is not None and self._loop.supervisor.phase == IN_FORCE
-        if is_in_force and before not in (None, state):
-            self._loop.stand_by(self.time.now(), f"controller '{self._activity.name}' is {state}")
+        """Start anew when the state of the effort controller changes.
+
+        A controller that has been activated has forgotten its command, so it receives one at once.
+        """
+        if self._loop is None or before in (None, state):
+            return
+        reason = f"controller '{self._activity.name}' is {state}"
+        if self._loop.supervisor.phase == IN_FORCE:
+            self._loop.stand_by(self.time.now(), reason)
+        if self._loop.supervisor.phase == HOLDING:
+            self._send(self._loop.limits.sent)
 
     def _look(self):
         """Hold the robot if the last state has become too old."""
