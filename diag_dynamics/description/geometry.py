@@ -202,28 +202,11 @@ class Estimate(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """Text of a URDF with estimated inertias at a density [kg/m³], and failures by link."""
+    """Text of a URDF with estimated inertias, and failures by link."""
 
     text: str
     estimates: tuple[Estimate, ...]
-    density: float
     failed: dict[str, str]
-
-    @property
-    def warning(self) -> str:
-        """The text of a warning of both; empty if no link lacked an inertia."""
-        if not self.estimates and not self.failed:
-            return ""
-        names = ", ".join(f"'{estimate.link}'" for estimate in self.estimates) or "none"
-        reasons = (
-            "; ".join(f"'{link}' ({reason.rstrip('.')})" for link, reason in self.failed.items())
-            or "none"
-        )
-        at = f"at {self.density:g} kg/m³"
-        return (
-            f"links with an inertia estimated from geometry {at}: {names}; links without one: "
-            f"{reasons}."
-        )
 
 
 def estimated(text: str, density: object, folder: Path | None) -> Estimated:
@@ -256,9 +239,8 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         body = rho * solid.volume, solid.centre, rho * solid.inertia
         insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
         estimates.append(Estimate(name, *body, source))
-    return Estimated(
-        etree.tostring(robot.getroottree(), encoding="unicode"), tuple(estimates), rho, failed
-    )
+    text = etree.tostring(robot.getroottree(), encoding="unicode")
+    return Estimated(text, tuple(estimates), failed)
 
 
 def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:

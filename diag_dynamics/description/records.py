@@ -335,10 +335,9 @@ class Description(NamedTuple):
 
     `driven` are joints with an actuator, `remarks` probable mistakes of the file. An MJCF states
     `floating_base`, `gravity` [m/s²] and positions of `locked` joints [rad, m] too; `omitted` has
-    its forces that no model has, `balls` its ball joints, each of three hinges. `estimated_links`
-    have an inertia estimated from geometry. `couplings`, `motor_efforts` and `friction_velocity`
-    are those of :class:`Parameters`. Arguments of :func:`load_urdf` are merged, too; `held` are
-    positions of joints that massless="lock" locks.
+    its forces that no model has, `balls` its ball joints, each of three hinges. `couplings`,
+    `motor_efforts` and `friction_velocity` are those of :class:`Parameters`. Arguments of
+    :func:`load_urdf` are merged, too; `held` are positions of joints that massless="lock" locks.
     """
 
     name: str
@@ -353,7 +352,6 @@ class Description(NamedTuple):
     locked: Mapping[str, float] = {}
     omitted: tuple[str, ...] = ()
     balls: tuple[str, ...] = ()
-    estimated_links: tuple[str, ...] = ()
     couplings: Mapping[str, Coupling] = {}
     motor_efforts: bool = False
     friction_velocity: float = FRICTION_VELOCITY

@@ -22,21 +22,20 @@ from diag_dynamics.description.arguments import (
 from diag_dynamics.description.catalog import robot_path
 from diag_dynamics.description.checks import warn, warn_of
 from diag_dynamics.description.flexible_links import with_flexible_links
-from diag_dynamics.description.geometry import estimated
 from diag_dynamics.description.inertias import unphysical
 from diag_dynamics.description.loops import read_couplings, with_couplings
 from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
-from diag_dynamics.description.text import folder_of, read_text
+from diag_dynamics.description.text import read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
-from diag_dynamics.exceptions import InertiaWarning, InputError, LoopWarning
+from diag_dynamics.exceptions import InputError, LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
 
 Couplings = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
 
 # Options of load_urdf that an MJCF has itself, or that belong to the text of a URDF
-OPTIONS = ("gravity", "floating_base", "armature", "estimate_inertias", "xacro_args")
+OPTIONS = ("gravity", "floating_base", "armature", "xacro_args")
 
 NEAR_SINGULAR = np.sin(np.radians(10.0))
 """Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
@@ -53,11 +52,10 @@ def load_urdf(
     payloads: Mapping[str, Payload | tuple[Any, ...]] | None = None,
     friction_velocity: float | None = None,
     xacro_args: Mapping[str, Any] | None = None,
-    estimate_inertias: float | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
     loops: Couplings = None,
 ) -> RobotModel:
-    """Build a model from a URDF; meshes are read by `estimate_inertias` only.
+    """Build a model from a URDF, whose meshes are not read.
 
     Parameters
     ----------
@@ -90,9 +88,6 @@ def load_urdf(
         `parameters`, or 5e-3.
     xacro_args : dict
         Arguments of a xacro file, by name.
-    estimate_inertias : float
-        Density [kg/m³] of links that have geometry and no <inertial>. It opens the files that the
-        URDF names, so it is not for untrusted descriptions; meshes need trimesh.
     parameters : str, os.PathLike, Parameters or dict
         Parameters beside the URDF; `armature` and `friction_velocity` have precedence over those in
         it.
@@ -117,13 +112,14 @@ def load_urdf(
     -----
     ModelWarning
         The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid
-        body, or was estimated.
+        body.
     """
-    description = _described(source, xacro_args, estimate_inertias)
+    if not isinstance(source, Description):
+        source = describe_urdf(parse_urdf(read_text(source, xacro_args)))
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     couplings = read_couplings(loops)
-    description = with_couplings(description, couplings)
+    description = with_couplings(source, couplings)
     additional = Parameters() if parameters is None else read_parameters(parameters)
     description = with_parameters(description, additional)
     inertias = (
@@ -151,25 +147,6 @@ def load_urdf(
     )
     _warn_of_balls(model)
     return model
-
-
-def _described(
-    source: str | bytes | os.PathLike[str] | IO[Any] | Description,
-    xacro_args: Mapping[str, Any] | None,
-    density: float | None,
-) -> Description:
-    """Return the description of a URDF, with inertias estimated at a density if there is one."""
-    if isinstance(source, Description):
-        return source
-    folder, text = folder_of(source), read_text(source, xacro_args)
-    if density is None:
-        return describe_urdf(parse_urdf(text))
-    estimates = estimated(text, density, folder)
-    description = describe_urdf(parse_urdf(estimates.text))
-    if estimates.warning:
-        warn(f"robot '{description.name}': {estimates.warning}", InertiaWarning)
-    links = tuple(estimate.link for estimate in estimates.estimates)
-    return description._replace(estimated_links=links)
 
 
 def _warn_of_balls(model: RobotModel) -> None:
@@ -214,7 +191,7 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
     `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for
-    gravity, floating_base, armature and estimate_inertias, which the file has.
+    gravity, floating_base and armature, which the file has.
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed

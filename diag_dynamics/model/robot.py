@@ -134,9 +134,8 @@ class RobotModel:
     payloads : mapping
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads
         [kg].
-    estimated_links, omitted : tuple of str
-        Links whose inertia `estimate_inertias` has estimated; what forward and inverse dynamics
-        omit of an MJCF, such as ``spring of joint 'knee'``.
+    omitted : tuple of str
+        What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``.
     """
 
     def __init__(self, tree: Tree) -> None:
@@ -204,7 +203,6 @@ class RobotModel:
         self.locked_joints = MappingProxyType(dict(tree.locked))
         self.payloads = MappingProxyType(dict(description.payloads))
         self.total_mass = float(links["mass"].sum())
-        self.estimated_links = description.estimated_links
         self.omitted = description.omitted
         self.orientations = tree.orientations
         self.bodies = bodies

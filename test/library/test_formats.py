@@ -802,7 +802,7 @@ def test_mjcf_errors(mujoco, monkeypatch, tmp_path):
     for source in ("<mujoco><nothing/></mujoco>", tmp_path / "nowhere.xml"):
         with pytest.raises(dd.UrdfError, match="MuJoCo"):
             dd.load_mjcf(source)
-    for options in ({"gravity": (0, 0, 0)}, {"estimate_inertias": 1000.0}):
+    for options in ({"gravity": (0, 0, 0)}, {"armature": 1.0}):
         (name,) = options
         with pytest.raises(dd.InputError, match=f"^{name} "):
             dd.load_mjcf(ARM, **options)

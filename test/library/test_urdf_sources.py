@@ -15,6 +15,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.description import text as sources
+from diag_dynamics.description.geometry import estimated
 from diag_dynamics.inspection import inspect_robot
 from robots import BOX, description, joint, link
 
@@ -115,9 +116,8 @@ def test_comments(comment):
     assert_same_model(f"<!--{comment}-->\n{text}<!--{comment}-->")
     shape = "<visual><geometry><sphere radius='1'/></geometry></visual>"
     shaped = text.replace('<link name="base"/>', f'<link name="base">{shape}</link>')
-    with pytest.warns(dd.InertiaWarning):
-        model = dd.load_urdf(shaped, estimate_inertias=1000.0)
-    assert model.total_mass > 1000.0
+    estimates = estimated(sources.urdf_text(shaped), 1000.0, None)
+    assert dd.load_urdf(estimates.text).total_mass > 1000.0
 
 
 def test_many_comments():
