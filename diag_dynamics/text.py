@@ -65,6 +65,11 @@ def shortened(text: str, most: int = MAX_LENGTH) -> str:
     return head[:size] + gap + tail[-size:]
 
 
+def short(value: object) -> str:
+    """Return a value as messages show it."""
+    return shortened(repr(value), 80)
+
+
 def number(value: float, digits: int = 3) -> str:
     """Return a number with so many significant digits in ASCII, as web/src/format.js does.
 

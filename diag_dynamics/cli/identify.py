@@ -9,8 +9,8 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.description.mjcf import is_mjcf
-from diag_dynamics.description.parameters import urdf_with
 from diag_dynamics.description.text import read_text
+from diag_dynamics.description.urdf_writer import urdf_with
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.report import write_report

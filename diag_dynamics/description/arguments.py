@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from diag_dynamics.checks import mapping, number, numbers
-from diag_dynamics.description.inertias import LARGEST, checked_body
-from diag_dynamics.description.records import SINGLE, Description, Payload
+from diag_dynamics.description.parameters import checked_body
+from diag_dynamics.description.records import LARGEST_INERTIA, SINGLE, Description, Payload
 from diag_dynamics.exceptions import InputError
 
 LARGEST_GRAVITY = 1000.0  # maximum of a component [m/s²]: a value in mm/s² is beyond it
@@ -24,8 +24,6 @@ def with_gravity(description: Description, value: object) -> Description:
 
 def with_armature(description: Description, value: object) -> Description:
     """Return a description with the armature of joints, one number for all or a dict by name."""
-    if value is None:
-        return description
     if not isinstance(value, Mapping):
         armature = number("armature", value, "a finite number >= 0, or such by joint name")
         single = [joint.name for joint in description.joints.values() if joint.type in SINGLE]
@@ -35,7 +33,7 @@ def with_armature(description: Description, value: object) -> Description:
         value,
         description,
         "a finite number >= 0 [kg m², kg]",
-        lambda x: 0.0 <= x <= LARGEST,
+        lambda x: 0.0 <= x <= LARGEST_INERTIA,
     )
     joints = description.joints
     return description.with_joints(*(joints[n]._replace(armature=x) for n, x in values.items()))
@@ -43,8 +41,10 @@ def with_armature(description: Description, value: object) -> Description:
 
 def with_locked_joints(description: Description, value: object) -> Description:
     """Return a description with exactly these positions of locked joints by name."""
-    expected = f"a finite number [rad, m] within ±{LARGEST:g}"
-    locked = _by_joint("locked_joints", value, description, expected, lambda x: abs(x) <= LARGEST)
+    expected = f"a finite number [rad, m] within ±{LARGEST_INERTIA:g}"
+    locked = _by_joint(
+        "locked_joints", value, description, expected, lambda x: abs(x) <= LARGEST_INERTIA
+    )
     return description._replace(locked=locked, held={})
 
 

@@ -4,8 +4,8 @@
 """All checks of robots: severity, unit, text and remedy of each; and warnings.
 
 `load_urdf` warns of those that have a category of warnings; `inspect` shows all. Their conditions
-are in `remarks.py` for elements of a URDF, in `inertias.py`, and in the package `inspection` for
-the rest.
+are in `remarks.py` for elements of a URDF and inertias, and in the package `inspection` for the
+rest.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from contextvars import ContextVar
 from inspect import currentframe
 from typing import NamedTuple
 
-from diag_dynamics.description.elements import short
+from diag_dynamics.description.records import Remark
 from diag_dynamics.exceptions import InertiaWarning, ModelWarning
+from diag_dynamics.text import short
 
 MAX_MISTAKES = 10  # mistakes that a warning lists
 
@@ -43,19 +44,6 @@ class Check(NamedTuple):
     ascending: bool = False  # the smallest number is the worst
     warning: type[ModelWarning] | None = None  # load_urdf warns of it, too
     kind: str = "link"
-
-
-class Remark(NamedTuple):
-    """A check that fails: its row in CHECKS, a name, a number, and words of the text.
-
-    The name is that of a link or joint, as `kind` or the row says, or None for the robot.
-    """
-
-    row: str
-    name: str | None = None
-    number: float = 0.0
-    words: tuple[object, ...] = ()
-    kind: str = ""
 
 
 LINKS = {

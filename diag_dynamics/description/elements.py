@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers of XML attributes, and the placement of an `<origin>`.
+"""Elements of a URDF beside links and joints: numbers, origins, loops and transmissions.
 
-Every reader of origins calls this module.
+`<loop_joint>` is that of Isaac Sim, `<constraint>` the one proposed to urdfdom_headers (pull
+request 108). Elements `<start joint position>` and `<independent joint>` in them, and the attribute
+`polynomial` of `<mimic>`, which replaces multiplier and offset, belong to this package.
 """
 
 from __future__ import annotations
@@ -12,11 +14,20 @@ import math
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.records import (
+    LARGEST_INERTIA,
+    SINGLE,
+    Curve,
+    Loop,
+    LoopEnd,
+    Remark,
+)
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.text import shortened
+from diag_dynamics.text import short
 
 LARGEST = 1e30  # largest number accepted, of whatever unit: products of a few must not overflow
 
@@ -69,11 +80,6 @@ def is_xacro(element: Any) -> bool:
     return is_prefixed or "xacro" in tag.rpartition("}")[0]
 
 
-def short(value: object) -> str:
-    """Return a value as messages show it."""
-    return shortened(repr(value), 80)
-
-
 def placement_of(element: Any, where: str) -> Array:
     """Return the placement (4, 4) of an `<origin>`.
 
@@ -102,3 +108,163 @@ def placement_of(element: Any, where: str) -> Array:
             *(number / largest for number in numbers["quat_xyzw"])
         )
     return placement @ turn
+
+
+# --- Closed loops and non-linear mimic joints
+
+
+LOOP_KINDS = {
+    "spherical": "point",
+    "ball": "point",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "fixed": "weld",
+}
+
+# Tags of the link, the frame and the axis at both ends, by element
+ENDS = {
+    "loop_joint": (("link1", "link1", "axis"), ("link2", "link2", "axis")),
+    "constraint": (
+        ("parent", "parent_origin", "parent_axis"),
+        ("child", "child_origin", "child_axis"),
+    ),
+}
+
+
+def loops_of(robot: Any) -> tuple[Loop, ...]:
+    """Return the closed loops of a parsed `<robot>` element."""
+    elements = [element for tag in ENDS for element in robot.findall(tag)]
+    loops = tuple(_loop(element, f"{element.tag}{k}") for k, element in enumerate(elements))
+    for k, loop in enumerate(loops):
+        if loop.name in [earlier.name for earlier in loops[:k]]:
+            raise UrdfError(f"Two loops have the name '{loop.name}'.")
+    return loops
+
+
+def curves_of(robot: Any) -> dict[str, Curve]:
+    """Return the mimic joints with a `polynomial`.
+
+    It has the coefficients of their positions, the constant first.
+    """
+    curves = {}
+    for joint in robot.findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None and (text := mimic.get("polynomial")) is not None:
+            values = floats(text, len(text.split()))
+            if not values:
+                shown = f"joint {short(joint.get('name'))}: <mimic polynomial={short(text)}>"
+                raise UrdfError(f"{shown} is not finite numbers.")
+            curves[joint.get("name")] = Curve(mimic.get("joint"), np.array([[0.0, *values]]))
+    return curves
+
+
+def _loop(element: Any, name: str) -> Loop:
+    shown = (
+        f"<{element.tag} name={short(element.get('name'))}>"
+        if element.get("name")
+        else f"<{element.tag}>"
+    )
+    kind = element.get("type")
+    if kind not in LOOP_KINDS:
+        raise UrdfError(
+            f"{shown} is not supported: its type is {kind!r}, "
+            f"expected one of {', '.join(LOOP_KINDS)}."
+        )
+    ends, axes = [], []
+    for tag, origin, axis in ENDS[element.tag]:
+        link, frame, along = element.find(tag), element.find(origin), element.find(axis)
+        if link is None or link.get("link") is None:
+            raise UrdfError(f"{shown} is not supported: it lacks <{tag} link=…>.")
+        place = np.eye(4) if frame is None else placement_of(frame, shown)
+        numbers = [1.0, 0.0, 0.0] if along is None else numbers_of(along, "xyz", 3, shown)
+        axes.append(np.array(numbers))
+        if not np.linalg.norm(axes[-1]) > 0.0:
+            raise UrdfError(f"{shown}: <{axis}> has no direction.")
+        turn = place[:3, :3] @ rotations.frame_about(axes[-1]) @ rotations.frame_about(axes[0]).T
+        ends.append(LoopEnd(link.get("link"), tuple(place[:3, 3].tolist()), rotations.to_rpy(turn)))
+    start = {
+        part.get("joint"): numbers_of(part, "position", 1, shown)[0]
+        for part in element.findall("start")
+    }
+    independent = tuple(part.get("joint") for part in element.findall("independent"))
+    first, second = ends
+    name, kind = element.get("name", name), LOOP_KINDS[kind]
+    return Loop(name, first, second, kind, tuple(axes[0].tolist()), independent, start)
+
+
+# --- Transmissions: rotor inertias reflected to their joints, N²J
+
+
+# Tags without prefix and underscores, in lower case: <drake:rotor_inertia>, <mechanicalReduction>
+ROTOR_INERTIA = ("rotorinertia", "motorinertia")
+REDUCTION = ("mechanicalreduction", "gearratio")
+
+JOINTS = ("joint", "flexJoint", "rollJoint")
+
+
+def driven_joints(robot: Any) -> tuple[str, ...]:
+    """Return the joints of transmissions, and those of ros2_control with a command interface."""
+    joints = []
+    for transmission in robot.iter("transmission"):
+        joints += _joints_of(transmission)
+    for joint in robot.findall("ros2_control/joint"):
+        if joint.find("command_interface") is not None:
+            joints.append(joint)
+    return tuple(sorted({joint.get("name") or "" for joint in joints}))
+
+
+def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
+    """Return N²J [kg m², prismatic: kg] by joint, and remarks on what is ignored.
+
+    A transmission has one joint, one rotor and one gear ratio, of 1 if it has none; a joint has one
+    transmission with a rotor.
+    """
+    types = {joint.get("name"): joint.get("type") for joint in robot.findall("joint")}
+    armature: dict[str, float] = {}
+    remarks = []
+    for element in [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]:
+        where = f"transmission {short(element.get('name'))}"
+        names = {joint.get("name") or "" for joint in _joints_of(element)}
+        rotors = _sizes(element, ROTOR_INERTIA, where)
+        if not rotors:
+            continue
+        ratios = set(_sizes(element, REDUCTION, where)) - {1.0}
+        for name in names:
+            if name not in types:
+                raise UrdfError(f"{where}: joint {short(name)} is not a joint of this URDF.")
+        joint = min(names, default="")
+        is_single = len(names) == len(rotors) == 1 and types[joint] in SINGLE
+        if not is_single or len(ratios) > 1 or joint in armature:
+            remarks.append(Remark("ignored rotor", words=(where,)))
+            continue
+        N = min(ratios, default=1.0)
+        armature[joint] = N * N * rotors[0]
+        if not armature[joint] <= LARGEST_INERTIA:
+            raise UrdfError(
+                f"joint '{joint}': reflected rotor inertia {armature[joint]:g} is beyond "
+                f"{LARGEST_INERTIA:g}."
+            )
+    return armature, remarks
+
+
+def _joints_of(transmission: Any) -> list[Any]:
+    return [child for child in transmission.iterchildren() if local_name(child) in JOINTS]
+
+
+def _sizes(transmission: Any, tags: tuple[str, ...], where: str) -> list[float]:
+    """Return the sizes of the numbers, text or value, of elements with one of the tags."""
+    sizes = []
+    for element in transmission.iterdescendants(etree.Element):
+        tag = local_name(element)
+        if tag.replace("_", "").lower() not in tags:
+            continue
+        text = element.get("value") or element.text or ""
+        number = (floats(text, 1) or [float("nan")])[0]
+        is_valid, expected = number >= 0.0, ">= 0 [kg m²]"
+        if tags is REDUCTION:
+            is_valid, expected = abs(number) > 0.0, "other than 0"
+        if not is_valid:
+            shown = f"{where}: <{tag}> is {short(text)}"
+            raise UrdfError(f"{shown}; expected a finite number {expected}.")
+        sizes.append(abs(number))
+    return sizes

@@ -17,8 +17,8 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.checks import positive
 from diag_dynamics.description.elements import LARGEST, floats, placement_of
 from diag_dynamics.description.meshes import Meshes
-from diag_dynamics.description.parameters import insert_inertia
 from diag_dynamics.description.urdf import parse_urdf
+from diag_dynamics.description.urdf_writer import insert_inertia
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.rigid_body import RigidBody
 

@@ -36,8 +36,6 @@ def read_couplings(source: Any) -> Couplings:
     name = "loops"
     if isinstance(source, str | os.PathLike):
         name, source = os.fspath(source), read_yaml(source, os.fspath(source))
-    if source is None:
-        source = {}
     if not isinstance(source, Mapping):
         source = {"loops": source}
     return Couplings(name, mapping(name, source, COUPLINGS))

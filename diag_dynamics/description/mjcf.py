@@ -15,7 +15,6 @@ from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import Remark
 from diag_dynamics.description.records import (
     Curve,
     Description,
@@ -25,6 +24,7 @@ from diag_dynamics.description.records import (
     Loop,
     LoopEnd,
     Mimic,
+    Remark,
     translation,
 )
 from diag_dynamics.description.urdf import checked_joint, reject_large

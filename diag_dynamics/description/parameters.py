@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a robot beside its URDF, mostly identified, in a file or written into a URDF."""
+"""Parameters of a robot beside its URDF, mostly identified, in a file."""
 
 from __future__ import annotations
 
@@ -13,22 +13,19 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-from lxml import etree
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, positive
-from diag_dynamics.description.inertias import LARGEST, checked_body
 from diag_dynamics.description.records import (
+    LARGEST_INERTIA,
     Coupling,
     Description,
     FlexibleJoint,
     Link,
     Payload,
 )
-from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.rigid_body import RigidBody
+from diag_dynamics.rigid_body import RigidBody, not_physical
 from diag_dynamics.yaml_files import read_text, read_yaml, yaml_text
 
 NEGLIGIBLE = 1e-9  # fraction of a mass that is rounding
@@ -241,7 +238,7 @@ def _joint(entry: object, source: str, _: str) -> JointParameters:
             expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
         x = np.nan
         if not (is_scale and isinstance(value, float) and np.isnan(value)):
-            x = float(numbers(f"{source}: {key}", value, (), expected, LARGEST))
+            x = float(numbers(f"{source}: {key}", value, (), expected, LARGEST_INERTIA))
         if (x < 0.0 and not is_signed) or (x == 0.0 and is_scale):
             raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
         checked[key] = x
@@ -273,6 +270,30 @@ def _coupling(entry: object, source: str, motor: str) -> Coupling:
         for key in ("damping", "friction")
     )
     return Coupling(joints, damping, friction)
+
+
+def checked_body(
+    body: Payload, before: str, after: str = "", may_be_negative: bool = False
+) -> Payload:
+    """Return a body, whose mass may be negative if it is taken off.
+
+    Errors name a part between two texts.
+    """
+    mass_name, com_name, inertia_name = (f"{before}{part}{after}" for part in Payload._fields)
+    expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
+    mass = float(numbers(mass_name, body.mass, (), expected, LARGEST_INERTIA))
+    if mass < 0.0 and not may_be_negative:
+        raise InputError(f"{mass_name} is {mass}, expected {expected}.")
+    com = numbers(com_name, body.com, (3,), "three finite numbers [m]", LARGEST_INERTIA)
+    inertia = numbers(
+        inertia_name, body.inertia, (3, 3), "3 x 3 finite numbers [kg m²]", LARGEST_INERTIA
+    )
+    reason = None if mass < 0.0 else not_physical(inertia, mass)
+    if reason or np.abs(inertia - inertia.T).max() > 1e-9 * np.abs(inertia).max():
+        raise InputError(f"{inertia_name} is {inertia.tolist()}, {reason or 'not symmetric'}.")
+    inertia = 0.5 * (inertia + inertia.T)
+    com.flags.writeable = inertia.flags.writeable = False
+    return Payload(mass, com, inertia)
 
 
 def _body(entry: object, source: str, _: str, may_be_negative: bool = False) -> Payload:
@@ -358,77 +379,3 @@ def perturbed(description: Description, part: float, rng: np.random.Generator) -
         inertia = np.trace(moments) * np.eye(3) - moments
         links[name] = Link(name, Payload(heavier * body.mass, centre, inertia).inertial)
     return description._replace(links=links)
-
-
-# --- A URDF written anew with parameters; all else in the file stays, comments too
-
-ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-
-
-def insert_inertia(link: Any, comment: str, mass: float, centre: Array, inertia: Array) -> None:
-    """Insert an `<inertial>` with a comment into a link, in the file's manner of indenting.
-
-    Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²] have the same bits.
-    """
-    inertial = etree.Element("inertial")
-    inertial.append(_comment(comment))
-    etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
-    etree.SubElement(inertial, "mass", value=repr(float(mass)))
-    entries = {name: repr(float(inertia[place])) for name, place in ENTRIES.items()}
-    etree.SubElement(inertial, "inertia", entries)
-    _insert_first(link, inertial)
-
-
-def _comment(text: str) -> Any:
-    # A comment has no two dashes in a row, but a file's name may have them.
-    return etree.Comment(f" {text} ".replace("--", "- -"))
-
-
-def _insert_first(parent: Any, element: Any) -> None:
-    """Insert an element of a link or joint, with its children, on lines of their own."""
-    indent = parent.text if len(parent) and not (parent.text or "").strip() else None
-    parent.text, element.tail = indent or "\n    ", indent or "\n  "
-    etree.indent(element, space="  ", level=2)
-    parent.insert(0, element)
-
-
-def urdf_with(text: str, parameters: Parameters) -> str:
-    """Return a URDF's text with inertias, payloads, damping and friction.
-
-    It has no place for armature and offsets.
-    """
-    element = parse_urdf(text, comments=True)
-    links = with_parameters(describe_urdf(element), parameters).links
-    origin = [
-        str(parameters.origin[key]) for key in ("method", "date") if parameters.origin.get(key)
-    ]
-    source = ", ".join(["written by diag_dynamics", *origin])
-    for link in element.findall("link"):
-        name = link.get("name")
-        payload = parameters.payloads.get(name)
-        if name in parameters.links or (payload is not None and payload.mass):
-            etree.strip_elements(link, "inertial", with_tail=False)
-            inertial = links[name].inertial
-            if inertial is not None:
-                insert_inertia(
-                    link, source, inertial.mass, inertial.placement[:3, 3], inertial.inertia
-                )
-    for joint in element.findall("joint"):
-        entry = parameters.joints.get(joint.get("name"), JointParameters()).known
-        if numbers := {
-            name: repr(x) for name, x in entry.items() if name in ("damping", "friction")
-        }:
-            _set_dynamics(joint, numbers, source)
-    return str(etree.tostring(element.getroottree(), encoding="unicode"))
-
-
-def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:
-    dynamics = joint.find("dynamics")
-    if dynamics is None:
-        dynamics = etree.Element("dynamics")
-        _insert_first(joint, dynamics)
-    dynamics.attrib.update(numbers)
-    comment, before = _comment(source), dynamics.getprevious()
-    # The comment is on a line of its own, as the element is.
-    comment.tail = joint.text if before is None else before.tail
-    joint.insert(joint.index(dynamics), comment)

@@ -12,7 +12,6 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import vector
-from diag_dynamics.description.checks import Remark
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.rotations import from_rpy
@@ -25,6 +24,9 @@ JOINT_TYPES = (*SINGLE, "fixed", "floating", "planar")
 
 FRICTION_VELOCITY = 5e-3
 """Default v₀ [rad/s, m/s]: estimated velocities at rest are milliradians per second."""
+
+LARGEST_INERTIA = 1e9
+"""Largest mass, length, inertia or armature accepted, in SI units."""
 
 LOOP_TYPES = {"point": 1, "revolute": 2, "weld": 3}
 """Pairs of points that coincide, by the type of a loop."""
@@ -328,6 +330,19 @@ class Flexible(NamedTuple):
         forms = {name: form for name, form in forms.items() if form.sources}
         groups = tuple(group - locked.keys() - rigid.keys() for group in self.groups)
         return Flexible(self.links, forms, groups), locked | rigid
+
+
+class Remark(NamedTuple):
+    """A check that fails: its row in checks.CHECKS, a name, a number, and words of the text.
+
+    The name is that of a link or joint, as `kind` or the row says, or None for the robot.
+    """
+
+    row: str
+    name: str | None = None
+    number: float = 0.0
+    words: tuple[object, ...] = ()
+    kind: str = ""
 
 
 class Description(NamedTuple):

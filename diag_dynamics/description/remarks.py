@@ -1,19 +1,25 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Probable mistakes in the elements of a URDF that loads."""
+"""Probable mistakes in the elements of a URDF that loads, and in inertias."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
-from diag_dynamics.description.checks import Remark
-from diag_dynamics.description.elements import floats, short
+from diag_dynamics.arrays import Array
+from diag_dynamics.description.elements import floats
+from diag_dynamics.description.records import Remark
+from diag_dynamics.rigid_body import not_physical
+from diag_dynamics.text import short
+
+NEGLIGIBLE = 1e-5  # fraction of the robot's mass that rounding of its numbers exceeds
 
 # Attributes of each element, those of Unitree's, ANYbotics' and Franka's tools included; those with
 # a prefix are free
@@ -115,3 +121,23 @@ def _angle(element: Any) -> tuple[str, float]:
         return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)
     offset = floats(element.get("offset"), 1) if element.tag == "mimic" and turns else None
     return "offset", (offset or [0.0])[0]
+
+
+def unphysical(inertias: Iterable[tuple[str, float, Array, float]]) -> Iterator[Remark]:
+    """Find moments of inertia below zero or above the sum of the others, beyond rounding.
+
+    `inertias` has link, mass, inertia, and half a unit of the inertia's last digit.
+    """
+    rows = list(inertias)
+    negligible = NEGLIGIBLE * sum(mass for _, mass, _, _ in rows)
+    for name, mass, inertia, half_digit in rows:
+        if not_physical(inertia, mass) is None:
+            continue
+        first, second, third = np.linalg.eigvalsh(inertia)
+        rounding = 3.0 * half_digit  # norm of the matrix of errors bounds that of eigenvalues
+        excess, is_light = third - first - second, not mass or mass < negligible
+        if first < -rounding and not is_light:
+            yield Remark("negative", name, first)
+        else:
+            row = "rounded" if is_light or excess <= 3.0 * rounding else "triangle"
+            yield Remark(row, name, 100.0 * excess / max(abs(first), third))

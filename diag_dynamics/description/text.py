@@ -19,9 +19,10 @@ from typing import Any
 from lxml import etree
 
 from diag_dynamics.description.checks import warn
-from diag_dynamics.description.elements import is_xacro, local_name, short
+from diag_dynamics.description.elements import is_xacro, local_name
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.text import short
 
 # Largest URDF accepted; the largest public robot descriptions have some 200 kB
 MAX_BYTES = 32 * 1024 * 1024

@@ -20,13 +20,16 @@ from lxml import etree
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import (
+    ENDS,
+    curves_of,
+    driven_joints,
     is_xacro,
     local_name,
+    loops_of,
     numbers_of,
     placement_of,
-    short,
+    reflected_inertias,
 )
-from diag_dynamics.description.loop_elements import ENDS, curves_of, loops_of
 from diag_dynamics.description.records import (
     JOINT_TYPES,
     Description,
@@ -37,9 +40,8 @@ from diag_dynamics.description.records import (
 )
 from diag_dynamics.description.remarks import remarks_of
 from diag_dynamics.description.text import DEFINITIONS, NO_CALL
-from diag_dynamics.description.transmissions import driven_joints, reflected_inertias
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.text import listed
+from diag_dynamics.text import listed, short
 
 MAX_JOINTS = 2000  # largest number of joints; the largest public robots have some 200
 

@@ -160,7 +160,8 @@ class SweepCaller:
             raise InputError(f"{problem}.")
         D = np.nan
         if status > 0:  # in new memory: another thread may have used the shared one since
-            inertias, _ = joint_inertias(self.model, at.q, FollowerMotion(self.model))
+            workspace = self.model.new_workspace() if self.model.followers else None
+            inertias, _ = joint_inertias(self.model, at.q, workspace)
             D = inertias[self.model.bodies["dof"][status]]
         raise_failure(self.model, status, D, at)
 

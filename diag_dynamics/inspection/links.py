@@ -9,8 +9,9 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.geometry import Solid
-from diag_dynamics.description.inertias import negative_moments, unphysical
+from diag_dynamics.description.remarks import unphysical
 from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
+from diag_dynamics.rigid_body import negative_moments
 
 DENSEST = 20000.0  # density that no link has [kg/m³]: tungsten has 19 300
 DENSE = 9000.0  # density of solid copper [kg/m³]

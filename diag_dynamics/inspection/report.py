@@ -16,8 +16,9 @@ import numpy as np
 
 from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import Remark, grouped, handle_warnings
+from diag_dynamics.description.checks import grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
+from diag_dynamics.description.records import Remark
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.inspection import joints, links, motion

@@ -16,13 +16,11 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description import records
-from diag_dynamics.description.checks import Remark
+from diag_dynamics.description.elements import reflected_inertias
 from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of, united
-from diag_dynamics.description.inertias import NEGLIGIBLE
 from diag_dynamics.description.meshes import Meshes, find_mesh
-from diag_dynamics.description.records import Description, Joint
-from diag_dynamics.description.remarks import remarks_of
-from diag_dynamics.description.transmissions import reflected_inertias
+from diag_dynamics.description.records import Description, Joint, Remark
+from diag_dynamics.description.remarks import NEGLIGIBLE, remarks_of
 from diag_dynamics.description.urdf import parse_urdf, readable_parts
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
 

@@ -18,8 +18,7 @@ from diag_dynamics.joint_states.joints import EffortMeaning, RobotState, age_lim
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.joint_states.steps import SAMPLES
-from diag_dynamics.model.followers import loop_title
-from diag_dynamics.model.mimic import Followers
+from diag_dynamics.model.followers import Followers, loop_title
 from diag_dynamics.sweeps.followers import positions
 
 

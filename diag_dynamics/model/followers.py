@@ -1,17 +1,20 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Positions and rates of joints that follow others, at a state."""
+"""Joints that follow others: positions and rates at a state, and values in messages."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
+from diag_dynamics.description.records import Mimic
 from diag_dynamics.exceptions import LoopError
+from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.rotations import wrap_angle
 from diag_dynamics.sweeps import couplings, followers
 from diag_dynamics.text import listed
 
@@ -187,3 +190,90 @@ def _end(
             return good
         good = ahead
     return limit
+
+
+# --- Values of followers in messages
+
+
+class Followers:
+    """Positions of followers by their sources, and efforts of followers on their sources.
+
+    `joints` are the independent joints, `mimics` is :class:`Mimic` by name, and `continuous` has
+    followers whose position is an angle that wraps. A measured position of a follower may differ by
+    `tolerance` [rad, m] from the position by its source; 0 accepts any. `motion` is the
+    FollowerMotion of a model whose ratios change. Vectors of followers are in the order of `names`,
+    mimic joints first, NaN for unknown values.
+    """
+
+    def __init__(
+        self,
+        joints: Iterable[str],
+        mimics: Mapping[str, Mimic],
+        tolerance: float = 0.0,
+        continuous: Container[str] = (),
+        motion: FollowerMotion | None = None,
+    ) -> None:
+        self.names = tuple(motion.names if motion else mimics)
+        self.tolerance, self.motion = tolerance, motion
+        joints = tuple(joints)
+        self._sources: dict[str, tuple[str, ...]] = {
+            name: (mimic.leader,) for name, mimic in mimics.items()
+        }
+        self._sources |= motion.model.followers if motion else {}
+        self.leaders = np.array(
+            places([mimic.leader for mimic in mimics.values()], joints), dtype=np.int64
+        )
+        self.turns = np.array([name in continuous for name in self.names], dtype=bool)
+        self.multipliers = np.array([mimic.multiplier for mimic in mimics.values()], float)
+        self.offsets = np.array([mimic.offset for mimic in mimics.values()], float)
+        self._G = np.zeros((len(mimics), len(joints)))
+        self._G[np.arange(len(mimics)), self.leaders] = self.multipliers
+
+    @classmethod
+    def of(cls, model: RobotModel, tolerance: float = 0.0) -> Followers:
+        """Return the followers of a model."""
+        motion = FollowerMotion(model) if model.followers else None
+        return cls(single_joints(model), model.mimics, tolerance, model.continuous_joints, motion)
+
+    def at(self, position: Array) -> tuple[Array, Array]:
+        """Return positions of followers [rad, m] by those of independent joints, and G, (f, n).
+
+        LoopError without.
+        """
+        if self.motion is None:
+            return self._G @ position + self.offsets, self._G
+        now = self.motion.at(position)
+        return now.position, now.ratios[:, now.ratios.shape[1] - len(position) :]
+
+    def reflected(self, position: Array, effort: Array, loads: Array) -> Array:
+        """Return efforts of the independent joints and, through G, of the followers.
+
+        Unknown efforts of followers count as zero.
+        """
+        reflected: Array = effort + np.where(np.isfinite(loads), loads, 0.0) @ self.at(position)[1]
+        return reflected
+
+    def disagreements(self, position: Array, measured: Array) -> list[str]:
+        """Texts, one for each follower further than `tolerance` from where its source puts it.
+
+        NaN is not compared.
+        """
+        if not self.tolerance:
+            return []
+        expected, _ = self.at(position)
+        distance = np.abs(np.where(np.isfinite(measured), measured, np.nan) - expected)
+        distance = np.where(self.turns, np.abs(wrap_angle(distance)), distance)
+        return [
+            self.disagreement(k, measured[k], expected[k])
+            for k, far in enumerate(distance > self.tolerance)
+            if far
+        ]
+
+    def disagreement(self, k: int, measured: float, expected: float) -> str:
+        """Text on follower k, whose position is not the expected one."""
+        sources = ", ".join(map(repr, self._sources[self.names[k]]))
+        return (
+            f"position of joint '{self.names[k]}' is {measured:.9g}, "
+            f"expected {expected:.9g} from {sources}, "
+            f"which it follows, within mimic_tolerance = {self.tolerance:g}"
+        )

@@ -22,11 +22,11 @@ from diag_dynamics.description.arguments import (
 from diag_dynamics.description.catalog import robot_path
 from diag_dynamics.description.checks import warn, warn_of
 from diag_dynamics.description.flexible_links import with_flexible_links
-from diag_dynamics.description.inertias import unphysical
 from diag_dynamics.description.loops import read_couplings, with_couplings
 from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
+from diag_dynamics.description.remarks import unphysical
 from diag_dynamics.description.text import read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InputError, LoopWarning
@@ -118,18 +118,25 @@ def load_urdf(
         source = describe_urdf(parse_urdf(read_text(source, xacro_args)))
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
-    couplings = read_couplings(loops)
-    description = with_couplings(source, couplings)
-    additional = Parameters() if parameters is None else read_parameters(parameters)
-    description = with_parameters(description, additional)
-    inertias = (
+    description = source
+    couplings, additional, lighter = None, None, list[str]()
+    if loops is not None:
+        couplings = read_couplings(loops)
+        description = with_couplings(description, couplings)
+    if parameters is not None:
+        additional = read_parameters(parameters)
+        description = with_parameters(description, additional)
+        lighter = additional.lighter_links
+    inertias = [
         (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
         for link in description.links.values()
-        if link.inertial is not None and link.name not in additional.lighter_links
-    )
+        if link.inertial is not None and link.name not in lighter
+    ]
     warn_of(description.name, [*description.remarks, *unphysical(inertias)])
-    description = with_flexible_links(description, couplings)
-    description = with_armature(description, armature)
+    if couplings is not None:
+        description = with_flexible_links(description, couplings)
+    if armature is not None:
+        description = with_armature(description, armature)
     if friction_velocity is not None:
         velocity = not_negative("friction_velocity", friction_velocity, "[rad/s, m/s]")
         description = description._replace(friction_velocity=velocity)

@@ -23,8 +23,7 @@ from diag_dynamics.description.records import (
     Mimic,
 )
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
-from diag_dynamics.model.mimic import joints_between, path_to, resolve_mimics
-from diag_dynamics.model.tree import Tree
+from diag_dynamics.model.tree import Tree, joints_between, path_to
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.text import listed
@@ -128,17 +127,17 @@ def resolve_curves(
     return resolved
 
 
-def tree_of(description: Description) -> Tree:
-    """Return the tree of a description, its mimic joints and loops resolved."""
+def coupled_tree(
+    description: Description, mimics: dict[str, Mimic], locked: dict[str, float]
+) -> Tree:
+    """Return the tree of a description that has loops, curves or flexible links."""
     curves = {} if description.mimic == "free" else description.curves
-    mimics, locked = resolve_mimics(description)
-    coupled = None
     flexible, locked = description.flexible.without(locked)
-    if description.loops or curves or flexible.forms:
-        curves = resolve_curves(description, curves, mimics, locked)
-        coupled = close(Tree(description, locked, {}), curves, mimics, flexible)
-        mimics = coupled.mimics
-    return Tree(description, locked, mimics, coupled)
+    if not (description.loops or curves or flexible.forms):
+        return Tree(description, locked, mimics)
+    curves = resolve_curves(description, curves, mimics, locked)
+    coupled = close(Tree(description, locked, {}), curves, mimics, flexible)
+    return Tree(description, locked, coupled.mimics, coupled)
 
 
 def close(
@@ -373,7 +372,7 @@ class _Cut:
 
     def start(self, loops: Sequence[Loop]) -> Array:
         """Return positions of all joints: the start values of loops, otherwise 0."""
-        q = np.array([1.0 if index == 3 else 0.0 for index in self.tree.orientations])
+        q = self.tree.neutral.copy()
         first: dict[str, Loop] = {}
         for loop in loops:
             for name in loop.start.keys() & self._q.keys():
@@ -520,10 +519,8 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
     return np.array(records, couplings.FORM), coefficients
 
 
-def coupling_tables(tree: Tree, coupled: Coupled | None) -> couplings.CouplingTables | None:
-    """Return the tables of a tree with followers, or None."""
-    if coupled is None or not coupled.followers:
-        return None
+def coupling_tables(tree: Tree, coupled: Coupled) -> couplings.CouplingTables:
+    """Return the tables of a tree with followers."""
     first_body = {name: tree.first_body(name) for name in tree.moving}
     loops, joints, start = list[tuple[int, ...]](), list[tuple[int, ...]](), list[float]()
     closures, curves, pieces = list[tuple[object, ...]](), list[tuple[object, ...]](), list[Array]()

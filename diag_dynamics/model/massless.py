@@ -13,9 +13,9 @@ import numpy.typing as npt
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MasslessLinkError
-from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.sweeps import followers
 from diag_dynamics.sweeps.joints import REMOTE, SINGULAR
+from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.sweeps.records import PLANAR, PRISMATIC, REVOLUTE, VIRTUAL
 from diag_dynamics.sweeps.spatial import ANGULAR_X
 
@@ -28,40 +28,40 @@ MAX_LISTED = 50  # largest number of joints that a message lists
 _UPPER = np.triu_indices(3)
 
 
-def massless_freedoms(model: RobotModel) -> tuple[npt.NDArray[np.int64], Array]:
+def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int64], Array]:
     """Return the degrees of freedom that move no inertia in four configurations.
 
     The second result is the smallest D of each degree of freedom.
     """
-    rng, motion = np.random.default_rng(0), FollowerMotion(model)
+    rng = np.random.default_rng(0)
+    workspace = None if model.coupling_tables is None else model.new_workspace()
     smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
-    for spread in (
-        (0.0, 1.0, 1.0, 1.0) if model.coupling_tables is None else (0.0, 0.05, 0.05, 0.05)
-    ):
-        q = model.start
+    for spread in (0.0, 1.0, 1.0, 1.0) if workspace is None else (0.0, 0.05, 0.05, 0.05):
+        q = tree.start.copy()
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
-        D, size = joint_inertias(model, q, motion)
+        D, size = joint_inertias(model, q, workspace)
         massless &= ~(SINGULAR * size < D)
         smallest = np.minimum(smallest, D)
     return np.flatnonzero(massless), smallest
 
 
 @np.errstate(all="ignore")  # numbers may be too large
-def joint_inertias(model: RobotModel, q: Array, motion: FollowerMotion) -> tuple[Array, Array]:
+def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> tuple[Array, Array]:
     """Return D of each degree of freedom and its size, see sweeps.joints.
 
     A massless joint counts as locked.
 
-    `motion` is a :class:`FollowerMotion` of the model. Both are inf where a loop cannot be closed.
-    The mass matrix of a group belongs to the twist of its carrier and the rates in the group, as in
+    `workspace` is one of the model, None without joints that follow others by changing ratios. Its
+    last state chooses the branch of a loop. Both are inf where a loop cannot be closed. The mass
+    matrix of a group belongs to the twist of its carrier and the rates in the group, as in
     sweeps.groups.
     """
     bodies = model.bodies
     position, ratio = np.zeros(len(bodies)), bodies["multiplier"]
-    if model.coupling_tables is not None:
-        ratios = motion.memory()
-        if followers.ratios(motion.workspace.robot, q, np.zeros(model.nv), ratios) != 0:
+    if workspace is not None:
+        ratios = np.zeros((len(bodies), 1 + 2 * model.nv))
+        if followers.ratios(workspace.robot, q, np.zeros(model.nv), ratios) != 0:
             unknown = np.full(model.nv, np.inf)
             return unknown, unknown
         position = ratios[:, 0]

@@ -17,7 +17,6 @@ import numpy as np
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import number, vector
 from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
-from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.description.parameters import (
     Parameters,
     perturbed,
@@ -34,10 +33,10 @@ from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_err
 from diag_dynamics.model.flexible_links import modal_effort
 from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle
-from diag_dynamics.model.loops import coupling_tables, tree_of
+from diag_dynamics.model.loops import coupled_tree, coupling_tables
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
-from diag_dynamics.model.tree import Tree
-from diag_dynamics.rigid_body import RigidBody, symmetric
+from diag_dynamics.model.tree import Tree, resolve_mimics
+from diag_dynamics.rigid_body import RigidBody, not_physical, symmetric
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.memory import Workspace
 
@@ -70,6 +69,8 @@ class RobotModel:
         Name of the robot, and the link that is fixed in the world, or moves freely.
     floating_base : bool
         Whether the root link moves freely.
+    nv, nq : int
+        Numbers of degrees of freedom and of position coordinates.
     dof_names, coordinate_names : tuple of str
         The nv degrees of freedom, the order of every vector of rates or efforts, and the nq
         position coordinates: a joint's name, or ``<joint>/v_x`` … ``<joint>/w_z``, ``<joint>/x`` …
@@ -149,6 +150,7 @@ class RobotModel:
         self.name = description.name
         self.dof_names = tree.dof_names
         self.coordinate_names = tree.coordinate_names
+        self.nv, self.nq = len(tree.dof_names), len(tree.coordinate_names)
         self.joint_names = tuple(joint.name for joint in tree.joints)
         self.fixed_joints = tuple(n for n, j in joints.items() if j.type == "fixed")
         self.mimic_joints = tuple(
@@ -194,7 +196,9 @@ class RobotModel:
         self.loop_joints = tuple(
             tuple(name for name in tree.moving if name in group.joints) for group in groups
         )
-        self.coupling_tables = coupling_tables(tree, coupled)
+        self.coupling_tables = (
+            coupling_tables(tree, coupled) if coupled and coupled.followers else None
+        )
         self.flexible_links = MappingProxyType(dict(description.flexible.links))
         self.follower_damping = tree.of_followers("damping")
         self.follower_friction = tree.of_followers("friction")
@@ -232,16 +236,6 @@ class RobotModel:
         vars(model).pop("workspace", None)
         model._freeze()
         return model
-
-    @property
-    def nv(self) -> int:
-        """Number of degrees of freedom."""
-        return len(self.dof_names)
-
-    @property
-    def nq(self) -> int:
-        """Number of position coordinates."""
-        return len(self.coordinate_names)
 
     @property
     def has_friction(self) -> bool:
@@ -297,15 +291,12 @@ class RobotModel:
     @property
     def neutral(self) -> Array:
         """Positions of zero, floating joints at the identity; shape (nq,)."""
-        return np.array([1.0 if orientation == 3 else 0.0 for orientation in self.orientations])
+        return self._tree.neutral.copy()
 
     @property
     def start(self) -> Array:
         """Positions at which loops are closed first, otherwise :attr:`neutral`; shape (nq,)."""
-        q, start = self.neutral, self._tree.coupled.start if self._tree.coupled else {}
-        for k, name in enumerate(self.coordinate_names):
-            q[k] = start.get(name, q[k])
-        return q
+        return self._tree.start.copy()
 
     def followers_at(self, q: VectorLike, qd: VectorLike | None = None) -> FollowerState:
         """Return the :class:`FollowerState` at q, shape (nq,), and q̇, shape (nv,).
@@ -519,6 +510,14 @@ class RobotModel:
         return _restored, (self.description,)
 
 
+def tree_of(description: Description) -> Tree:
+    """Return the tree of a description, its mimic joints and loops resolved."""
+    mimics, locked = resolve_mimics(description)
+    if description.loops or description.curves or description.flexible.groups:
+        return coupled_tree(description, mimics, locked)
+    return Tree(description, locked, mimics)
+
+
 def build(description: Description, applied: Parameters | None = None) -> RobotModel:
     """Build the model of a description; the mass that applied parameters take off must be there."""
     while True:
@@ -526,7 +525,7 @@ def build(description: Description, applied: Parameters | None = None) -> RobotM
         if applied is not None:
             reject_too_light(tree, applied)
         model = RobotModel(tree)
-        massless, smallest = massless_freedoms(model)
+        massless, smallest = massless_freedoms(model, tree)
         more = positions_to_hold(model, massless) if description.massless == "lock" else {}
         if not more:
             reject_massless(model, tree, massless, smallest)

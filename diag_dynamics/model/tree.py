@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tree of a description as arrays; links that move as one are merged."""
+"""Tree of a description as arrays: mimic joints are resolved, links that move as one are merged."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +14,17 @@ import numpy.typing as npt
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.records import Description, Joint, Mimic, Payload, translation
+from diag_dynamics.description.elements import LARGEST
+from diag_dynamics.description.records import (
+    SINGLE,
+    Description,
+    Joint,
+    Mimic,
+    Payload,
+    translation,
+)
 from diag_dynamics.exceptions import MimicJointError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
-from diag_dynamics.model.mimic import coupled_groups
 from diag_dynamics.rigid_body import parallel_axes
 from diag_dynamics.sweeps.records import BODY, LINK, VIRTUAL
 
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
 
 MAX_COUPLED = 1000  # largest number of bodies in a coupled group
 _UPPER = np.triu_indices(3)
+_CURE = "The parameter mimic=free takes every joint as independent."
 
 
 class MovingJoint:
@@ -46,8 +54,8 @@ class Tree:
 
     `mimics` has a :class:`Mimic` by name. `joints` are independent, base to tip. Those of a coupled
     group come together, before what the group carries; `groups` has the names of all of its joints.
-    `links` has each :class:`Link` with its body, and its
-    placement (4, 4) in that body's frame.
+    `links` has each :class:`Link` with its body, and its placement (4, 4) in that body's frame.
+    `start` are positions at which loops are closed first, otherwise those of `neutral`.
     """
 
     def __init__(
@@ -69,12 +77,11 @@ class Tree:
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
         carriers = {name: joint.carrier for name, joint in self.moving.items()}
-        ratios, closed = dict(mimics), list[Set[str]]()
+        leaders, closed = {name: mimic.leader for name, mimic in mimics.items()}, list[Set[str]]()
         if coupled:
-            for name, curve in coupled.curves.items():
-                ratios[name] = Mimic(curve.source, 0.0, 0.0)
+            leaders |= {name: curve.source for name, curve in coupled.curves.items()}
             closed += [*(group.joints for group in coupled.groups), *coupled.flexible.groups]
-        groups = coupled_groups(ratios, carriers, closed)
+        groups = coupled_groups(leaders, carriers, closed)
         for block in self._blocks(groups):
             first = self.count
             self._add_block(block)
@@ -94,6 +101,11 @@ class Tree:
         )
         _reject_duplicates("degrees of freedom", self.dof_names)
         _reject_duplicates("positions", self.coordinate_names)
+        self.neutral = np.array([1.0 if index == 3 else 0.0 for index in self.orientations])
+        self.start = self.neutral.copy()
+        if coupled:
+            for k, name in enumerate(self.coordinate_names):
+                self.start[k] = coupled.start.get(name, self.start[k])
 
     def _merge_links(self) -> dict[str, tuple[str | None, Array]]:
         """Find the moving joints.
@@ -286,3 +298,132 @@ def _displacement(joint: Joint, position: float) -> Array:
     c, s = np.cos(position), np.sin(position)
     turn[:3, :3] = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
     return turn
+
+
+# --- Mimic joints: the source joint of each chain, and groups that are eliminated together
+
+
+def resolve_mimics(description: Description) -> tuple[dict[str, Mimic], dict[str, float]]:
+    """Return :class:`Mimic` by mimic joint, and the positions of all locked joints.
+
+    Mimic joints that stand still are locked, too. Joints with curves are no mimic joints.
+    """
+    mimics: dict[str, Mimic] = {}
+    locked = {**description.locked, **description.held}
+    positions = dict(locked)
+    if description.mimic == "free":
+        return mimics, positions
+    joints = description.joints
+    followers = {
+        joint.name: joint.mimic
+        for joint in joints.values()
+        if joint.mimic is not None
+        and joint.type != "fixed"
+        and joint.name not in locked
+        and joint.name not in description.curves
+    }
+    resolved: dict[str, Mimic] = {}
+    for name in followers:
+        mimic = _end_of_chain(name, followers, joints, resolved)
+        if mimic.leader in locked or joints[mimic.leader].type == "fixed":
+            leader_position = locked.get(mimic.leader, 0.0)
+            positions[name] = mimic.offset + mimic.multiplier * leader_position
+        elif description.mimic == "lock" or mimic.multiplier == 0.0:
+            positions[name] = mimic.offset
+        else:
+            mimics[name] = mimic
+    return mimics, positions
+
+
+def _end_of_chain(
+    name: str,
+    followers: Mapping[str, Mimic],
+    joints: Mapping[str, Joint],
+    resolved: dict[str, Mimic],
+) -> Mimic:
+    """Return the coupling of a joint to the end of its chain of mimics.
+
+    `resolved` has earlier ones.
+    """
+    chain = [name]
+    while name not in resolved and name in followers:
+        _require_single(joints[name], chain)
+        leader = followers[name].leader
+        if leader not in joints:
+            raise MimicJointError(
+                f"joint '{name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}",
+                [name],
+            )
+        if leader in chain:
+            way = " → ".join(map(repr, [*chain, leader]))
+            raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", chain)
+        chain.append(leader)
+        name = leader
+    _require_single(joints[name], chain)
+    mimic = resolved.get(name, Mimic(name, 1.0, 0.0))
+    for follower in chain[-2::-1]:
+        mimic = resolved[follower] = _composed(follower, followers[follower], mimic)
+    return mimic
+
+
+def _require_single(joint: Joint, chain: list[str]) -> None:
+    if joint.type not in (*SINGLE, "fixed"):
+        raise MimicJointError(
+            f"joint '{joint.name}' is {joint.type} in {' → '.join(map(repr, chain))}, "
+            "where each mimics the next"
+            f"; expected one degree of freedom. {_CURE}",
+            chain,
+        )
+
+
+def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
+    """Return the coupling of a mimic joint to an independent one, given that of its leader."""
+    product = mimic.multiplier * leaders.multiplier
+    offset = mimic.offset + mimic.multiplier * leaders.offset
+    vanished = product == 0.0 and leaders.multiplier != 0.0 and mimic.multiplier != 0.0
+    if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
+        text = (
+            f"joint '{name}' follows '{leaders.leader}' with multiplier {product:g} and offset "
+            f"{offset:g}"
+        )
+        text += f"; expected numbers within {LARGEST:g} that do not vanish. {_CURE}"
+        raise MimicJointError(text, [name, leaders.leader])
+    return Mimic(leaders.leader, product, offset)
+
+
+def coupled_groups(
+    leaders: Mapping[str, str], carriers: Mapping[str, str | None], closed: Iterable[Set[str]]
+) -> dict[str, set[str]]:
+    """Return the group of each joint that is eliminated together with others.
+
+    The same set belongs to all of its members. A group is all moving joints from the lowest body
+    that carries a source joint and its mimic joints, exclusive, down to these, or the joints of a
+    `closed` loop. Groups that share a joint are one group. `carriers` has the joint that carries
+    each moving joint, or None.
+    """
+    families: dict[str, list[str]] = {}
+    for name, leader in leaders.items():
+        families.setdefault(leader, [leader]).append(name)
+    groups: dict[str, set[str]] = {}
+    lowest = [joints_between(family, carriers) for family in families.values()]
+    for group in [*lowest, *map(set, closed)]:
+        for joined in {id(groups[name]): groups[name] for name in group if name in groups}.values():
+            group |= joined
+        groups.update(dict.fromkeys(group, group))
+    return groups
+
+
+def path_to(name: str | None, carriers: Mapping[str, str | None]) -> set[str]:
+    """Return a joint and all that carry it; no joint moves the world, None."""
+    path = set()
+    while name is not None:
+        path.add(name)
+        name = carriers[name]
+    return path
+
+
+def joints_between(family: Iterable[str], carriers: Mapping[str, str | None]) -> set[str]:
+    """Return the joints of a family, and those up to the lowest joint that carries all of them."""
+    paths = {name: path_to(name, carriers) for name in family}
+    common = set.intersection(*(path - {name} for name, path in paths.items()))
+    return set().union(*paths.values()) - common

@@ -15,7 +15,7 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.description.parameters import urdf_with
+from diag_dynamics.description.urdf_writer import urdf_with
 from robots import robot_path
 
 UR5 = robot_path("ur_description/urdf/ur5_robot.urdf")

@@ -15,10 +15,10 @@ import pytest
 import yaml
 
 import diag_dynamics as dd
-from diag_dynamics.description.inertias import not_physical
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
+from diag_dynamics.rigid_body import not_physical
 from robots import description, joint, link, robot_path
 
 PANDA = robot_path("panda_description/urdf/panda.urdf")
