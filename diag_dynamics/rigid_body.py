@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,30 +64,16 @@ def symmetric(upper: Array) -> Array:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def negative_moments(inertia: Array, mass: float) -> str:
-    """Return the principal moments of an inertia as text if one is negative beyond rounding.
-
-    Otherwise the text is empty.
-    """
-    moments, rounding = _moments(inertia, mass)
-    return _short(moments) if moments[0] < -rounding else ""
-
-
 def not_physical(inertia: Array, mass: float) -> str | None:
-    """Return the reason why no rigid body has an inertia about its centre of mass, or None."""
-    if negative := negative_moments(inertia, mass):
-        return f"whose principal moments {negative} are not all positive"
-    moments, rounding = _moments(inertia, mass)
+    """Return the reason why no rigid body has an inertia about its centre of mass, or None.
+
+    Moments may be rounded to three digits.
+    """
+    moments = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
+    rounding = max(1e-3 * np.abs(moments).max(), 1e-12 * mass)
+    shown = ", ".join(f"{moment:.3g}" for moment in moments)
+    if moments[0] < -rounding:
+        return f"whose principal moments {shown} are not all positive"
     if moments[2] > moments[0] + moments[1] + rounding:
-        return f"whose principal moments {_short(moments)} break the triangle inequality"
+        return f"whose principal moments {shown} break the triangle inequality"
     return None
-
-
-def _moments(inertia: Array, mass: float) -> tuple[Array, float]:
-    """Return the principal moments, and their tolerance for rounding to three digits [kg m²]."""
-    moments: Array = np.linalg.eigvalsh(np.asarray(inertia, np.float64))
-    return moments, float(max(1e-3 * np.abs(moments).max(), 1e-12 * mass))
-
-
-def _short(numbers: Iterable[float]) -> str:
-    return ", ".join(f"{number:.3g}" for number in numbers)

@@ -28,7 +28,6 @@ SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshe
 UNITS = "Is it in kg m², about the centre of mass, and of this link?"
 RATIO = "radius of gyration over the distance of the farthest point"
 EXCESS = "excess of the largest principal moment over the sum of the others"
-NEGATIVE = "the smallest principal moment of inertia is negative"
 GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
 CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
 LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
@@ -47,12 +46,6 @@ class Check(NamedTuple):
 
 
 LINKS = {
-    "negative D": Check(
-        "error",
-        "kg m²",
-        NEGATIVE,
-        "Correct the inertia in the URDF.",
-    ),
     "rejected": Check("error", "", "{}", ""),
     "start": Check("warning", "", "{}", ""),
     "omitted": Check(
@@ -65,7 +58,7 @@ LINKS = {
     "negative": Check(
         "warning",
         "kg m²",
-        NEGATIVE,
+        "the smallest principal moment of inertia is negative",
         "Correct the inertia in the URDF.",
         warning=InertiaWarning,
     ),

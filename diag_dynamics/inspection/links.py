@@ -11,7 +11,6 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.description.geometry import Solid
 from diag_dynamics.description.remarks import unphysical
 from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
-from diag_dynamics.rigid_body import negative_moments
 
 DENSEST = 20000.0  # density that no link has [kg/m³]: tungsten has 19 300
 DENSE = 9000.0  # density of solid copper [kg/m³]
@@ -31,13 +30,6 @@ def possible_inertias(urdf: Urdf) -> Found:
     """Find moments of inertia below zero or above the sum of the others, beyond rounding."""
     links = [link for link in urdf.links.values() if link.inertia is not None]
     return unphysical((x.name, x.mass, x.inertia, x.half_digit) for x in links)
-
-
-def negative_inertias(urdf: Urdf) -> Found:
-    """Find negative principal moments, the cause of errors about D."""
-    for link in urdf.links.values():
-        if link.inertia is not None and negative_moments(link.inertia, link.mass):
-            yield "negative D", link.name, np.linalg.eigvalsh(link.inertia)[0]
 
 
 def missing_inertias(urdf: Urdf) -> Found:

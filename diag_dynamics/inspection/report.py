@@ -133,7 +133,6 @@ def inspect_robot(
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         model, poses, rows = _load(load, options)
         urdf.stands = model is not None and not model.floating_base
-        rows = [*(links.negative_inertias(urdf) if rows else ()), *rows]
         rows_of = {"loading": iter(rows)}
         for check in OF_XML:
             if not urdf.is_mjcf or check not in OF_GEOMETRY:
