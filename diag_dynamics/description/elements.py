@@ -4,8 +4,8 @@
 """Elements of a URDF beside links and joints: numbers, origins, loops and transmissions.
 
 `<loop_joint>` is that of Isaac Sim, `<constraint>` the one proposed to urdfdom_headers (pull
-request 108). Elements `<start joint position>` and `<independent joint>` in them, and the attribute
-`polynomial` of `<mimic>`, which replaces multiplier and offset, belong to this package.
+request 108). Elements `<start joint position>` and `<independent joint>` in them belong to this
+package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.description.records import (
     LARGEST_INERTIA,
     SINGLE,
-    Curve,
     Loop,
     LoopEnd,
     Remark,
@@ -110,7 +109,7 @@ def placement_of(element: Any, where: str) -> Array:
     return placement @ turn
 
 
-# --- Closed loops and non-linear mimic joints
+# --- Closed loops
 
 
 LOOP_KINDS = {
@@ -139,23 +138,6 @@ def loops_of(robot: Any) -> tuple[Loop, ...]:
         if loop.name in [earlier.name for earlier in loops[:k]]:
             raise UrdfError(f"Two loops have the name '{loop.name}'.")
     return loops
-
-
-def curves_of(robot: Any) -> dict[str, Curve]:
-    """Return the mimic joints with a `polynomial`.
-
-    It has the coefficients of their positions, the constant first.
-    """
-    curves = {}
-    for joint in robot.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None and (text := mimic.get("polynomial")) is not None:
-            values = floats(text, len(text.split()))
-            if not values:
-                shown = f"joint {short(joint.get('name'))}: <mimic polynomial={short(text)}>"
-                raise UrdfError(f"{shown} is not finite numbers.")
-            curves[joint.get("name")] = Curve(mimic.get("joint"), np.array([[0.0, *values]]))
-    return curves
 
 
 def _loop(element: Any, name: str) -> Loop:

@@ -39,7 +39,7 @@ ATTRIBUTES: dict[str, tuple[str, ...]] = {
         *("command_effort", "current", "gear_velocity"),
     ),
     "dynamics": ("damping", "friction", "D", "K", "mu_coulomb", "mu_viscous"),
-    "mimic": ("joint", "multiplier", "offset", "polynomial"),
+    "mimic": ("joint", "multiplier", "offset"),
 }
 
 CHILDREN: dict[str, tuple[str, ...]] = {  # elements in each element that dynamics and contacts read

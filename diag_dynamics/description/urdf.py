@@ -21,7 +21,6 @@ from lxml import etree
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import (
     ENDS,
-    curves_of,
     driven_joints,
     is_xacro,
     local_name,
@@ -79,7 +78,7 @@ READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of
 
 def describe_urdf(element: Any) -> Description:
     """Return the description of a parsed <robot> element."""
-    loops, curves = loops_of(element), curves_of(element)
+    loops = loops_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
     reject_large("URDF", joint_count, link_count)
     _reject_loops(element)
@@ -97,7 +96,7 @@ def describe_urdf(element: Any) -> Description:
     joints = {record.name: checked_joint(record) for record in joints.values()}
     remarks = (*remarks_of(element), *ignored)
     return Description(
-        name, root, links, joints, loops, curves, driven_joints(element), remarks=remarks
+        name, root, links, joints, loops, driven=driven_joints(element), remarks=remarks
     )
 
 
