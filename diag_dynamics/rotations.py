@@ -1,11 +1,15 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rotation matrices (3, 3), quaternions x y z w, and angles. Kernels have sweeps.spatial."""
+"""Rotation matrices (3, 3), placements (4, 4), quaternions x y z w, and angles.
+
+Kernels have sweeps.spatial.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -62,6 +66,15 @@ def to_rpy(R: Array) -> tuple[float, float, float]:
     if across < 1e-9:
         return 0.0, pitch, np.arctan2(-R[0, 1], R[1, 1])
     return np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])
+
+
+def pose(position: Array | Sequence[float], rotation: Array | None = None) -> Array:
+    """Return the placement (4, 4) of axes at a point [m], turned by a rotation matrix."""
+    placement = np.eye(4)
+    placement[:3, 3] = position
+    if rotation is not None:
+        placement[:3, :3] = rotation
+    return placement
 
 
 def about_axis(axis: Array, angle: float) -> Array:

@@ -80,10 +80,12 @@ def is_xacro(element: Any) -> bool:
 
 
 def placement_of(element: Any, where: str) -> Array:
-    """Return the placement (4, 4) of an `<origin>`.
+    """Return the placement (4, 4) of an `<origin>`, the identity for None.
 
     The rotation is Rz(yaw) Ry(pitch) Rx(roll), or that of quat_xyzw, which is normalized.
     """
+    if element is None:
+        return np.eye(4)
     numbers = {
         name: numbers_of(element, name, count, where)
         for name, count in {"xyz": 3, "rpy": 3, "quat_xyzw": 4}.items()
@@ -94,19 +96,16 @@ def placement_of(element: Any, where: str) -> Array:
             f"{where}: <{element.tag}> has rpy and quat_xyzw; expected one of them. "
             "Remove the other."
         )
-    placement, turn = np.eye(4), np.eye(4)
-    placement[:3, 3] = numbers.get("xyz", (0.0, 0.0, 0.0))
+    turn = np.eye(3)
     if "rpy" in numbers:
-        turn[:3, :3] = rotations.from_rpy(*numbers["rpy"])
+        turn = rotations.from_rpy(*numbers["rpy"])
     elif "quat_xyzw" in numbers:
         largest = max(map(abs, numbers["quat_xyzw"]))
         if largest == 0.0:
             shown = f"{where}: <{element.tag} quat_xyzw={short(element.get('quat_xyzw'))}>"
             raise UrdfError(f"{shown} is no rotation; expected a quaternion x y z w of length 1.")
-        turn[:3, :3] = rotations.from_quaternion(
-            *(number / largest for number in numbers["quat_xyzw"])
-        )
-    return placement @ turn
+        turn = rotations.from_quaternion(*(x / largest for x in numbers["quat_xyzw"]))
+    return rotations.pose(numbers.get("xyz", (0.0, 0.0, 0.0)), turn)
 
 
 # --- Closed loops
@@ -154,10 +153,10 @@ def _loop(element: Any, name: str) -> Loop:
         )
     ends, axes = [], []
     for tag, origin, axis in ENDS[element.tag]:
-        link, frame, along = element.find(tag), element.find(origin), element.find(axis)
+        link, along = element.find(tag), element.find(axis)
         if link is None or link.get("link") is None:
             raise UrdfError(f"{shown} is not supported: it lacks <{tag} link=…>.")
-        place = np.eye(4) if frame is None else placement_of(frame, shown)
+        place = placement_of(element.find(origin), shown)
         numbers = [1.0, 0.0, 0.0] if along is None else numbers_of(along, "xyz", 3, shown)
         axes.append(np.array(numbers))
         if not np.linalg.norm(axes[-1]) > 0.0:

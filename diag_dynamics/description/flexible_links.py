@@ -29,10 +29,10 @@ from diag_dynamics.description.records import (
     Joint,
     Link,
     Station,
-    translation,
 )
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody, parallel_axes
+from diag_dynamics.rotations import pose
 from diag_dynamics.text import distinct, listed
 
 MAX_MODES = 6  # of a plane: more shapes are powers of nearly the same form
@@ -279,8 +279,7 @@ class _Builder:
             self.links[end] = Link(end, inertia)
         for number, (joint, tip) in enumerate(flexible.tips.items()):
             end = self._add_chain(name, f"{name}/tip{number + 1 if number else ''}", flexible, tip)
-            turn = np.eye(4)
-            turn[:3, :3] = flexible.axes.T @ self.joints[joint].origin[:3, :3]
+            turn = pose(np.zeros(3), flexible.axes.T @ self.joints[joint].origin[:3, :3])
             self.joints[joint] = self.joints[joint]._replace(parent=end, origin=turn)
         return flexible
 
@@ -297,8 +296,7 @@ class _Builder:
 
         Return the link at its end.
         """
-        origin = np.eye(4)
-        origin[:3, :3], origin[:3, 3] = flexible.axes, flexible.axes @ station.at
+        origin = pose(flexible.axes @ station.at, flexible.axes)
         n = len(flexible.modes)
         freedoms = [(f"{name}/{DIRECTIONS[k]}", "prismatic", k, station.shape[k]) for k in range(3)]
         for k in (2, 1, 0):
@@ -355,8 +353,7 @@ def _flexible_link(
 
 def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Inertial | None:
     """Return the inertia of a link without its sections, or None."""
-    R = np.eye(4)
-    R[:3, :3] = flexible.axes
+    R = pose(np.zeros(3), flexible.axes)
     sections = [RigidBody(-s.mass, s.at, -np.diag(s.inertia)).moved(R) for s in flexible.sections]
     modal = -sum(section.mass for section in sections)
     left = whole.mass - modal
@@ -367,7 +364,7 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
         )
     if left > 1e-6 * whole.mass:
         rest = RigidBody.union(whole, *sections)
-        return Inertial(rest.mass, translation(rest.centre), rest.inertia)
+        return Inertial(rest.mass, pose(rest.centre), rest.inertia)
     centre = RigidBody.union(*sections).centre
     if np.linalg.norm(centre - whole.centre) > FAR * length:
         raise InputError(

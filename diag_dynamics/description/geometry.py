@@ -77,7 +77,7 @@ def shape_of(element: Any, where: str) -> Shape | None:
 
     `where` is for errors.
     """
-    shape, origin = element.find("geometry/*"), element.find("origin")
+    shape = element.find("geometry/*")
     if shape is None:
         return None
     if shape.tag not in KINDS:
@@ -99,7 +99,7 @@ def shape_of(element: Any, where: str) -> Shape | None:
         numbers += parts
     if shape.tag == "mesh" and not shape.get("filename"):
         raise UrdfError(f"{where}: <mesh> has no filename.")
-    placement = np.eye(4) if origin is None else placement_of(origin, where)
+    placement = placement_of(element.find("origin"), where)
     return Shape(shape.tag, tuple(numbers), placement, shape.get("filename", ""))
 
 

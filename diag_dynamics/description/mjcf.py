@@ -25,7 +25,6 @@ from diag_dynamics.description.records import (
     LoopEnd,
     Mimic,
     Remark,
-    translation,
 )
 from diag_dynamics.description.urdf import checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
@@ -389,7 +388,7 @@ class _Reader:
         if m.body_mass[b] > 0.0:
             turn = c.rotation(m.body_iquat[b])
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
-            inertial = Inertial(float(m.body_mass[b]), translation(m.body_ipos[b]), inertia)
+            inertial = Inertial(float(m.body_mass[b]), rotations.pose(m.body_ipos[b]), inertia)
         self._add_link(name, inertial)
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
         if any(j in c.free for j in joints):
@@ -407,7 +406,7 @@ class _Reader:
                 for letter, axis in zip("xyz", np.eye(3), strict=True):
                     child, hinge = f"{name}/{joint}_{letter}", f"{joint}_{letter}"
                     self._add_link(child)
-                    origin = _placed(place, turn)
+                    origin = rotations.pose(place, turn)
                     self._add_joint(hinge, "continuous", parent, child, origin, axis=axis)
                     parent, place, turn = child, np.zeros(3), np.eye(3)
                 continue
@@ -418,10 +417,10 @@ class _Reader:
             else:
                 turn = turn @ rotations.about_axis(m.jnt_axis[j], -c.reference(j))
             kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
-            origin = _placed(place, turn)
+            origin = rotations.pose(place, turn)
             self._add_joint(joint, kind, parent, child, origin, **self._fields(j))
             parent, place, turn = child, np.zeros(3), np.eye(3)
-        origin = _placed(place - turn @ anchor, turn)
+        origin = rotations.pose(place - turn @ anchor, turn)
         self._add_joint(f"{name}/fixed", "fixed", parent, name, origin)
 
     def _fields(self, j: int) -> dict[str, Any]:
@@ -447,9 +446,3 @@ class _Reader:
                 curve = np.polynomial.Polynomial(m.eq_data[e, :5])(distance) + c.reference(j)
                 self.curves[c.name("joint", j)] = Curve(leader, np.array([[0.0, *curve.coef]]))
         return fields
-
-
-def _placed(position: Array, rotation: Array) -> Array:
-    placement = translation(position)
-    placement[:3, :3] = rotation
-    return placement

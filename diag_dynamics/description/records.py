@@ -14,7 +14,7 @@ from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import vector
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import RigidBody
-from diag_dynamics.rotations import from_rpy
+from diag_dynamics.rotations import from_rpy, pose
 from diag_dynamics.text import listed
 
 SINGLE = "revolute", "continuous", "prismatic"
@@ -30,13 +30,6 @@ LARGEST_INERTIA = 1e9
 
 LOOP_TYPES = {"point": 1, "revolute": 2, "weld": 3}
 """Pairs of points that coincide, by the type of a loop."""
-
-
-def translation(vector: VectorLike) -> Array:
-    """Return the placement (4, 4) of axes at a point [m]."""
-    placement = np.eye(4)
-    placement[:3, 3] = np.asarray(vector, float)
-    return placement
 
 
 class Payload(NamedTuple):
@@ -58,7 +51,7 @@ class Payload(NamedTuple):
     @property
     def inertial(self) -> Inertial:
         """The same as an :class:`Inertial`."""
-        return Inertial(self.mass, translation(self.com), np.array(self.inertia, float))
+        return Inertial(self.mass, pose(self.body.centre), self.body.inertia)
 
 
 class FlexibleJoint(NamedTuple):
@@ -142,9 +135,7 @@ class LoopEnd(NamedTuple):
     @property
     def placement(self) -> Array:
         """The frame (4, 4) in the link."""
-        result = np.eye(4)
-        result[:3, :3], result[:3, 3] = from_rpy(*self.rpy), self.xyz
-        return result
+        return pose(self.xyz, from_rpy(*self.rpy))
 
 
 class Loop(NamedTuple):

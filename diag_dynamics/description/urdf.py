@@ -146,8 +146,8 @@ def _link(link: Any, placements: Mapping[str, Array]) -> Link:
     """Return the record of a link of yourdfpy."""
     if link.inertial is None:
         return Link(link.name)
-    placement = placements.get(link.name, np.eye(4))
-    return Link(link.name, Inertial(link.inertial.mass, placement, link.inertial.inertia))
+    inertial = Inertial(link.inertial.mass, placements[link.name], link.inertial.inertia)
+    return Link(link.name, inertial)
 
 
 def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, float]) -> Joint:
@@ -261,8 +261,8 @@ class _Reduced:
         self._element = etree.Element("robot", name="robot")
         self._carriers: dict[str, str] = {}  # joint of each link that has a parent
         self._joints: dict[str, None] = {}
-        self._inertials: dict[str, Array] = {}  # placements, of those that have an origin
-        self._origins: dict[str, Array] = {}
+        self._placements: dict[str, Array] = {}  # of inertials in their links
+        self._origins: dict[str, Array] = {}  # of joints; absent if it cannot be read
 
     def add_link(self, link: Any) -> None:
         """Copy a link."""
@@ -274,8 +274,7 @@ class _Reduced:
                 placement_of(origin, where)
         if inertial is not None:
             _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
-            if inertial.find("origin") is not None:
-                self._inertials[name] = placement_of(inertial.find("origin"), where)
+            self._placements[name] = placement_of(inertial.find("origin"), where)
             for part, attributes in INERTIAL.items():
                 element = inertial.find(part)
                 missing = [a for a in attributes if element is None or element.get(a) is None]
@@ -306,9 +305,8 @@ class _Reduced:
         self._carriers[child] = name
         self._element.append(copy)
         _copy_numbers(joint, copy, JOINT, where, self._reading)
-        if joint.find("origin") is not None:
-            with self._reading:
-                self._origins[name] = placement_of(joint.find("origin"), where)
+        with self._reading:
+            self._origins[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
@@ -326,7 +324,7 @@ class _Reduced:
             ) from error
         stream = io.BytesIO(etree.tostring(self._element))
         robot = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
-        links = {link.name: _link(link, self._inertials) for link in robot.links}
+        links = {link.name: _link(link, self._placements) for link in robot.links}
         joints = {joint.name: _joint(joint, self._origins, armature) for joint in robot.joints}
         return links, joints
 

@@ -64,23 +64,18 @@ def places(names: Iterable[str], among: Iterable[str]) -> list[int]:
 
 def sliding_dofs(model: RobotModel) -> list[bool]:
     """Return whether each degree of freedom slides, a list of nv bool; the others turn."""
-    bodies = model.bodies
-    is_independent = bodies["leader"] == np.arange(len(bodies))  # a mimic joint has its leader's
-    is_independent[0] = False
-    slides = np.zeros(model.nv, dtype=bool)
-    slides[bodies["dof"][is_independent]] = np.isin(
-        bodies["direction"][is_independent], (LINEAR_X, LINEAR_Y, LINEAR_Z)
-    )
-    return list(map(bool, slides))
+    joints = model.description.joints
+    return [
+        joints[name].type == "prismatic" if name in joints else "/v_" in name
+        for name in model.dof_names
+    ]
 
 
 def is_angle(model: RobotModel) -> npt.NDArray[np.bool_]:
     """Return whether each position coordinate is an angle, as an array."""
-    turning = {
-        name
-        for name, slides in zip(model.dof_names, sliding_dofs(model), strict=True)
-        if not slides
-    }
-    return np.array(
-        [name.endswith("/theta") or name in turning for name in model.coordinate_names], dtype=bool
-    )
+    joints = model.description.joints
+    angles = [
+        joints[name].type != "prismatic" if name in joints else name.endswith("/theta")
+        for name in model.coordinate_names
+    ]
+    return np.array(angles, dtype=bool)

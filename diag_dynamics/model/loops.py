@@ -148,8 +148,7 @@ def close(
     All joints of the cut tree are independent. Driven joints are independent if they can be.
     """
     loops, driven = tree.description.loops, frozenset(tree.description.driven)
-    followers: dict[str, tuple[str, ...]] = {}
-    followers |= {name: (curve.source,) for name, curve in curves.items()}
+    followers: dict[str, tuple[str, ...]] = {f: (curve.source,) for f, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     cut = _Cut(tree)
@@ -160,7 +159,7 @@ def close(
     }
     families = [(cut.members(loop), [loop]) for loop in loops]
     families += [
-        (joints_between((f, curve.source), cut.carriers), [])
+        (joints_between((f, curve.source), tree.carriers), [])
         for f, curve in (curves | linear).items()
     ]
     for members, cuts in _merged(families):
@@ -326,7 +325,6 @@ class _Cut:
         bodies, _ = tree.records({})
         self._workspace = Workspace(bodies, np.zeros(3))
         self._places = {link.name: (body, place) for link, body, place in tree.links}
-        self.carriers = {name: joint.carrier for name, joint in tree.moving.items()}
         self._of_body = {body: name for name, body in tree.last_body.items()}
         self.names = [joint.name for joint in tree.joints if len(joint.dof_names) == 1]
         self._q = {name: k for k, name in enumerate(tree.coordinate_names)}
@@ -353,7 +351,7 @@ class _Cut:
                     f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π."
                 )
         ends = (self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b))
-        first, second = (path_to(joint, self.carriers) for joint in ends)
+        first, second = (path_to(joint, self.tree.carriers) for joint in ends)
         return first ^ second
 
     def reject_open(self, loops: Sequence[Loop], q: Array) -> None:

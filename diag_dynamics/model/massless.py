@@ -151,14 +151,11 @@ def _cross(r: Array) -> Array:
 def positions_to_hold(model: RobotModel, massless: npt.NDArray[np.int64]) -> dict[str, float]:
     """Return positions of locked joints that move no inertia: zero, or the nearest limit."""
     at = {name: k for k, name in enumerate(model.coordinate_names)}
-    names = [name for name in _names_of(model, massless) if name in at]  # of one degree of freedom
-    return {
-        name: float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]])) for name in names
-    }
-
-
-def _names_of(model: RobotModel, dofs: npt.NDArray[np.int64]) -> list[str]:
-    return [model.dof_names[k] for k in dofs]
+    positions = {}
+    for name in [model.dof_names[k] for k in massless]:
+        if name in at:  # of one degree of freedom
+            positions[name] = float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]]))
+    return positions
 
 
 def reject_massless(
@@ -167,6 +164,7 @@ def reject_massless(
     """Raise, naming all joints that move no inertia, and their cures."""
     if not len(massless):
         return
+    names = [model.dof_names[k] for k in massless]
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
     inertials = [(link.inertial, body) for link, body, _ in tree.links]
     heavy = {
@@ -185,9 +183,8 @@ def reject_massless(
     if len(massless) > MAX_LISTED:
         lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    if single := next(
-        (name for name in _names_of(model, massless) if name in model.coordinate_names), None
-    ):
+    single = next((name for name in names if name in model.coordinate_names), None)
+    if single is not None:
         advice += (
             f" Or give the joint a rotor inertia (armature: {single}=…), or lock it "
             f"(locked_joints: {single}=0, or massless: lock)."
@@ -195,6 +192,6 @@ def reject_massless(
     raise MasslessLinkError(
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, "
         f"which makes its mass matrix singular: {'; '.join(lines)}. {advice}",
-        _names_of(model, massless),
+        names,
         smallest[massless],
     )

@@ -21,7 +21,6 @@ from diag_dynamics.description.records import (
     Joint,
     Mimic,
     Payload,
-    translation,
 )
 from diag_dynamics.exceptions import MimicJointError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
@@ -76,12 +75,12 @@ class Tree:
         self.moving: dict[str, MovingJoint] = {}
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
-        carriers = {name: joint.carrier for name, joint in self.moving.items()}
+        self.carriers = {name: joint.carrier for name, joint in self.moving.items()}
         leaders, closed = {name: mimic.leader for name, mimic in mimics.items()}, list[Set[str]]()
         if coupled:
             leaders |= {name: curve.source for name, curve in coupled.curves.items()}
             closed += [*(group.joints for group in coupled.groups), *coupled.flexible.groups]
-        groups = coupled_groups(leaders, carriers, closed)
+        groups = coupled_groups(leaders, self.carriers, closed)
         for block in self._blocks(groups):
             first = self.count
             self._add_block(block)
@@ -292,12 +291,11 @@ def _displacement(joint: Joint, position: float) -> Array:
     """Return the 4x4 displacement of a joint of one degree of freedom."""
     axis = joint.axis / np.linalg.norm(joint.axis)
     if joint.type == "prismatic":
-        return translation(position * axis)
-    turn = np.eye(4)
+        return rotations.pose(position * axis)
     frame = rotations.frame_about(axis)
     c, s = np.cos(position), np.sin(position)
-    turn[:3, :3] = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
-    return turn
+    turn = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
+    return rotations.pose(np.zeros(3), turn)
 
 
 # --- Mimic joints: the source joint of each chain, and groups that are eliminated together

@@ -13,6 +13,7 @@ from diag_dynamics.description.text import folder_of
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric
+from diag_dynamics.rotations import pose
 
 MIN_MASS = 1e-3
 """Minimum mass of a link that has an ellipsoid, as a fraction of the robot's. Lighter ones are
@@ -111,9 +112,7 @@ def _ellipsoid(record, placement, bones, origin):
         half_axes *= min(1.0, MAX_HALF_AXIS * size / half_axes.max())
     else:  # the moments break the triangle inequality
         half_axes[:] = BALL * size
-    ellipsoid = np.eye(4)
-    ellipsoid[:3, :3], ellipsoid[:3, 3] = axes * half_axes, centre
-    return ellipsoid
+    return pose(centre, axes * half_axes)
 
 
 def mesh_folders(source=None):
