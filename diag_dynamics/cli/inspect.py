@@ -88,7 +88,7 @@ def _estimate(robot, density, output):
         )
     result = estimated(read_text(robot), density, folder_of(robot).resolve())
     for estimate in result.estimates:
-        mass = f"{estimate.mass:.4g} kg, estimated from {estimate.source}"
+        mass = f"{estimate.body.mass:.4g} kg, estimated from {estimate.source}"
         print(plain(f"{estimate.link}: {mass} at {density:g} kg/m³"))
     for link, reason in result.failed.items():
         print(shortened(f"{link}: not estimated: {reason}"), file=sys.stderr)

@@ -189,15 +189,10 @@ def _body(solid: Solid) -> RigidBody:
 
 
 class Estimate(NamedTuple):
-    """Estimated mass [kg], centre (3,) [m], inertia (3, 3) [kg m²], and the shapes behind them.
-
-    The centre is in the link's axes, the inertia about the centre.
-    """
+    """Estimated body of a link in the link's axes, and the shapes behind it."""
 
     link: str
-    mass: float
-    centre: Array
-    inertia: Array
+    body: RigidBody
     source: str
 
 
@@ -236,9 +231,9 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
             failed[name] = str(error)
             continue
         source = f"{role} {' + '.join(solid.of)}"
-        body = rho * solid.volume, solid.centre, rho * solid.inertia
-        insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", *body)
-        estimates.append(Estimate(name, *body, source))
+        body = RigidBody(rho * solid.volume, solid.centre, rho * solid.inertia)
+        insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", body)
+        estimates.append(Estimate(name, body, source))
     text = etree.tostring(robot.getroottree(), encoding="unicode")
     return Estimated(text, tuple(estimates), failed)
 

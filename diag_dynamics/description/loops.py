@@ -48,8 +48,6 @@ def with_couplings(description: Description, couplings: Couplings) -> Descriptio
     they lack.
     """
     name, content = couplings
-    if not content:
-        return description
     entries = content.get("loops", description.loops) or ()
     if isinstance(entries, str | Mapping) or not isinstance(entries, Sequence):
         raise InputError(f"{name}: loops is {entries!r}, expected a list.")

@@ -12,6 +12,7 @@ import codecs
 import os
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -144,10 +145,8 @@ def _decoded(data: bytes) -> str:
     data = data.removeprefix(codecs.BOM_UTF8)
     declared = _DECLARED.match(data)
     for encoding in ("utf-8", declared[1].decode() if declared else "latin-1"):
-        try:
+        with suppress(LookupError, ValueError):  # of an unknown encoding, and of other bytes
             return data.decode(encoding)
-        except (LookupError, ValueError):  # of an unknown encoding, and of other bytes
-            continue
     return data.decode("latin-1")
 
 
@@ -200,8 +199,6 @@ def expanded(source: Any, arguments: Any) -> Any:
 
     Return another source as it is.
     """
-    if hasattr(source, "read") and str(getattr(source, "name", "")).lower().endswith(".xacro"):
-        source = source.name  # of an open file: xacro finds what it includes by its place
     if arguments is not None and not isinstance(arguments, Mapping):
         raise InputError(f"xacro_args is {arguments!r}, expected a dict by name.")
     arguments = dict(arguments or {})

@@ -9,23 +9,23 @@ from typing import Any
 
 from lxml import etree
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.description.parameters import JointParameters, Parameters, with_parameters
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
+from diag_dynamics.rigid_body import RigidBody
 
 ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
-def insert_inertia(link: Any, comment: str, mass: float, centre: Array, inertia: Array) -> None:
+def insert_inertia(link: Any, comment: str, body: RigidBody) -> None:
     """Insert an `<inertial>` with a comment into a link, in the file's manner of indenting.
 
-    Mass [kg], centre (3,) [m] and inertia (3, 3) about it [kg m²] have the same bits.
+    Numbers have the same bits.
     """
     inertial = etree.Element("inertial")
     inertial.append(_comment(comment))
-    etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
-    etree.SubElement(inertial, "mass", value=repr(float(mass)))
-    entries = {name: repr(float(inertia[place])) for name, place in ENTRIES.items()}
+    etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, body.centre.tolist())), rpy="0 0 0")
+    etree.SubElement(inertial, "mass", value=repr(float(body.mass)))
+    entries = {name: repr(float(body.inertia[place])) for name, place in ENTRIES.items()}
     etree.SubElement(inertial, "inertia", entries)
     _insert_first(link, inertial)
 
@@ -61,9 +61,7 @@ def urdf_with(text: str, parameters: Parameters) -> str:
             etree.strip_elements(link, "inertial", with_tail=False)
             inertial = links[name].inertial
             if inertial is not None:
-                insert_inertia(
-                    link, source, inertial.mass, inertial.placement[:3, 3], inertial.inertia
-                )
+                insert_inertia(link, source, inertial.body)
     for joint in element.findall("joint"):
         entry = parameters.joints.get(joint.get("name"), JointParameters()).known
         if numbers := {

@@ -298,8 +298,8 @@ def test_written_estimates(bare):
     for entry, twice in zip(
         result.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True
     ):
-        assert twice.mass == pytest.approx(2.0 * entry.mass)
-        np.testing.assert_allclose(twice.inertia, 2.0 * entry.inertia, rtol=1e-12)
+        assert twice.body.mass == pytest.approx(2.0 * entry.body.mass)
+        np.testing.assert_allclose(twice.body.inertia, 2.0 * entry.body.inertia, rtol=1e-12)
 
 
 def test_lost_meshes(tmp_path):
