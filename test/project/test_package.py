@@ -12,6 +12,7 @@ import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from graphlib import TopologicalSorter
 from importlib import import_module
 from pathlib import Path
 
@@ -55,6 +56,32 @@ def test_importing_the_package_is_cheap():
         [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "set()"
+
+
+def test_way_of_a_urdf():
+    """A plain arm passes at most ten modules; none is entered again from one that it calls."""
+    path, called_from = robot_path("ur_description/urdf/ur5_robot.urdf"), {}
+
+    def module_of(frame):
+        name = frame.f_globals.get("__name__", "")
+        return name if re.match(r"diag_dynamics\.(description|model)\.", name) else None
+
+    def profile(frame, event, _):
+        if event != "call" or not (module := module_of(frame)):
+            return
+        caller = frame.f_back
+        while caller and not module_of(caller):
+            caller = caller.f_back
+        if caller and module_of(caller) != module:
+            called_from.setdefault(module, set()).add(module_of(caller))
+
+    load_urdf = dd.load_urdf  # imports the modules
+    sys.setprofile(profile)
+    try:
+        load_urdf(path)
+    finally:
+        sys.setprofile(None)
+    assert len(list(TopologicalSorter(called_from).static_order())) <= 10
 
 
 # --- What is declared twice ---
