@@ -32,7 +32,7 @@ from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import InputError, LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
 
-Couplings = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
+LoopsLike = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
 
 # Options of load_urdf that an MJCF has itself, or that belong to the text of a URDF
 OPTIONS = ("gravity", "floating_base", "armature", "xacro_args")
@@ -53,7 +53,7 @@ def load_urdf(
     friction_velocity: float | None = None,
     xacro_args: Mapping[str, Any] | None = None,
     parameters: str | os.PathLike[str] | Parameters | Mapping[str, Any] | None = None,
-    loops: Couplings = None,
+    loops: LoopsLike = None,
 ) -> RobotModel:
     """Build a model from a URDF, whose meshes are not read.
 
@@ -119,20 +119,15 @@ def load_urdf(
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     description = source
-    couplings, additional, lighter = None, None, list[str]()
+    couplings = None
     if loops is not None:
         couplings = read_couplings(loops)
         description = with_couplings(description, couplings)
+    additional = None
     if parameters is not None:
         additional = read_parameters(parameters)
         description = with_parameters(description, additional)
-        lighter = additional.lighter_links
-    inertias = [
-        (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
-        for link in description.links.values()
-        if link.inertial is not None and link.name not in lighter
-    ]
-    warn_of(description.name, [*description.remarks, *unphysical(inertias)])
+    _warn_of_mistakes(description, additional)
     if couplings is not None:
         description = with_flexible_links(description, couplings)
     if armature is not None:
@@ -154,6 +149,17 @@ def load_urdf(
     )
     _warn_of_balls(model)
     return model
+
+
+def _warn_of_mistakes(description: Description, additional: Parameters | None) -> None:
+    """Warn of probable mistakes of a file and of inertias, but for links that a payload lightens."""
+    lighter = [] if additional is None else additional.lighter_links
+    inertias = [
+        (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
+        for link in description.links.values()
+        if link.inertial is not None and link.name not in lighter
+    ]
+    warn_of(description.name, [*description.remarks, *unphysical(inertias)])
 
 
 def _warn_of_balls(model: RobotModel) -> None:

@@ -76,7 +76,8 @@ class Tree:
         places = self._merge_links()
         self._order = {link: k for k, link in enumerate(places)}
         self.carriers = {name: joint.carrier for name, joint in self.moving.items()}
-        leaders, closed = {name: mimic.leader for name, mimic in mimics.items()}, list[Set[str]]()
+        leaders = {name: mimic.leader for name, mimic in mimics.items()}
+        closed: list[Set[str]] = []
         if coupled:
             leaders |= {name: curve.source for name, curve in coupled.curves.items()}
             closed += [*(group.joints for group in coupled.groups), *coupled.flexible.groups]
