@@ -436,9 +436,9 @@ class RegulationMode(JointMode):
         root = STIFFER * self._convergence[:, None] * m * self._gain
         friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
         largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
-        stiffness = _stable_stiffness(inverse, root, friction / FRICTION_ERROR, largest)
         chosen = np.isfinite(self._chosen)
-        stiffness[chosen] = stiffness[:, chosen] = 0.0
+        root[chosen] = friction[chosen] = 0.0
+        stiffness = _stable_stiffness(inverse, root, friction / FRICTION_ERROR, largest)
         stiffness[chosen, chosen] = self._chosen[chosen]
         if not np.array_equal(stiffness, law.stiffness):
             law.stiffness = stiffness
@@ -454,8 +454,8 @@ def _stable_stiffness(inverse, root, single, largest):
     No mode exceeds the square `largest` of a frequency [1/s²]. D are the inertias of single joints,
     so that springs give way where they are stiff for their inertia.
     """
-    fastest = np.linalg.norm(inverse @ root, 2) ** 2
-    coupled = min(1.0, 0.5 * largest / fastest) * root @ root.T
+    fastest, allowed = np.linalg.norm(inverse @ root, 2) ** 2, 0.5 * largest
+    coupled = allowed / max(fastest, allowed) * root @ root.T
     inertia = 1.0 / np.square(inverse).sum(axis=0)
     low, high, square = 0.0, largest, largest
     for _ in range(ROUNDS):

@@ -21,6 +21,7 @@ from diag_dynamics.control.modes import (
     POSE,
     REGULATION,
     TRACKING,
+    RegulationMode,
 )
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.parameters.controller import PARAMETERS
@@ -143,6 +144,20 @@ def test_unstable_regulation_does_not_stop_an_arm(arm):
         closed.go(1)
         assert np.abs(closed.plant.qd).max() <= before
     assert not closed.loop.is_braking and np.abs(closed.plant.qd).max() <= 0.01
+
+
+@pytest.mark.parametrize("joints", [["joint1"], ["joint1", "joint3"], ["*"]])
+def test_chosen_stiffnesses_leave_the_others_stable(joints):
+    """A joint that is not coupled moves with others, whose inertia is smaller then."""
+    dyn = dd.DiagonalDynamics(dd.load_robot("xarm7"))
+    values = {name: spec.default for name, spec in PARAMETERS.items()}
+    chosen = {"regulation_stiffness": [f"{joint}=1.0" for joint in joints]}
+    mode = RegulationMode(dyn, values | chosen)
+    for q in np.zeros(7), np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.3, 0.0]):
+        mode.adapt(q, 8e-3)
+        mode.law.require_stable(q, 8e-3)
+    stiffness = np.diag(mode.law.stiffness)
+    assert np.count_nonzero(stiffness == 1.0) == (7 if joints == ["*"] else len(joints))
 
 
 def test_the_controller_has_few_parameters():
