@@ -187,6 +187,7 @@ class Limits:
         """
         not_negative("period", period, "[s]")
         h = period or FIRST_PERIOD
+        vector("command.tau", command.tau, self._names)
         g = vector("command.gravity_torque", command.gravity_torque, self._names)
         self._gravity = g
         if self._is_new:

@@ -488,6 +488,12 @@ def without_limits(s):
             ),
             r"command.gravity_torque has shape \(2,\)",
         ),
+        (
+            lambda s: dd.Limits(s.dyn).filter(
+                READY, READY, gravity_command(s)._replace(tau=READY[:2]), PERIOD
+            ),
+            r"command.tau has shape \(2,\)",
+        ),
         (lambda s: dd.PositionRepulsion(s.dyn, 0.0, 1.0), "margin of 'panda_joint1' is 0.0"),
         (
             lambda s: dd.PositionRepulsion(s.dyn, 0.1, 1.0, -1.0),
