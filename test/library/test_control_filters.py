@@ -184,6 +184,22 @@ def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **opt
     return np.array(energies), np.abs(plant.q - target).max()
 
 
+def test_a_joint_that_scales_the_law_is_limited():
+    """It demands too much in three successive cycles, though its effort arrives in each. The law is
+    scaled no longer once it rests.
+    """
+    s, limited = arm(), []
+    limits = dd.Limits(s.dyn, effort_rate=1000.0)
+    command = gravity_command(s)
+    for k in range(1000):
+        tau = command.tau.copy()
+        tau[2] += 0.7 if k < 20 and k % 2 else 0.0
+        sent = limits.filter(READY, np.zeros(N), command._replace(tau=tau), PERIOD)
+        np.testing.assert_allclose(sent.effort, sent.demand)
+        limited.append(sent.limited)
+    assert set(limited[3:20]) == {("panda_joint3",)} and {*limited[:3], limited[-1]} == {()}
+
+
 def test_a_large_effort_rate_does_not_stop_an_arm():
     """All joints brake at once in the prediction, light ones of an xArm beside heavy ones."""
     dyn, q, rest = dd.DiagonalDynamics(dd.load_robot("xarm7")), np.full(N, 0.3), np.zeros(N)
