@@ -402,11 +402,11 @@ class TrackingMode(JointMode):
 class RegulationMode(JointMode):
     """Joint springs with one damping ratio.
 
-    Their stiffness is a multiple of that of tracking, T = Λ^½ m K mᵀ Λ^½, so that no joint ends
-    further off under a load, and on its diagonal that which overcomes Coulomb friction at
-    FRICTION_ERROR. No mode exceeds half of the stable stiffness: the diagonal is at most ω²D, D the
-    inertia of a joint while all others are free. A joint with a stiffness of its own is not
-    coupled.
+    Their stiffness is a multiple of that of tracking, T = Λ^½ m K mᵀ Λ^½, so that a load leaves
+    less error, with equal Λ in each joint, and on its diagonal that which overcomes Coulomb
+    friction at FRICTION_ERROR. No mode of both exceeds half of the stable stiffness, and none of T
+    a fourth: the diagonal is at most ω²D, D the inertia of a joint while all others are free. A
+    joint with a stiffness of its own is not coupled, and not in this bound.
     """
 
     name = "regulation"
