@@ -70,7 +70,7 @@ def start(context):
         arguments=["--ros-args", "--log-level", arguments["log_level"]],
         **common,
     )
-    # A lifecycle event is sent once and may be lost. Commands are sent until somebody hears them.
+    # A lifecycle event is published once and may be lost. A command follows each joint state.
     root = Path("/", namespace)
     options = ["--once", "--qos-reliability", "best_effort"]
     topic = [str(root / "effort_controller" / "commands"), "std_msgs/msg/Float64MultiArray"]
