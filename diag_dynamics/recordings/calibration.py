@@ -38,7 +38,8 @@ def calibrate(
     """Return the thresholds of an :class:`Detector` for a rate of false alarms.
 
     Each detector (a joint's |m r|, ‖m r‖, |r|) gets its own spread times one common factor. All
-    detectors together then have alarms at the requested rate at most, with a confidence of 90 %.
+    detectors together then have alarms at the requested rate at most, with a confidence of 90 % for
+    recordings of at least 2.5 / `false_alarms`. Those of shorter ones may have more.
 
     Parameters
     ----------

@@ -15,8 +15,9 @@ FLAGS_OF_JOINTS = types.Array(nk.FLAG, 2, "C")
 
 STANDING_SPEED, STANDING_TIME, DECAY = 0.005, 30_000_000, 4
 """A joint stands once its rate has been below a speed [rad/s, m/s] for a time [ns]. Twice that time
-counts at most. Higher rates reduce it `DECAY` times as fast, each by that time at most: single ones
-end no standing, and more than a fifth of all do."""
+counts at most. Higher rates reduce it `DECAY` times as fast, each by that time at most: a single
+one ends no standing of twice that time, and more than a fifth of all do, at less than 133 Hz
+more."""
 
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""
