@@ -500,7 +500,7 @@ class Hypotheses:
     def _with_best_payload(self):
         """Return the plain sum with the best multiples of point masses, and how these spread.
 
-        The spread is the inverse of the second derivatives of what is left.
+        The spread is twice the inverse of the second derivatives of what is left.
         """
         places = np.arange(INERTIAL + 1, len(self.plain))
         inner = np.einsum("k,kij->ij", self._weight, self._inner[0])
