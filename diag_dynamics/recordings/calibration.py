@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 
 from diag_dynamics.checks import instance, positive
@@ -84,6 +85,7 @@ def calibrate(
     template = Thresholds({}, release, hold_off, standing, stiction)
     residuals, efforts = Residuals(len(names), max_gap), EffortRange(dynamics.model)
     zone, faults = DeadZone(dynamics, stiction, gain), {}
+    totals: Counter[str] = Counter()
     for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         motion = MotionSample(dynamics.model)
         residuals.start_recording()
@@ -111,6 +113,7 @@ def calibrate(
                 residuals.add_states(stamps, *lowered, observed.valid, observed.external_torque)
                 first += len(stamps)
         require_plausible(findings)
+        totals.update(counts)
         if not with_efforts:
             require_efforts(states > 0, counts)
         if fault := motion.fault():
@@ -118,7 +121,7 @@ def calibrate(
             faults[f"{name}{fault.text}: thresholds {certain} wrong"] = True
     if not efforts.states:
         raise InputError("recordings is empty; expected at least one.")
-    unmeasured = efforts.unmeasured(word_for_missing(counts))
+    unmeasured = efforts.unmeasured(word_for_missing(totals))
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     warnings = [unmeasured] * bool(unmeasured) + list(faults)

@@ -420,6 +420,20 @@ def test_findings_of_several_recordings(tmp_path, capsys):
         assert "friction" in printed and "effort scale" not in printed
 
 
+def test_implausible_efforts_of_one_recording_are_named(tmp_path, capsys):
+    """In each order; the effort of the joint is missing in the other recording."""
+    t, q, qd, tau = motion()
+    (tmp_path / "desk.urdf").write_text(URDF)
+    paths = [
+        str(write_table(tmp_path / f"{k}.csv", t, q, qd, tau * [1.0, factor, 1.0]))
+        for k, factor in enumerate((1e7, np.nan))
+    ]
+    options = "--urdf", str(tmp_path / "desk.urdf"), "-o", str(tmp_path / "alarms.yaml")
+    for tables in (paths, paths[::-1]):
+        main(["calibrate", *tables, *options])
+        assert "efforts of lift are missing or implausible" in "".join(capsys.readouterr())
+
+
 def test_thresholds_of_a_robot_at_rest(tmp_path, capsys):
     t, q, qd, tau = motion()
     columns = t, 0.0 * q + 0.3, 0.0 * qd, 0.1 + noise(tau, 0.01)
