@@ -103,18 +103,20 @@ def test_every_mode_of_a_frame_has_the_damping_ratio(robot):
 def test_regulation_commands(robot):
     """τ = M q̈_d + C_s q̇_d + g + K_q(q_d − q) − m c mᵀ(q̇ − q̇_d), with scipy's root of ℓK_qℓᵀ."""
     s = subject(robot)
+    law = dd.JointRegulation(s.dyn, 1.0, RATIO)
     for rng, t in states(robot, 4):
-        k = rng.uniform(50, 500, s.model.nv)
+        root = rng.uniform(-5, 10, (s.model.nv, s.model.nv))
+        law.stiffness = K = root @ root.T + np.diag(rng.uniform(50, 500, s.model.nv))
         q_d, qd_d, qdd_d = (
             t.q + rng.uniform(-0.5, 0.5, s.model.nv),
             *rng.normal(size=(2, s.model.nv)),
         )
-        command = dd.JointRegulation(s.dyn, k, RATIO).command(t.q, t.qd, q_d, qd_d, qdd_d)
-        c = 2.0 * RATIO * scipy.linalg.sqrtm((t.l * k) @ t.l.T).real
+        command = law.command(t.q, t.qd, q_d, qd_d, qdd_d)
+        c = 2.0 * RATIO * scipy.linalg.sqrtm(t.l @ K @ t.l.T).real
         rates = t.m.T @ (t.qd - qd_d)
-        close(command.tau, t.M @ qdd_d + t.C_s @ qd_d + t.g + k * (q_d - t.q) - t.m @ c @ rates)
+        close(command.tau, t.M @ qdd_d + t.C_s @ qd_d + t.g + K @ (q_d - t.q) - t.m @ c @ rates)
         close(t.m @ command.epsilon, command.tau - t.g)
-        close(command.lyapunov, 0.5 * rates @ rates + 0.5 * (q_d - t.q) @ (k * (q_d - t.q)))
+        close(command.lyapunov, 0.5 * rates @ rates + 0.5 * (q_d - t.q) @ K @ (q_d - t.q))
         close(command.lyapunov_rate, -rates @ c @ rates)
 
 
