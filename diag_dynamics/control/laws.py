@@ -342,8 +342,17 @@ class JointRegulation(JointLaw):
         return self._stiffness
 
     @stiffness.setter
-    def stiffness(self, matrix: Array) -> None:
-        self._stiffness, self._root = matrix, np.linalg.cholesky(matrix)
+    def stiffness(self, matrix: MatrixLike) -> None:
+        size = self.dynamics.model.nv
+        expected = f"{size} x {size} finite numbers, symmetric and positive definite"
+        matrix = numbers("stiffness", matrix, (size, size), expected)
+        try:
+            root = np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            root = None
+        if root is None or not np.allclose(matrix, matrix.T):
+            raise InputError(f"stiffness is {matrix.tolist()}; expected {expected}.")
+        self._stiffness, self._root = matrix, root
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)

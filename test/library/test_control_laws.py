@@ -120,6 +120,16 @@ def test_regulation_commands(robot):
         close(command.lyapunov_rate, -rates @ c @ rates)
 
 
+@pytest.mark.parametrize(
+    "wrong", [np.ones(7), np.ones((7, 7)), np.diag([1.0] * 6 + [np.nan]), np.tri(7) + np.eye(7)]
+)
+def test_a_stiffness_is_a_positive_definite_matrix(wrong):
+    law = dd.JointRegulation(subject(ARM).dyn, 100.0, RATIO)
+    with pytest.raises(InputError, match=r"stiffness is .* expected 7 x 7 finite numbers"):
+        law.stiffness = wrong
+    assert (law.stiffness == 100.0 * np.eye(7)).all()
+
+
 def growth(law, period, q, qd, *target, cycles=800):
     """Return by what V grows in the second half of cycles of a period [s] with torques held; 0
     where it has vanished.
