@@ -113,10 +113,15 @@ def test_missing_gravity_is_named_in_small_motions(arm, amplitude):
         dd.identify(recording(t, q, qd, tau + noise(tau, 0.02)), arm, "friction")
 
 
-@pytest.mark.parametrize("lacks", [False, True], ids=["carries", "lacks"])
-@pytest.mark.parametrize("moving", [[0, 1, 2], [2]], ids=["all move", "elbow moves"])
+@pytest.mark.parametrize(
+    ("lacks", "moving"),
+    [(False, [0, 1, 2]), (True, [0, 1, 2]), (False, [2]), (True, [2]), (False, [0, 1])],
+    ids=["carries", "lacks", "carries, elbow moves", "lacks, elbow moves", "carries, elbow stands"],
+)
 def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks, moving):
-    """The model of a robot that lacks a load has it. One joint shows a moment and no mass."""
+    """The model of a robot that lacks a load has it. One joint shows a moment and no mass; with a
+    standing elbow no mass leaves nearly as little.
+    """
     loaded = arm.with_payload("fore", 0.1, (0.1, 0.0, 0.01))
     model, real = (loaded, arm) if lacks else (arm, loaded)
     t, q, qd, _ = motion()
@@ -129,7 +134,7 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks, moving):
     first, second = ("model", "robot") if lacks else ("robot", "model")
     text = rf"the {first} seems to have about (\S+) ± \S+ kg at fore that the {second} lacks"
     mass = re.search(text, printed)
-    assert bool(mass) == (len(moving) > 1) == ("kg" in printed)
+    assert bool(mass) == (len(moving) > 2) == ("kg" in printed)
     assert not mass or float(mass[1]) == pytest.approx(0.1, rel=0.15)
 
 
