@@ -46,7 +46,7 @@ class EffortRate:
     The rate is R > 0 [N m/s, N/s].
     """
 
-    scales: int | None  #: joint whose rate scales the law
+    scaling_joint: int | None  #: its effort rate scales the law
 
     def __init__(self, rate: Gain, names: tuple[str, ...]) -> None:
         self.rate = per_name("effort_rate", rate, names, "a finite number > 0 [N m/s, N/s]")
@@ -55,7 +55,8 @@ class EffortRate:
 
     def begin(self) -> None:
         """Scale nothing until the next command."""
-        self._demands, self._scale, self.scales = np.zeros((CYCLES, len(self.rate))), 1.0, None
+        self._demands = np.zeros((CYCLES, len(self.rate)))
+        self._scale, self.scaling_joint = 1.0, None
 
     def scaled(self, command: Command, period: float) -> Command:
         """Return the command of a law, scaled for the rate of its efforts.
@@ -66,11 +67,11 @@ class EffortRate:
         demand, joint = demand_rate(tau, gravity, self.rate, SHARE * period, self._demands)
         if demand * self._scale > 1.0:
             slower = self._scale * math.exp(-DECAY * period)
-            self._scale, self.scales = max(1.0 / demand, slower), joint
+            self._scale, self.scaling_joint = max(1.0 / demand, slower), joint
         elif self._scale < 1.0:
             self._scale = min(self._scale * math.exp(GROWTH * period), 1.0)
         if self._scale == 1.0:
-            self.scales = None
+            self.scaling_joint = None
             return command
         tau = gravity + self._scale * (tau - gravity)
         return command._replace(tau=tau, epsilon=self._scale * command.epsilon)

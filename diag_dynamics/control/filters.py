@@ -222,8 +222,8 @@ class Limits:
             rows,
         )
         effort, demand, saturated, waiting = rows[:4]
-        if self._rate.scales is not None:
-            waiting[self._rate.scales] = 1.0
+        if self._rate.scaling_joint is not None:
+            waiting[self._rate.scaling_joint] = 1.0
         at_limit = names_where(self._names, saturated)
         limited = at_limit + names_where(self._names, waiting)
         return Limited(

@@ -54,8 +54,8 @@ ARRIVED, PATIENCE = 0.01, 2.0
 FRICTION_ERROR, FRICTION_SHARE = 0.02, 0.5
 """Error at which springs overcome Coulomb friction [rad, m], and compensated fraction at rest."""
 
-STIFFER = 2.0
-"""Square root of the stiffness of regulation relative to that of tracking."""
+STIFFNESS_RATIO = 4.0
+"""Stiffness of regulation relative to that of tracking."""
 
 ROUNDS = 8
 """Bisections of the largest stable stiffness."""
@@ -433,7 +433,7 @@ class RegulationMode(JointMode):
         """Set the stiffness for a position [rad, m] and a period [s]."""
         self._period, law = period, self.law
         m, inverse = law.dynamics.factors(position)[:2]
-        root = STIFFER * self._convergence[:, None] * m * self._gain
+        root = np.sqrt(STIFFNESS_RATIO) * self._convergence[:, None] * m * self._gain
         friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
         largest = 0.5 * largest_frequency(law.damping_ratio, period) ** 2  # of ω²
         chosen = np.isfinite(self._chosen)
