@@ -152,7 +152,7 @@ def load_urdf(
 
 
 def _warn_of_mistakes(description: Description, additional: Parameters | None) -> None:
-    """Warn of probable mistakes of a file and of inertias, but for links that a payload lightens."""
+    """Warn of probable mistakes and of inertias, but for links that a payload lightens."""
     lighter = [] if additional is None else additional.lighter_links
     inertias = [
         (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
