@@ -277,17 +277,13 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
     problem = "is an input. Choose another file"
     for recording, output, what in (
-        *(
-            (bag, bag, problem),
-            (bag, urdf, problem),
-            (folder, folder / "bag.mcap", problem),
-            (folder, folder / "new", problem),
-        ),
-        *(
-            (table, tmp_path / "." / "link", problem),
-            (table, tmp_path, "folder"),
-            (table, "/proc/out", "No such"),
-        ),
+        (bag, bag, problem),
+        (bag, urdf, problem),
+        (folder, folder / "bag.mcap", problem),
+        (folder, folder / "new", problem),
+        (table, tmp_path / "." / "link", problem),
+        (table, tmp_path, "folder"),
+        (table, "/proc/out", "No such"),
         (table, tmp_path / "no" / "out", "no folder"),
     ):
         status, _, printed = analyse(recording, option, output, "--quiet", urdf=str(urdf))
@@ -330,11 +326,9 @@ def test_wrong_options(tmp_path, bag, analyse, options):
 def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     """What is missing is named, and what to do."""
     status, _, printed = analyse(bag, "--parquet", tmp_path / "out.parquet", urdf="ur5")
-    assert (
-        status == 2
-        and "no valid state" in printed
-        and "messages of other joints: panda_" in printed
-    )
+    assert status == 2
+    assert "no valid state" in printed
+    assert "messages of other joints: panda_" in printed
     assert not list(tmp_path.glob("out*"))
     rows = np.loadtxt(table, delimiter=",", dtype=str, comments=None)
 
@@ -349,10 +343,8 @@ def test_recordings_that_cannot_be_analysed(tmp_path, bag, table, analyse):
     without("finger")
     status, _, printed = analyse(table)
     assert status == 2 and f"incomplete ({COUNT} ×)" in printed
-    assert (
-        "missing: panda_finger_joint1." in printed
-        and "--set locked_joints=panda_finger_joint1=0" in printed
-    )
+    assert "missing: panda_finger_joint1." in printed
+    assert "--set locked_joints=panda_finger_joint1=0" in printed
     _, out, _ = analyse(table, "--set", "locked_joints=panda_finger_joint1=0", "--json", "-")
     assert json.loads(out)["degrees_of_freedom"] == [f"panda_joint{k}" for k in range(1, 8)]
 
@@ -371,11 +363,9 @@ def test_what_makes_the_exit_status_1(table, analyse):
     columns[:, 0] *= 1e3
     np.savetxt(table, columns, delimiter=",", header=text[0], comments="")
     status, out, printed = analyse(table)
-    assert (
-        status == 1
-        and "no power balance, although there are efforts" in printed
-        and "milliseconds" in out
-    )
+    assert status == 1
+    assert "no power balance, although there are efforts" in printed
+    assert "milliseconds" in out
 
 
 def test_several_recordings(tmp_path, table, bag, analyse):
@@ -405,11 +395,9 @@ def test_collisions_of_several_recordings(tmp_path, table, analyse):
     result = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
     for options, count in (((), "-"), (threshold, str(result))):  # unknown without a threshold
         head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
-        assert (
-            result
-            and [row.split()[-3] for row in rows] == [count] * 2
-            and "collisions  rejected" in head
-        )
+        assert result
+        assert [row.split()[-3] for row in rows] == [count] * 2
+        assert "collisions  rejected" in head
 
 
 def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analyse):

@@ -218,26 +218,20 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
     tau = tau.copy()
     tau[:, 3] = value
     summary, text, result = analysed(t, q, qd, tau)
-    assert (
-        said in text and said in summary["efforts"]["unmeasured"] and said in summary["warnings"][0]
-    )
-    assert (
-        result == 1
-        and summary["explained"] is None
-        and f"No power balance: {said}" in " ".join(text.split())
-    )
+    assert said in text
+    assert said in summary["efforts"]["unmeasured"]
+    assert said in summary["warnings"][0]
+    assert result == 1
+    assert summary["explained"] is None
+    assert f"No power balance: {said}" in " ".join(text.split())
     hint = re.search(r"\((effort_available): ([^)]+)\)", summary["warnings"][0])
     partial, _, status = analysed(t, q, qd, tau, parameters=[f"{hint[1]}={hint[2]}"])
     assert "wrist_1_joint" not in partial["balance"]["partial"] and partial["explained"] > 0.9
     assert status == 0 and len(partial["balance"]["partial"]) == 5
-    assert (
-        summary["observer"]["unobserved"] == ["wrist_1_joint"]
-        and summary["observer"]["observed"] == len(t) - 1
-    )
-    assert (
-        summary["peaks"]["external_torque"]["value"] > 0.0
-        and "residual_norm" not in summary["peaks"]
-    )
+    assert summary["observer"]["unobserved"] == ["wrist_1_joint"]
+    assert summary["observer"]["observed"] == len(t) - 1
+    assert summary["peaks"]["external_torque"]["value"] > 0.0
+    assert "residual_norm" not in summary["peaks"]
 
 
 def windows_by_numpy(model, t, q, qd, tau):
@@ -336,11 +330,9 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
             pytest.approx(other, rel=1e-9, abs=1e-11) if isinstance(other, float) else other
         )
     assert any(entry["link"] for entry in whole["collisions"])
-    assert (
-        whole["collisions"]
-        and whole["balance"]["windows"] > 4
-        and whole["quality"]["repeated_stamps"] == 1
-    )
+    assert whole["collisions"]
+    assert whole["balance"]["windows"] > 4
+    assert whole["quality"]["repeated_stamps"] == 1
 
 
 def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
@@ -454,10 +446,8 @@ def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
     recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
     dynamics, covariance = dd.DiagonalDynamics(ur5), np.diag([0.3, 0.4, 0.2, 0.1, 0.1, 0.05]) ** 2
     seen = dd.observe(dynamics, recording, 30.0)
-    wrench, touched = (
-        seen.wrench("wrist_3_link", covariance, frame="world"),
-        seen.touched_link(covariance),
-    )
+    wrench = seen.wrench("wrist_3_link", covariance, frame="world")
+    touched = seen.touched_link(covariance)
     none = ~seen.valid
     assert none.any() and len(wrench.wrench) == len(touched.link) == len(recording)
     assert np.isnan(wrench.wrench[none]).all() and not wrench.observed[none].any()
@@ -577,11 +567,9 @@ def test_units_that_do_not_agree_are_named(analysed, motion, unit, efforts):
     warnings = [
         warning for warning in summary["warnings"] if "times as fast as the velocities" in warning
     ]
-    assert (
-        len(warnings) == (printed is not None)
-        and (printed or "") in "".join(warnings)
-        and (printed or "") in text
-    )
+    assert len(warnings) == (printed is not None)
+    assert (printed or "") in "".join(warnings)
+    assert (printed or "") in text
     wrong = summary["quality"]["wrong_unit"]
     assert (wrong is None) == (factor is None)
     if factor:
@@ -609,10 +597,8 @@ def test_wrapped_positions_of_a_continuous_joint(tmp_path):
     """They are the integral of its velocity, and no wrong unit."""
     (tmp_path / "arm.urdf").write_text(TwoLinkArm().urdf.replace("revolute", "continuous"))
     t = np.arange(2000) * 0.002
-    q, qd = (
-        np.outer(t, [2.5, -2.0]) + 0.1 * np.sin(3.0 * t)[:, None],
-        [2.5, -2.0] + 0.3 * np.cos(3.0 * t)[:, None],
-    )
+    q = np.outer(t, [2.5, -2.0]) + 0.1 * np.sin(3.0 * t)[:, None]
+    qd = [2.5, -2.0] + 0.3 * np.cos(3.0 * t)[:, None]
     path = write_columns(tmp_path / "x.npz", t, (q + np.pi) % (2.0 * np.pi) - np.pi, qd)
     main(
         [

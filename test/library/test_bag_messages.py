@@ -309,10 +309,8 @@ def moving(*names, count=12):
     """Return joint states with these names and with different values of each joint."""
     sent = []
     for k in range(count):
-        position, effort = (
-            [0.001 * k + n for n in range(len(names))],
-            [0.1 * k - n for n in range(len(names))],
-        )
+        position = [0.001 * k + n for n in range(len(names))]
+        effort = [0.1 * k - n for n in range(len(names))]
         data = serialized(START + k * MS, names, position, [1.0] * len(names), effort)
         sent.append(Message("/joint_states", START + k * MS, data))
     return sent
@@ -382,10 +380,8 @@ def test_joint_names_of_a_message_that_has_both(tmp_path):
         [*moving("fer_a"), *moving("panda_a", "panda_b")], key=lambda message: message.log_time
     )
     for sent in (message, two):
-        path, what = (
-            write_mcap(tmp_path / "x.mcap", sent),
-            "maps both 'fer_a' and 'panda_a' to joint 'panda_a'",
-        )
+        path = write_mcap(tmp_path / "x.mcap", sent)
+        what = "maps both 'fer_a' and 'panda_a' to joint 'panda_a'"
         refused(what, path, arm("panda_a", "panda_b"), joint_names={"fer_a": "panda_a"})
     assert len(dd.read_recording(path, arm("panda_b"), joint_names={"fer_a": "panda_a"}))
 

@@ -359,10 +359,8 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
         write_ros1(path, messages, data.draw(st.sampled_from(ROS1_COMPRESSIONS)))
     content = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
-        at, new = (
-            data.draw(st.integers(0, len(content))),
-            data.draw(st.one_of(HUGE, st.binary(max_size=200))),
-        )
+        at = data.draw(st.integers(0, len(content)))
+        new = data.draw(st.one_of(HUGE, st.binary(max_size=200)))
         content[at : at + data.draw(st.sampled_from([0, len(new), 50]))] = new
     path.write_bytes(content)
     try:

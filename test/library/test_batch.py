@@ -283,10 +283,8 @@ SHARED = METHODS | {
 @pytest.mark.parametrize("name", SHARED)
 def test_threads_share_one_dynamics(name, frequent_switches):
     """Two threads that call at once get the bits that each gets alone."""
-    dyn, method = (
-        dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free"))),
-        SHARED[name],
-    )
+    dyn = dd.DiagonalDynamics(with_friction(dd.load_robot("panda", mimic="free")))
+    method = SHARED[name]
     two_states = list(zip(*states(dyn, 2), strict=True))
     expected = [method(dyn, *state) for state in two_states]
     wrong, ready = [], threading.Barrier(2)

@@ -56,10 +56,8 @@ def test_reflected_mass_beside_a_crooked_joint(kind, frame):
         if kind == "prismatic":
             stuck, free, mass = np.cross(axis, rng.standard_normal(3)), axis, 2.5
         else:
-            stuck, free = (
-                rng.standard_normal() * axis - point,
-                np.cross(axis, point),
-            )  # stuck: towards the axis
+            stuck = rng.standard_normal() * axis - point
+            free = np.cross(axis, point)  # stuck: towards the axis
             mass = dyn.evaluate(q, [0.0]).articulated_inertia[0] / (free @ free)
         stuck, free = stuck / norm(stuck), free / norm(free)
         nearly = dyn.reflected_mass(q, "head", R @ (stuck + 1e-6 * free), point, frame=frame)

@@ -152,10 +152,8 @@ def test_directions_that_are_given():
         ("stuck", "shoulder_link", (0, 0, 0.1), (0, 0, 1)),
     ]
     c = dyn.contact_limits(q, qd, places)
-    v, m = (
-        dyn.link_velocity(q, "wrist_3_link", qd, r)[:3] @ u / norm(u),
-        dyn.reflected_mass(q, "wrist_3_link", u, r),
-    )
+    v = dyn.link_velocity(q, "wrist_3_link", qd, r)[:3] @ u / norm(u)
+    m = dyn.reflected_mass(q, "wrist_3_link", u, r)
     close(c.speed[:2], [v, -v], 1e-12)
     close(c.reflected_mass[:2], [m, m], 1e-9)
     close(c.energy[:2], 0.5 * m * v * v * (np.array([v, -v]) > 0.0), 1e-9)
@@ -320,11 +318,9 @@ def test_impact_with_a_free_mass():
 
 def test_masses_of_a_contact():
     """A mass of inf is clamped; the simplified one is that of ISO/TS 15066."""
-    assert (
-        reduced_mass(4.0, 4.0) == 2.0
-        and reduced_mass(4.0) == 4.0
-        and reduced_mass(math.inf, 3.0) == 3.0
-    )
+    assert reduced_mass(4.0, 4.0) == 2.0
+    assert reduced_mass(4.0) == 4.0
+    assert reduced_mass(math.inf, 3.0) == 3.0
     assert simplified_mass(18.0, 3.0) == 12.0
 
 

@@ -76,11 +76,9 @@ def case_of(dyn, oracle, q, qd, tau, seed):
 def load(robot):
     """Return the cases of a robot's samples."""
     model = dd.load_urdf(robot.source, mimic=robot.mimic, **robot.options)
-    dyn, oracle, seed = (
-        dd.DiagonalDynamics(model),
-        rate_oracle_of(robot, model.dof_names),
-        zlib.crc32(robot.id.encode()),
-    )
+    dyn = dd.DiagonalDynamics(model)
+    oracle = rate_oracle_of(robot, model.dof_names)
+    seed = zlib.crc32(robot.id.encode())
     samples = robots.samples(robot.id, oracle)
     return [case_of(dyn, oracle, s.q, s.qd, s.tau, (seed, i)) for i, s in enumerate(samples)]
 
@@ -374,7 +372,9 @@ N = 9
 """Degrees of freedom of the Panda, its fingers independent."""
 RIGHT = {
     **dict.fromkeys(("q", "qd", "x"), np.full(N, 0.3)),
-    **{"link": HAND, "wrench": np.ones(6), "direction": (0, 0, 1)},
+    "link": HAND,
+    "wrench": np.ones(6),
+    "direction": (0, 0, 1),
 }
 NUMBERS = ("abc", None, 0.3)
 WRONG = {

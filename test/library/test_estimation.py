@@ -21,8 +21,18 @@ BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0,
 """Corners of the unit cube in the first octant."""
 
 FACES = [
-    *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
-    *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
+    (0, 1, 3),
+    (0, 3, 2),
+    (4, 6, 7),
+    (4, 7, 5),
+    (0, 4, 5),
+    (0, 5, 1),
+    (2, 3, 7),
+    (2, 7, 6),
+    (0, 2, 6),
+    (0, 6, 4),
+    (1, 5, 7),
+    (1, 7, 3),
 ]
 """Its triangles, seen from outside counterclockwise."""
 
@@ -101,10 +111,8 @@ def test_meshes_against_closed_forms(tmp_path):
     size = np.array([0.2, 0.5, 1.0])
     stl(tmp_path / "box.stl", BOX * size, FACES)
     for scale in ((1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (-1.0, 1.0, 1.0)):
-        result, expected = (
-            mesh(tmp_path, "box.stl", scale),
-            solid("box", tuple(size * np.abs(scale))),
-        )
+        result = mesh(tmp_path, "box.stl", scale)
+        expected = solid("box", tuple(size * np.abs(scale)))
         assert result.volume == pytest.approx(expected.volume, rel=1e-6) and result.of == (
             "box.stl",
         )
@@ -190,23 +198,21 @@ def test_wrong_shapes(shape, key):
 # --- Paths of meshes
 
 VALID = (
-    *("package://arm/meshes/a.stl", "package:///arm/meshes/a.stl", "model://arm/meshes/a.stl"),
-    *(
-        "package://robots/arm/meshes/a.stl",
-        "../meshes/a.stl",
-        "file://../meshes/a.stl",
-        "file://{mesh}",
-        "{mesh}",
-    ),
+    "package://arm/meshes/a.stl",
+    "package:///arm/meshes/a.stl",
+    "model://arm/meshes/a.stl",
+    "package://robots/arm/meshes/a.stl",
+    "../meshes/a.stl",
+    "file://../meshes/a.stl",
+    "file://{mesh}",
+    "{mesh}",
 )
 LOST = (
-    *(
-        "package://leg/meshes/a.stl",
-        "meshes/a.stl",
-        "file:///meshes/a.stl",
-        "https://x.org/a.stl",
-        "package://arm",
-    ),
+    "package://leg/meshes/a.stl",
+    "meshes/a.stl",
+    "file:///meshes/a.stl",
+    "https://x.org/a.stl",
+    "package://arm",
 )
 
 

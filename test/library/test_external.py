@@ -48,10 +48,8 @@ class Case:
 
     def __init__(self, one, seed=0):
         self.model = dd.load_urdf(one.urdf, mimic=one.mimic, **one.options)
-        self.oracle, self.dyn = (
-            oracle_of(one, self.model.dof_names),
-            dd.DiagonalDynamics(self.model),
-        )
+        self.oracle = oracle_of(one, self.model.dof_names)
+        self.dyn = dd.DiagonalDynamics(self.model)
         rng = np.random.default_rng(seed)
         self.q, n = robots.samples(one.id, self.oracle)[0].q, self.model.nv
         size = np.exp(rng.uniform(-1.5, 1.0, n))
@@ -175,10 +173,8 @@ def test_without_covariance(robot):
 def test_batch_has_the_same_bits():
     """Many states in one thread or two have the bits of single states; results are read-only."""
     case, rng = Case(PANDA), np.random.default_rng(3)
-    Q, TAU = (
-        np.array([case.model.random(rng) for _ in range(600)]),
-        rng.normal(size=(600, case.model.nv)),
-    )
+    Q = np.array([case.model.random(rng) for _ in range(600)])
+    TAU = rng.normal(size=(600, case.model.nv))
     options = {"point": POINT, "frame": "world"}
     for threads in (1, 2):
         many = case.dyn.wrench(Q, "panda_hand", TAU, case.covariance, threads=threads, **options)

@@ -101,11 +101,9 @@ def test_terms_against_pinocchio(panda, seed):
         (*panda.model.dof_names, *inertias(panda)),
         armature=inertias(panda),
     )
-    e, at, rates = (
-        panda.evaluate(q, theta, qd, thetad, tau),
-        places(NAMES, oracle.dof_names),
-        np.append(qd, thetad),
-    )
+    e = panda.evaluate(q, theta, qd, thetad, tau)
+    at = places(NAMES, oracle.dof_names)
+    rates = np.append(qd, thetad)
     q_all = np.append(q, theta)
     m = oracle.factor(q_all)
     C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.coriolis_torque(q_all, rates)
@@ -193,11 +191,9 @@ def test_implicit_step_against_a_dense_solve(panda, h):
     sim = simulation(panda.model, q, step=h, damping=damping)
     sim.reset(q, qd, theta, thetad)
     sim.advance(tau)
-    oracle, k, d = (
-        Oracle(URDF, panda.model.dof_names),
-        np.diag(panda.stiffness),
-        np.diag(panda.damping),
-    )
+    oracle = Oracle(URDF, panda.model.dof_names)
+    k = np.diag(panda.stiffness)
+    d = np.diag(panda.damping)
     S = np.eye(nv)[at]  # of flexible joints
     G = np.hstack([-S, np.eye(len(at))])  # stretch
     rates = np.append(qd, thetad)

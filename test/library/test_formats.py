@@ -40,13 +40,11 @@ def test_example_robots():
 @pytest.mark.parametrize(
     ("name", "key"),
     [
-        *(
-            ("pnada", "pnada"),
-            ("ur", "neither a file nor an example robot"),
-            ("anymal", "any of: anymal_b.*, anymal_c"),
-            ("", "expected"),
-            (3, "expected"),
-        ),
+        ("pnada", "pnada"),
+        ("ur", "neither a file nor an example robot"),
+        ("anymal", "any of: anymal_b.*, anymal_c"),
+        ("", "expected"),
+        (3, "expected"),
         *((f"r5_robot{suffix}", "neither a file") for suffix in (".urdf", ".xml", ".xacro")),
     ],
 )
@@ -306,11 +304,9 @@ def compare(mujoco, text, seed=5, omits=False):
     are among the torques.
     """
     model = quiet(text)
-    reference, dyn, rng = (
-        Reference(mujoco, text, model),
-        dd.DiagonalDynamics(model),
-        np.random.default_rng(seed),
-    )
+    reference = Reference(mujoco, text, model)
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(seed)
     assert model.nv == reference.m.nv
     for _ in range(3):
         q, qd = model.random(rng), rng.normal(size=model.nv)
@@ -393,10 +389,8 @@ def test_equality_without_a_second_joint(mujoco, joint):
     assert dd.load_mjcf(text, locked_joints={joint: 0.1}).locked_joints == {joint: 0.1}
 
 
-OTHER, TENDON = (
-    '<joint name="other"/>',
-    '<tendon><fixed name="wire"><joint joint="turn" coef="1"/></fixed></tendon>',
-)
+OTHER = '<joint name="other"/>'
+TENDON = '<tendon><fixed name="wire"><joint joint="turn" coef="1"/></fixed></tendon>'
 TWICE = "".join(
     f'<joint name="{name}" joint1="other" joint2="{on}"/>'
     for name, on in (("e1", "turn"), ("e2", "shift"))
@@ -605,10 +599,8 @@ def test_markers_beside_a_floating_robot(mujoco):
     """A mocap body is no part of the robot: its mass does not count, and the base stays a floating
     one.
     """
-    plain, marked = (
-        dd.load_mjcf(FREE),
-        quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE)),
-    )
+    plain = dd.load_mjcf(FREE)
+    marked = quiet(changed("</worldbody>", MARKER + "</worldbody>", FREE))
     assert marked.floating_base and marked.link_names == plain.link_names
     assert marked.total_mass == plain.total_mass and marked.omitted == ("mocap body 'target'",)
 

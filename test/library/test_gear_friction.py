@@ -34,11 +34,9 @@ def test_friction_is_that_of_its_equation(v0, tmp_path):
     joints = {name: dd.JointParameters(0.5, 1.5, -0.1, None, *pair) for name, *pair in pairs}
     dd.Parameters(joints, friction_velocity=v0).save(tmp_path / "arm.yaml")
     model = dd.load_urdf(UR5, parameters=tmp_path / "arm.yaml")
-    oracle, rng, dyn = (
-        Oracle(UR5, model.dof_names),
-        np.random.default_rng(4),
-        dd.DiagonalDynamics(model),
-    )
+    oracle = Oracle(UR5, model.dof_names)
+    rng = np.random.default_rng(4)
+    dyn = dd.DiagonalDynamics(model)
     Q, QD, QDD = rng.uniform(-2.0, 2.0, (3, 7, 6))
     QD[0], QD[1] = 0.0, 1e-3 * QD[1]  # at rest, and within v₀
     expected = []

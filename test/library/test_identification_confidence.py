@@ -175,10 +175,8 @@ def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
     """
     text, rng = robot(path).urdf, np.random.default_rng(1)
     model = dd.load_urdf(text, locked_joints=locked)
-    oracle, layout = (
-        Oracle(text, model.dof_names, locked_joints=locked),
-        Layout(model, Regressors(model)),
-    )
+    oracle = Oracle(text, model.dof_names, locked_joints=locked)
+    layout = Layout(model, Regressors(model))
     base, rows, torques = BaseParameters(layout), [], []
     for q, qd, qdd in rng.uniform(-2.0, 2.0, (40, 3, model.nv)):
         state = oracle.configuration(q), oracle.to_pin(qd), oracle.to_pin(qdd)

@@ -358,11 +358,9 @@ def test_efforts_that_nothing_measured(tmp_path, capsys, case):
         ("calibrate", 1 if "constant" in case else 2, *alarms),
     ):
         status, printed = commanded(tmp_path, capsys, command, (t, q, qd, changed(tau)), *options)
-        assert (
-            status == expected
-            and f"{key} (effort_available: " in printed
-            and "Traceback" not in printed
-        )
+        assert status == expected
+        assert f"{key} (effort_available: " in printed
+        assert "Traceback" not in printed
 
 
 FAULTS = {
@@ -418,10 +416,8 @@ def test_findings_of_several_recordings(tmp_path, capsys):
     for tables, owner in ((paths, f"'{paths[1]}': "), (2 * paths[1:], "")):
         assert main(["identify", *tables, *options]) == 0
         printed = capsys.readouterr().out
-        assert (
-            printed.count("effort unknown") == 1
-            and f"\n  {owner}effort unknown: efforts of elbow" in printed
-        )
+        assert printed.count("effort unknown") == 1
+        assert f"\n  {owner}effort unknown: efforts of elbow" in printed
         assert "friction" in printed and "effort scale" not in printed
 
 
@@ -499,10 +495,8 @@ def test_the_balance_of_a_desk_arm(tmp_path, capsys):
     status, printed = commanded(tmp_path, capsys, "analyse", (t, q, qd, tau))
     assert status == 0 and re.search(r"explained (0\.99|1\.00)", printed)
     status, printed = commanded(tmp_path, capsys, "analyse", (t, q, qd, 1e6 * tau))
-    assert (
-        status == 1
-        and "no power balance, because efforts exceed 4 times the URDF limits" in printed
-    )
+    assert status == 1
+    assert "no power balance, because efforts exceed 4 times the URDF limits" in printed
 
 
 @pytest.mark.parametrize(("error", "expected"), [(0.0, 0), (2.0, 1)], ids=["perfect", "noisy"])
@@ -534,9 +528,7 @@ def test_results_of_exit_status_1(tmp_path, capsys, changed, key):
         tmp_path, capsys, "identify", columns, "--what", "friction", "--json", str(out)
     )
     quality = json.loads(out.read_text())
-    assert (
-        status == 1
-        and quality["taken"]
-        and not quality["efforts_judged"]
-        and re.search(key, printed)
-    )
+    assert status == 1
+    assert quality["taken"]
+    assert not quality["efforts_judged"]
+    assert re.search(key, printed)

@@ -139,11 +139,9 @@ def test_rows_are_pinocchios(one):
         x = np.append(choose_inertias(model, oracle, rng), np.zeros(6 * model.nv))
         q, qd = model.random(rng), rng.normal(size=model.nv)
         q_free = q if len(G) == model.nv else G @ q + start
-        state, v, none = (
-            oracle.configuration(q_free),
-            oracle.to_pin(G @ qd),
-            np.zeros(oracle.model.nv),
-        )
+        state = oracle.configuration(q_free)
+        v = oracle.to_pin(G @ qd)
+        none = np.zeros(oracle.model.nv)
         gravity = pin.rnea(oracle.model, oracle.data, state, none, none).copy()
         momentum = pin.rnea(oracle.model, oracle.data, state, none, v) - gravity
         bias = (
@@ -178,11 +176,9 @@ def test_filtered_rows_hold_for_the_true_parameters():
         w, phase = rng.uniform(2.0, 4.0, model.nv), rng.uniform(0.0, 6.0, model.nv)
         mean = np.where(np.isfinite(model.lower), 0.5 * (model.lower + model.upper), 0.0)
         angles = t[:, None] * w + phase
-        q, qd, qdd = (
-            mean + 0.3 * np.sin(angles),
-            0.3 * w * np.cos(angles),
-            -0.3 * w**2 * np.sin(angles),
-        )
+        q = mean + 0.3 * np.sin(angles)
+        qd = 0.3 * w * np.cos(angles)
+        qdd = -0.3 * w**2 * np.sin(angles)
         tau = efforts(oracle, q, qd, qdd) + 0.2 * qdd + 0.7 * qd + 0.4 * np.tanh(qd / 0.5) - 0.1
         regressors = Regressors(model)
         sums = regressors.sum_segment(t, q, qd, tau)
@@ -204,10 +200,8 @@ def test_rows_of_unknown_efforts_say_nothing():
     model, rng = dd.load_urdf(PANDA.urdf, mimic="free"), np.random.default_rng(0)
     t, (q, qd, tau) = 0.01 * np.arange(200), rng.normal(size=(3, 200, model.nv))
     true_parameters, regressors = np.arange(model.nv) != 3, Regressors(model)
-    whole, part = (
-        regressors.sum_segment(t, q, qd, tau),
-        regressors.sum_segment(t, q, qd, tau, true_parameters),
-    )
+    whole = regressors.sum_segment(t, q, qd, tau)
+    part = regressors.sum_segment(t, q, qd, tau, true_parameters)
     assert whole[3].any() and not part[3].any()
     for k in np.flatnonzero(true_parameters):
         np.testing.assert_array_equal(part[k], whole[k])

@@ -22,10 +22,8 @@ from robots import robot
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 UR5 = robot("ur_description/urdf/ur5_robot.urdf").urdf
-DAMPING, FRICTION = (
-    np.array([3.0, 3.0, 2.0, 0.5, 0.5, 0.3]),
-    np.array([4.0, 5.0, 3.0, 1.0, 0.8, 0.5]),
-)
+DAMPING = np.array([3.0, 3.0, 2.0, 0.5, 0.5, 0.3])
+FRICTION = np.array([4.0, 5.0, 3.0, 1.0, 0.8, 0.5])
 LADDER = "friction", "rotors", "inertias"
 
 
@@ -82,16 +80,12 @@ def test_inertias_that_help_one_joint_of_six_by_files_in_any_order(arm):
         dd.identify(some, start, ("rotors", "inertias")) for some in (files, files[::-1])
     )
     before, after = (rung["score"] for rung in entry.quality["ladder"] if rung["taken"])
-    assert (
-        entry.quality["taken"] == ["inertias"]
-        and entry.parameters.links
-        and 0.02 < 1.0 - after / before < 0.05
-    )
+    assert entry.quality["taken"] == ["inertias"]
+    assert entry.parameters.links
+    assert 0.02 < 1.0 - after / before < 0.05
     pairs = np.array(list(entry.quality["row_residual"].values()))
-    assert (
-        0.7 < pairs[5, 1] / pairs[5, 0] < 0.85
-        and np.abs(pairs[:5, 1] / pairs[:5, 0] - 1.0).max() < 0.05
-    )
+    assert 0.7 < pairs[5, 1] / pairs[5, 0] < 0.85
+    assert np.abs(pairs[:5, 1] / pairs[:5, 0] - 1.0).max() < 0.05
     assert other.quality["ladder"] == entry.quality["ladder"]
     np.testing.assert_array_equal(other.model.bodies, entry.model.bodies)
 
@@ -253,9 +247,8 @@ def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
     monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
     warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
     texts = [text for text in warnings if "external torque" in text]
-    assert (
-        len(texts) == 1 and "external torque of joint 'elbow_joint' increased from 0 to" in texts[0]
-    )
+    assert len(texts) == 1
+    assert "external torque of joint 'elbow_joint' increased from 0 to" in texts[0]
 
 
 def with_late_efforts(data, delay):
@@ -273,10 +266,8 @@ def test_delays_of_efforts_are_removed(worn, delay, wrong):
     model = worn.model.perturbed(0.3, 1) if wrong else worn.model
     result = dd.identify(with_late_efforts(worn, delay), model, "friction")
     assert result.quality["effort_delay"] == [pytest.approx(delay, abs=5e-3)]
-    size, late = (
-        f"{1e3 * abs(result.quality['effort_delay'][0]):.1f}",
-        "later" if delay > 0.0 else "earlier",
-    )
+    size = f"{1e3 * abs(result.quality['effort_delay'][0]):.1f}"
+    late = "later" if delay > 0.0 else "earlier"
     text = f"effort delay: efforts are {size} ms {late} than positions; the delay was removed"
     assert (text in result.quality["findings"]) == bool(delay)
     assert wrong or np.abs(result.model.friction / FRICTION - 1.0).max() < 0.15
@@ -303,10 +294,8 @@ def test_friction_of_joints_that_stick(seed):
     """A simulated desk arm stands a quarter of the time, where stiction holds it: its friction is
     within 2σ of the truth.
     """
-    model, true = (
-        dd.load_urdf(desk_arm.URDF),
-        {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]},
-    )
+    model = dd.load_urdf(desk_arm.URDF)
+    true = {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]}
     simulation, dynamics = dd.Simulation(model, **true), dd.DiagonalDynamics(model)
     t, q, qd, _ = desk_arm.motion(20.0, 1000.0, seed=seed)
     stands, states = t % 4.0 > 3.0, []

@@ -112,10 +112,8 @@ def test_any_tree_carries_a_load(id):
     link = max(
         model.link_names, key=lambda name: (is_mimic(model, name), model.placement_in_body(name)[0])
     )
-    start, rate = (
-        oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv)),
-        rng.normal(size=model.nv),
-    )
+    start = oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv))
+    rate = rng.normal(size=model.nv)
     still, count, step = np.zeros(model.nv), 400, 0.5 * STEP
     q = np.array([oracle.moved(start, k * step * rate) for k in range(count)])
     torque = np.array([oracle.inverse_dynamics(estimate, rate, still) for estimate in q])
@@ -230,10 +228,8 @@ def test_gravity_that_turns_keeps_the_estimate():
     ]
     turned = dd.DiagonalDynamics(arm.dynamics.model.with_gravity(TILTED))
     estimator.use(turned)
-    assert (
-        estimator.last is before
-        and estimator.update(1.0, motion[0][-1], motion[1][-1], np.zeros(6)).valid
-    )
+    assert estimator.last is before
+    assert estimator.update(1.0, motion[0][-1], motion[1][-1], np.zeros(6)).valid
     estimator.use(dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0)))
     assert not estimator.last.valid
 
@@ -292,10 +288,8 @@ def test_energy_near_that_of_the_noise_is_no_load():
     arm, rng = Arm("panda"), np.random.default_rng(14)
     motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
     seen = low_pass(arm.load_torque(motion, 1.0, CENTER))
-    square, weights = (
-        np.mean((seen / arm.deviation) ** 2, axis=1),
-        np.exp(-np.arange(len(seen)) * STEP / 0.5),
-    )
+    square = np.mean((seen / arm.deviation) ** 2, axis=1)
+    weights = np.exp(-np.arange(len(seen)) * STEP / 0.5)
     mean = np.convolve(square, weights)[: len(seen)] / np.cumsum(
         weights
     )  # of energy in that of the noise

@@ -463,11 +463,9 @@ def test_elements(element, tmp_path):
     """A loop in the URDF is closed; a file may add what its element lacks, and an empty list opens
     it.
     """
-    expected, q, qd = (
-        dd.DiagonalDynamics(dd.load_urdf(FOUR_BAR, loops=[BAR])),
-        np.array([0.6, 0.1]),
-        np.array([1.0, 2.0]),
-    )
+    expected = dd.DiagonalDynamics(dd.load_urdf(FOUR_BAR, loops=[BAR]))
+    q = np.array([0.6, 0.1])
+    qd = np.array([1.0, 2.0])
     path = tmp_path / "loops.yaml"
     path.write_text("loops: [{name: bar, independent: j1}]")
     for loops in (str(path), [{"name": "bar", "independent": ["j1"]}]):
@@ -475,10 +473,8 @@ def test_elements(element, tmp_path):
         for loop_model in (model, pickle.loads(pickle.dumps(model))):
             result = dd.DiagonalDynamics(loop_model).evaluate(q, qd)
             assert np.abs(result.coriolis - expected.evaluate(q, qd).coriolis).max() <= 1e-12
-    assert (
-        dd.load_urdf(with_element(element)).nv == 2
-        and dd.load_urdf(with_element(element), loops=[]).nv == 4
-    )
+    assert dd.load_urdf(with_element(element)).nv == 2
+    assert dd.load_urdf(with_element(element), loops=[]).nv == 4
 
 
 def driven(joint):

@@ -148,11 +148,9 @@ def test_last_state_after_an_open_one():
     loop is open.
     """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
-    dynamics, corner, goal = (
-        dd.DiagonalDynamics(model),
-        np.array([0.0, 0.75, 2.75]),
-        np.array([0.0, -0.604, 3.509]),
-    )
+    dynamics = dd.DiagonalDynamics(model)
+    corner = np.array([0.0, 0.75, 2.75])
+    goal = np.array([0.0, -0.604, 3.509])
     for q in (*np.linspace(model.start, corner, 60), *np.linspace(corner, goal, 60)):
         mass = dynamics.mass_matrix(q)
     for _ in range(2):
@@ -330,11 +328,9 @@ def test_simulated_friction():
         simulation.advance(steps=round(3.0 / step))
         residuals.append(abs(simulation.audit.residual))
         assert simulation.audit.loss < -0.2
-    assert (
-        residuals[2] < 1e-4
-        and residuals[1] < residuals[0] / 2.0
-        and residuals[2] < residuals[0] / 8.0
-    )
+    assert residuals[2] < 1e-4
+    assert residuals[1] < residuals[0] / 2.0
+    assert residuals[2] < residuals[0] / 8.0
     two = dd.load_urdf(five_bar(RUBBING), loops=[FIVE_BAR])
     with pytest.raises(dd.UnsupportedError, match="'p2' follows several joints and has friction"):
         dd.Simulation(two)

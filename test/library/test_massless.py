@@ -232,10 +232,8 @@ def test_singular_at_one_configuration(turn):
     source = robots.robot_path(ICUB) if turn is None else GIMBAL
     dyn = dd.DiagonalDynamics(dd.load_urdf(source, mimic="free"))
     q = np.zeros(dyn.model.nv) if turn is None else np.array([0.3, 0.4, turn * np.pi / 2, 0.5])
-    x, name = (
-        np.random.default_rng(2).standard_normal(len(q)),
-        "neck_roll" if turn is None else "roll",
-    )
+    x = np.random.default_rng(2).standard_normal(len(q))
+    name = "neck_roll" if turn is None else "roll"
     for call in calls_that_need_the_factor(dyn, q, x):
         with pytest.raises(dd.SingularMassMatrixError, match=f"'{name}'") as caught:
             call()

@@ -184,11 +184,9 @@ def test_removed_payload_leaves_no_rounding(with_all):
 
 def test_changes_commute(panda):
     """In any order they equal the options of the loader; later locks replace earlier ones."""
-    gravity, locks, payload = (
-        (0.0, 3.0, 0.0),
-        {"panda_joint2": 0.3, "panda_joint4": -1.0},
-        tuple(PAYLOAD.values()),
-    )
+    gravity = (0.0, 3.0, 0.0)
+    locks = {"panda_joint2": 0.3, "panda_joint4": -1.0}
+    payload = tuple(PAYLOAD.values())
     at_once = load(gravity=gravity, locked_joints=locks, payloads={"panda_hand": payload})
     changes = (
         lambda model: model.with_gravity(gravity),

@@ -194,10 +194,8 @@ def test_missing_efforts_are_lost_samples():
 def test_another_payload_resets():
     """The observer starts anew with the new model; an undeclared payload appears as its weight."""
     motion, observer, _ = observer_at_work()
-    loaded, unaware = (
-        dd.DiagonalDynamics(motion.s.model.with_payload("panda_hand", 2.0)),
-        observer_at_work()[1],
-    )
+    loaded = dd.DiagonalDynamics(motion.s.model.with_payload("panda_hand", 2.0))
+    unaware = observer_at_work()[1]
     observer.use(loaded)
     state = READY, np.zeros(N), loaded.gravity_torque(READY)
     assert observer.update(0.021, *state).reason == "first sample"

@@ -145,20 +145,16 @@ def test_mobility_and_velocity_are_pinocchios(one):
 @pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 def test_frames_have_the_numbers_of_the_evaluation(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
-    dyn, places = (
-        dd.DiagonalDynamics(model),
-        [(link, (0.0, 0.1, 0.2)) for link in model.link_names[-2:]],
-    )
+    dyn = dd.DiagonalDynamics(model)
+    places = [(link, (0.0, 0.1, 0.2)) for link in model.link_names[-2:]]
     points = dd.ContactPoints(model, [dd.ContactPoint(link, link, place) for link, place in places])
     maker = FrameMaker(dd.DiagonalDynamics(model), zip(points.names, points.links, strict=True))
     q, qd, tau = (rows[0] for rows in some(model))
     s = dyn.evaluate(q, qd, tau, friction=True)
     r = np.random.default_rng(8).normal(size=model.nv)
-    torque, norm, contact = (
-        dyn.tau_from_epsilon(q, r),
-        np.linalg.norm(r),
-        dyn.contact_limits(q[None], qd[None], points),
-    )
+    torque = dyn.tau_from_epsilon(q, r)
+    norm = np.linalg.norm(r)
+    contact = dyn.contact_limits(q[None], qd[None], points)
     observed = {
         "residual": r[None],
         "external_torque": torque[None],
@@ -179,47 +175,39 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
     expected = {
-        **{
-            "q": q,
-            "qd": qd,
-            "effort": tau,
-            "nu": s.nu,
-            "epsilon": s.epsilon,
-            "coriolis": s.coriolis,
-        },
-        **{
-            "gravity": s.gravity,
-            "gravity_torque": dyn.gravity_torque(q),
-            "D": s.articulated_inertia,
-        },
-        **{
-            "link_energy": s.link_energy,
-            "K": s.kinetic_energy,
-            "residual": r,
-            "external_torque": torque,
-        },
-        **{"norm": norm, "torque_norm": np.linalg.norm(torque), "latency": 0.003, "rate": 500.0},
-        **{
-            "p_effort": s.nu @ s.epsilon,
-            "p_gravity": -s.nu @ s.gravity,
-            "p_friction": -s.nu @ s.friction,
-        },
-        **{"p_external": qd @ torque, "flags": CAUSES["collision"]},
-        **{
-            "contact_limits_worst": contact.worst,
-            "contact_limits_position": contact.position[0, contact.worst[0]],
-        },
-        **{
-            "contact_limits_speed": contact.speed,
-            "contact_limits_mass": contact.reflected_mass,
-            "contact_limits_energy": contact.energy,
-        },
-        **{
-            "contact_limits_allowed": contact.allowed_speed,
-            "touched_link": links,
-            "touched_probability": links / 2.0,
-        },
-        **{"load_link": 2, "load_mass": 2.0, "load_deviation": 0.5},
+        "q": q,
+        "qd": qd,
+        "effort": tau,
+        "nu": s.nu,
+        "epsilon": s.epsilon,
+        "coriolis": s.coriolis,
+        "gravity": s.gravity,
+        "gravity_torque": dyn.gravity_torque(q),
+        "D": s.articulated_inertia,
+        "link_energy": s.link_energy,
+        "K": s.kinetic_energy,
+        "residual": r,
+        "external_torque": torque,
+        "norm": norm,
+        "torque_norm": np.linalg.norm(torque),
+        "latency": 0.003,
+        "rate": 500.0,
+        "p_effort": s.nu @ s.epsilon,
+        "p_gravity": -s.nu @ s.gravity,
+        "p_friction": -s.nu @ s.friction,
+        "p_external": qd @ torque,
+        "flags": CAUSES["collision"],
+        "contact_limits_worst": contact.worst,
+        "contact_limits_position": contact.position[0, contact.worst[0]],
+        "contact_limits_speed": contact.speed,
+        "contact_limits_mass": contact.reflected_mass,
+        "contact_limits_energy": contact.energy,
+        "contact_limits_allowed": contact.allowed_speed,
+        "touched_link": links,
+        "touched_probability": links / 2.0,
+        "load_link": 2,
+        "load_mass": 2.0,
+        "load_deviation": 0.5,
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
@@ -443,9 +431,8 @@ def test_scenes_of_robots(id, meshes):
     drawn = scene_of(model, path.read_text(), library)
     assert (drawn["missing"], len(library.meshes)) == ({}, meshes)
     assert [element["name"] for element in drawn["links"]] == list(model.link_names)
-    assert (np.array(drawn["rest"]) >= model.lower).all() and (
-        np.array(drawn["rest"]) <= model.upper
-    ).all()
+    assert (np.array(drawn["rest"]) >= model.lower).all()
+    assert (np.array(drawn["rest"]) <= model.upper).all()
     assert json.loads(json.dumps(drawn, allow_nan=False)) == drawn
 
 

@@ -99,10 +99,8 @@ def test_directions_without_torque_have_no_ellipsoid(pushed):
 
 def test_without_touch_or_covariance_there_is_no_force(pushed):
     for frame in (pushed.frame("", pushed.covariance), pushed.frame(TOUCHED, None, (FRAME,))):
-        assert (
-            np.isnan([*frame["touch_force"], *frame["touch_interval"]]).all()
-            and len(frame["wrench"]) == 0
-        )
+        assert np.isnan([*frame["touch_force"], *frame["touch_interval"]]).all()
+        assert len(frame["wrench"]) == 0
 
 
 def test_components_with_an_unobserved_part_have_no_deviation():

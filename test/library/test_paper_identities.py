@@ -43,10 +43,8 @@ class Case(NamedTuple):
 def cases_of(robot):
     """Return the cases of a robot."""
     model = dd.load_urdf(robot.source, mimic="free", **robot.options)
-    dyn, oracle = (
-        dd.DiagonalDynamics(model),
-        RateOracle(robot.urdf, model.dof_names, **robot.options),
-    )
+    dyn = dd.DiagonalDynamics(model)
+    oracle = RateOracle(robot.urdf, model.dof_names, **robot.options)
     out = []
     for sample in robots.samples(robot.id, oracle):
         q, qd, tau, _ = sample

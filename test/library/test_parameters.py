@@ -157,10 +157,8 @@ def test_later_parameters():
     assert both.joints["panda_joint1"] == dd.JointParameters(damping=0.3, armature=0.2)
     assert both.payloads["panda_link7"].mass == pytest.approx(0.2)
     assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
-    twice, once = (
-        dd.load_urdf(PANDA, parameters=earlier).with_parameters(later),
-        dd.load_urdf(PANDA, parameters=both),
-    )
+    twice = dd.load_urdf(PANDA, parameters=earlier).with_parameters(later)
+    once = dd.load_urdf(PANDA, parameters=both)
     a, b = evaluation(twice), evaluation(once)
     np.testing.assert_allclose(a.coriolis, b.coriolis, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
@@ -217,10 +215,8 @@ def test_payload_of_negative_mass():
         model = dd.load_urdf(PANDA, locked_joints=LOCKED).with_parameters(
             {"payloads": {"panda_link8": payload}}
         )
-    assert (
-        model.total_mass == pytest.approx(plain.total_mass - mass)
-        and loaded.total_mass > plain.total_mass
-    )
+    assert model.total_mass == pytest.approx(plain.total_mass - mass)
+    assert loaded.total_mass > plain.total_mass
     both = model.with_payload("panda_link8", mass, com, inertia)
     a, b = evaluation(both), evaluation(plain)
     assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
@@ -259,11 +255,9 @@ def test_file_keeps_every_bit(tmp_path):
     )
     saved.save(tmp_path / "arm.yaml")
     read = dd.Parameters.load(tmp_path / "arm.yaml")
-    assert (
-        dict(read.joints) == joints
-        and read.to_dict() == saved.to_dict()
-        and dict(read.origin) == {"a": [1, "b"]}
-    )
+    assert dict(read.joints) == joints
+    assert read.to_dict() == saved.to_dict()
+    assert dict(read.origin) == {"a": [1, "b"]}
     (tmp_path / "arm.yaml").write_text(
         "joints:\n  panda_joint1: {damping: 1e-3, friction:}\nlinks:\n"
     )
@@ -342,10 +336,8 @@ def test_perturbed_inertias():
         evaluation(model.perturbed(0.0), False).nu, evaluation(model, False).nu, rtol=1e-10
     )
     assert same(entry, again) and not same(entry, other)
-    assert (
-        dict(entry.payloads) == dict(model.payloads)
-        and entry.armature.tolist() == model.armature.tolist()
-    )
+    assert dict(entry.payloads) == dict(model.payloads)
+    assert entry.armature.tolist() == model.armature.tolist()
     bare = [m.without_payload("panda_hand").links["mass"] for m in (model, entry)]
     assert 0.15 < abs(bare[1] / bare[0] - 1.0).max() <= 0.3
     for body in (part.inertial for part in entry.description.links.values()):

@@ -39,27 +39,21 @@ def test_a_command_holds_until_the_next_one_or_its_timeout(without):
     joint has one.
     """
     drives = Drives(NAMES, ("wrist", "shoulder"), 0.0, without)
-    assert (
-        drives.phase == WAITING
-        and not drives.effort(0.0).any()
-        and drives.braked == (without == BRAKE)
-    )
+    assert drives.phase == WAITING
+    assert not drives.effort(0.0).any()
+    assert drives.braked == (without == BRAKE)
     drives.command([3.0, 1.0], 0.5)
     for time in (0.5, 1.0, 1e6):
-        assert (
-            drives.effort(time).tolist() == [1.0, 0.0, 3.0]
-            and drives.phase == DRIVEN
-            and not drives.braked
-        )
+        assert drives.effort(time).tolist() == [1.0, 0.0, 3.0]
+        assert drives.phase == DRIVEN
+        assert not drives.braked
     drives = Drives(NAMES, (), 0.1, without)
     drives.command([1.0, 2.0, 3.0], 5.0)
     assert drives.effort(5.099).tolist() == [1.0, 2.0, 3.0]
     for _ in range(3):
-        assert (
-            not drives.effort(5.1).any()
-            and drives.phase == TIMED_OUT
-            and drives.braked == (without == BRAKE)
-        )
+        assert not drives.effort(5.1).any()
+        assert drives.phase == TIMED_OUT
+        assert drives.braked == (without == BRAKE)
     assert drives.counts["commands timed out"] == 1
     drives.command([1.0, 2.0, 3.0], 6.0)
     assert drives.effort(6.05).tolist() == [1.0, 2.0, 3.0] and drives.phase == DRIVEN

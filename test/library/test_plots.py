@@ -26,7 +26,8 @@ SLIDES = [f"to_{name}" for name in "abcdefgh"]
 MODEL = dd.load_urdf(
     description(
         "$slides$",
-        *(link("base"), *(link(name, *CUBE) for name in SLIDES)),
+        link("base"),
+        *(link(name, *CUBE) for name in SLIDES),
         *(joint(f"{name}_joint", "prismatic", "base", name) for name in SLIDES),
     )
 )
@@ -113,11 +114,9 @@ def test_peaks_are_drawn():
     torque, valid = np.zeros((count, 8)), np.ones(count, dtype=bool)
     torque[12345], torque[54321] = -1.0, 2.0
     at, K = curve(dd.plot.energy(sliding(torque + 0.1), t), "K")
-    assert (
-        len(K) < 5000
-        and K.max() == pytest.approx(4 * 2.1**2)
-        and at[K.argmax()] == pytest.approx(54.321)
-    )
+    assert len(K) < 5000
+    assert K.max() == pytest.approx(4 * 2.1**2)
+    assert at[K.argmax()] == pytest.approx(54.321)
     torque[60_000:70_000] = np.nan
     dynamics = dd.DiagonalDynamics(MODEL)
     observed = Observed(t, torque, torque, torque[:, 0], valid, torque, dynamics)
@@ -125,10 +124,8 @@ def test_peaks_are_drawn():
     at, y = np.array(line.get_data())
     assert len(y) < 5000 and (np.nanmin(y), np.nanmax(y)) == (-1.0, 2.0)
     assert at[np.nanargmin(y)] == pytest.approx(12.345, abs=1e-9)
-    assert (
-        np.isnan(y[(at > 60.1) & (at < 69.9)]).all()
-        and not np.isnan(y[(at < 59.9) | (at > 70.1)]).any()
-    )
+    assert np.isnan(y[(at > 60.1) & (at < 69.9)]).all()
+    assert not np.isnan(y[(at < 59.9) | (at > 70.1)]).any()
 
 
 def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
@@ -146,10 +143,8 @@ def test_rest_of_the_balance_is_the_power_of_a_push(recording, push):
 
 def test_external_torque_of_each_joint(recording):
     observed = dd.observe(DYN, recording, 40.0)
-    seen, thresholds = (
-        observed.external_torque,
-        dd.Thresholds({"panda_joint1": 0.5, "*": 100.0}),
-    )
+    seen = observed.external_torque
+    thresholds = dd.Thresholds({"panda_joint1": 0.5, "*": 100.0})
     panels = dd.plot.external_torque(observed, thresholds).axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles == [f"{n} [{'N' if 'finger' in n else 'N m'}]" for n in PANDA.dof_names]

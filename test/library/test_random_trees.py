@@ -155,15 +155,11 @@ class Tree:
 
 def case_of(tree):
     """Return a tree in the library and in the oracle, at one state."""
-    model, shape, rng = (
-        dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options),
-        tree.shape,
-        tree.rng,
-    )
-    o, nv = (
-        Oracle(with_payloads(tree.urdf, tree.payloads), model.dof_names, **tree.options),
-        model.nv,
-    )
+    model = dd.load_urdf(tree.urdf, payloads=tree.payloads, **tree.options)
+    shape = tree.shape
+    rng = tree.rng
+    o = Oracle(with_payloads(tree.urdf, tree.payloads), model.dof_names, **tree.options)
+    nv = model.nv
     reach = np.array([shape.length if o.is_prismatic(k) else 6.0 for k in range(nv)])
     step = reach * rng.uniform(-1, 1, nv) * (rng.random(nv) > 0.5 if shape.special else 1)
     qd, tau, qdd = rng.standard_normal((3, nv)) * [[shape.speed], [10.0], [1.0]]

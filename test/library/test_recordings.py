@@ -62,10 +62,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
     case, total = CASES[name], Counter()
     for seed in seeds:
         messages = hostile_messages(case, seed)
-        path, size = (
-            write_case(tmp_path / "x.mcap", messages),
-            int(np.random.default_rng(seed).integers(50, 900)),
-        )
+        path = write_case(tmp_path / "x.mcap", messages)
+        size = int(np.random.default_rng(seed).integers(50, 900))
         expected, counts = one_after_the_other(case, messages)
         pieces = list(
             dd.stream_recording(path, case.model, parameters=case.own_parameters, size=size)
@@ -108,10 +106,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
 def test_part_of_a_recording(tmp_path, panda):
     pairs = driven(panda, 1000)
     path, first = states_written(tmp_path / "x.mcap", pairs), pairs[0][1]
-    part, whole = (
-        dd.read_recording(path, panda, start=0.5, end=1.25),
-        dd.read_recording(path, panda),
-    )
+    part = dd.read_recording(path, panda, start=0.5, end=1.25)
+    whole = dd.read_recording(path, panda)
     assert whole.findings == [] and "1000 states" in repr(whole)
     within = [first + 500 * MS <= now < first + 1250 * MS for _, now in pairs]
     np.testing.assert_array_equal(part.q, whole.q[within])

@@ -43,13 +43,13 @@ def recording(tmp_path_factory):
 # --- Tables ---
 
 PER_DOF = {
-    **{
-        "velocity": ("rad/s", "m/s"),
-        "effort": ("N m", "N"),
-        "nu": ("J^0.5", "J^0.5"),
-        "xi": ("rad/s", "m/s"),
-    },
-    **{"kappa": ("N m", "N"), "articulated_inertia": ("kg m^2", "kg"), "energy_share": ("J", "J")},
+    "velocity": ("rad/s", "m/s"),
+    "effort": ("N m", "N"),
+    "nu": ("J^0.5", "J^0.5"),
+    "xi": ("rad/s", "m/s"),
+    "kappa": ("N m", "N"),
+    "articulated_inertia": ("kg m^2", "kg"),
+    "energy_share": ("J", "J"),
     **dict.fromkeys(("epsilon", "coriolis", "gravity", "friction"), ("J^0.5/s", "J^0.5/s")),
 }
 
@@ -62,10 +62,8 @@ def test_columns_of_tables(tmp_path):
         link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
         for name in ("one", "two")
     )
-    turn, slide = (
-        joint("turn", "revolute", "base", "one"),
-        joint("slide", "prismatic", "one", "two"),
-    )
+    turn = joint("turn", "revolute", "base", "one")
+    slide = joint("slide", "prismatic", "one", "two")
     xml = description(
         "arm",
         link("base"),
@@ -123,10 +121,8 @@ def test_columns_of_tables(tmp_path):
         "residual.slide",
         "residual_norm",
     ):  # the slide moves nothing that turns
-        assert (
-            np.isnan(table[name].to_numpy()[100:120]).all()
-            and not np.isnan(table["residual.turn"].to_numpy()[1:]).any()
-        )
+        assert np.isnan(table[name].to_numpy()[100:120]).all()
+        assert not np.isnan(table["residual.turn"].to_numpy()[1:]).any()
     units_there = {
         field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema
     }
@@ -212,10 +208,8 @@ def test_all_states_around_contacts_are_kept(size):
     assert len(runs) == 3
     t = np.arange(60_000) * 1e-3
     often = runs_of(states_of(t, t % 1.0 < 0.1))  # one run is bounded, not what is kept
-    assert (
-        sum(map(len, often)) == len(t)
-        and max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
-    )
+    assert sum(map(len, often)) == len(t)
+    assert max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
 
 
 def test_mean_powers_are_works_by_time():
@@ -265,10 +259,8 @@ def test_packed_numbers_come_back():
     result = unpacked(packed.data, packed.columns, len(numbers))
     numbers[5, 1] = np.nan
     np.testing.assert_array_equal(np.isnan(result), np.isnan(numbers))
-    error, span = (
-        np.nanmax(np.abs(result - numbers), axis=0),
-        np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0),
-    )
+    error = np.nanmax(np.abs(result - numbers), axis=0)
+    span = np.nanmax(numbers, axis=0) - np.nanmin(numbers, axis=0)
     assert (error <= 0.51 * span / LEVELS).all()
     np.testing.assert_array_equal(result[:, 2:], numbers[:, 2:])
     smooth = 30.0 * np.sin(3.0 * t) + 10.0 * (t > 2.0)
@@ -279,10 +271,8 @@ def test_packed_numbers_come_back():
 
 def test_meshes_have_fewer_vertices_and_the_largest_are_left_out():
     rng = np.random.default_rng(7)
-    points, faces = (
-        rng.normal(size=(3000, 3)).astype("<f4"),
-        rng.integers(0, 3000, (9000, 3)).astype("<u4"),
-    )
+    points = rng.normal(size=(3000, 3)).astype("<f4")
+    faces = rng.integers(0, 3000, (9000, 3)).astype("<u4")
     data = np.array([3000, 9000], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
     whole = len(pack_mesh(data))
     assert set(pack_meshes({"a": data, "b": data}, 2 * whole)) == {"a", "b"}

@@ -124,8 +124,11 @@ def first_reading(tmp_path_factory):
 @pytest.mark.parametrize("writer", WRITERS)
 @examples(40)
 @given(
-    *(tables, st.floats(-1e5, 1e5), st.sampled_from(",;\t|")),
-    *(st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", "nan", "NA", "null"])),
+    tables,
+    st.floats(-1e5, 1e5),
+    st.sampled_from(",;\t|"),
+    st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(["", "nan", "NA", "null"]),
 )
 def test_what_others_write_is_read_to_the_last_bit(
     tmp_path_factory, writer, table, begin, separator, ending, missing
@@ -189,9 +192,8 @@ def test_packed(written, long_text, ending):
         assert recording.q[:, 0].tolist() == positions
     cut = whole[: len(whole) * 2 // 3]
     recording = read(written(cut, f"table.csv.{ending}"), parameters=LOOSE)
-    assert (
-        5000 < len(recording) < 20_000 and recording.q[:, 0].tolist() == positions[: len(recording)]
-    )
+    assert 5000 < len(recording) < 20_000
+    assert recording.q[:, 0].tolist() == positions[: len(recording)]
     if ending in UNPACKERS:
         assert len(recording) == UNPACKERS[ending]().decompress(cut).count(b"\n") - 1
     (loss,) = lost(recording)
@@ -284,11 +286,9 @@ def test_mutated_texts(tmp_path_factory, changes):
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 40))
 def test_damaged_anywhere(tmp_path_factory, seed, count, kind):
     """Bytes overwritten anywhere, or the end cut off: states, losses, or one of our errors."""
-    path, time, rng = (
-        tmp_path_factory.mktemp("damaged") / f"table.{kind}",
-        np.arange(50) / 100,
-        random.Random(seed),
-    )
+    path = tmp_path_factory.mktemp("damaged") / f"table.{kind}"
+    time = np.arange(50) / 100
+    rng = random.Random(seed)
     if kind == "parquet":
         texts = {"name": [["a"]] * 50, "mode": [f"run {x}" for x in time]}
         table = pa.table({"t": time, "q1": np.sin(time), "tau": [[x] for x in time]} | texts)
@@ -332,11 +332,9 @@ def test_texts_that_are_no_text_are_lost_with_their_row_group(written):
     path.write_bytes(path.read_bytes().replace(texts[2].encode(), b"\xff" * len(texts[2])))
     recording = read(path)
     (loss,) = lost(recording)
-    assert (
-        recording.q[:, 0].tolist() == [0, 1, 3]
-        and loss.startswith("row 2, row group 2: ")
-        and "UTF8" in loss
-    )
+    assert recording.q[:, 0].tolist() == [0, 1, 3]
+    assert loss.startswith("row 2, row group 2: ")
+    assert "UTF8" in loss
 
 
 def test_files_that_are_cut_or_none(written, monkeypatch):
@@ -754,10 +752,8 @@ def test_texts_that_are_no_times(written):
         "0\n1_0,1,0\n"
     )
     recording = read(written(text))
-    assert (
-        lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)]
-        and len(recording) == 1
-    )
+    assert lost(recording) == ["line 2: " + NO_TIME.format(" ('2026-02-30T00:00:00Z')", 3)]
+    assert len(recording) == 1
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
@@ -834,24 +830,22 @@ UR = tuple(
     for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 )
 RTDE = (
-    *(
-        "target_q",
-        "target_qd",
-        "target_qdd",
-        "target_current",
-        "target_moment",
-        "actual_q",
-        "actual_qd",
-        "actual_current",
-    ),
-    *(
-        "joint_control_output",
-        "actual_TCP_pose",
-        "actual_TCP_speed",
-        "actual_TCP_force",
-        "target_TCP_speed",
-    ),
-    *("joint_temperatures", "actual_joint_voltage", "joint_mode"),
+    "target_q",
+    "target_qd",
+    "target_qdd",
+    "target_current",
+    "target_moment",
+    "actual_q",
+    "actual_qd",
+    "actual_current",
+    "joint_control_output",
+    "actual_TCP_pose",
+    "actual_TCP_speed",
+    "actual_TCP_force",
+    "target_TCP_speed",
+    "joint_temperatures",
+    "actual_joint_voltage",
+    "joint_mode",
 )
 
 
@@ -943,9 +937,8 @@ def test_files_side_by_side(tmp_path):
         ]
         recording = read(paths, {"rate": 500} | more, ARM)
         assert_same(recording, values)
-        assert (recording.t - recording.t[0]).tolist() == pytest.approx(t.tolist()) and not lost(
-            recording
-        )
+        assert (recording.t - recording.t[0]).tolist() == pytest.approx(t.tolist())
+        assert not lost(recording)
     paths = [
         save(tmp_path, f"{name}.csv", t if name == "q" else None, entry)
         for name, entry in values.items()
@@ -965,10 +958,8 @@ def test_files_that_are_not_side_by_side(tmp_path):
     values, t = side_by_side(50), np.arange(50) / 500
     paths = [save(tmp_path, f"{name}.csv", t, values["q"]) for name in ("q", "cmd_qd")]
     assert read(paths, None, ARM).states.velocity_estimated.all()
-    q, tau = (
-        save(tmp_path, "q.csv", t, values["q"]),
-        save(tmp_path, "tau.csv", None, values["tau"][:49]),
-    )
+    q = save(tmp_path, "q.csv", t, values["q"])
+    tau = save(tmp_path, "tau.csv", None, values["tau"][:49])
     for other, what in (
         (tau, r"rows of '.*tau\.csv' and '.*q\.csv' differ; expected the same number and times"),
         (save(tmp_path, "qd.csv", t + 0.001, values["qd"]), r"rows of '.*qd\.csv' and .* differ"),

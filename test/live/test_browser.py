@@ -202,16 +202,17 @@ def test_numbers_are_those_of_the_state(live, panda):
     names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
     values, (q, qd, tau, external), s = paused(live, robot)
     expected = {
-        **{
-            "q": q,
-            "qd": qd,
-            "effort": tau,
-            "nu": s.nu,
-            "coriolis": s.coriolis,
-            "gravity": s.gravity,
-        },
-        **{"D": s.articulated_inertia, "K": [s.kinetic_energy], "link_energy": s.link_energy},
-        **{"external_torque": external, "gravity_torque": dyn.gravity_torque(q)},
+        "q": q,
+        "qd": qd,
+        "effort": tau,
+        "nu": s.nu,
+        "coriolis": s.coriolis,
+        "gravity": s.gravity,
+        "D": s.articulated_inertia,
+        "K": [s.kinetic_energy],
+        "link_energy": s.link_energy,
+        "external_torque": external,
+        "gravity_torque": dyn.gravity_torque(q),
     }
     for name, wanted in expected.items():
         scale = max(np.abs(wanted).max(), 1e-3)
@@ -374,10 +375,8 @@ def test_a_report_shows_the_recording(chromium, recording):
         for moment in (0.5, 2.1, 2.113, 6.7):
             values, place = show_moment(tab, moment)
             k = round(values["t"] * recorded_arm.RATE)
-            s, c = (
-                dyn.evaluate(recording.q[k], recording.qd[k]),
-                dyn.contact_limits(recording.q[k], recording.qd[k], points),
-            )
+            s = dyn.evaluate(recording.q[k], recording.qd[k])
+            c = dyn.contact_limits(recording.q[k], recording.qd[k], points)
             np.testing.assert_allclose(values["K"][0], s.kinetic_energy, rtol=2e-3)
             assert values["contact_limits_worst"] == [c.worst]
             np.testing.assert_allclose(values["contact_limits_speed"], c.speed, atol=1e-4)

@@ -90,9 +90,8 @@ def test_units_start_nodes(ros_domain, tmp_path, unit):
         (shell, option, command), env=os.environ | {"ROS_LOG_DIR": str(tmp_path)}
     ) as process:
         process.wait_for_text(AT_WORK[node])
-        assert (
-            process.popen.pid == os.getpgid(process.popen.pid) and process.children() == []
-        )  # exec: no shell in between
+        assert process.popen.pid == os.getpgid(process.popen.pid)
+        assert process.children() == []  # exec: no shell in between
         process.stop(getattr(signal, directives["KillSignal"]))
 
 

@@ -88,10 +88,8 @@ def test_the_robot_in_force_goes_on(peer, large):
         assert response.success, response.message
         Truth(panda, *panda.samples[0][:3]).check_state(response.state)
         report = monitor.next_report()
-        assert (
-            report.values["loading"].startswith("a robot_description of ")
-            and report.values["robot"] == "panda"
-        )
+        assert report.values["loading"].startswith("a robot_description of ")
+        assert report.values["robot"] == "panda"
         assert_signal_ends(monitor.process, signal.SIGTERM)  # while a thread still loads
         assert "robot 'large'" not in monitor.process.output
 

@@ -48,10 +48,8 @@ class Pair(contextlib.ExitStack):
                 motion = {"robot_description": self.robot.path, "motion": "wave", "rate": 50.0}
                 process, ready = node_process("simulator", *here, **motion), "Ready: robot 'panda'"
             else:
-                process, ready = (
-                    node_process("monitor", *here, max_age=MAX_AGE),
-                    "Waiting for a robot",
-                )
+                process = node_process("monitor", *here, max_age=MAX_AGE)
+                ready = "Waiting for a robot"
             self.running[name] = self.enter_context(process)
             process.wait_for_text(ready)
 

@@ -152,9 +152,9 @@ def test_the_page_is_served(left, panda):
         view.wait_for_text("Showing robot 'panda'")
         address = re.search(r"Page: (\S+)\n", view.output)[1]
         status, headers, body = get(address, "/")
-        assert (
-            status == 200 and headers["Content-Type"].startswith("text/html") and b"<script" in body
-        )
+        assert status == 200
+        assert headers["Content-Type"].startswith("text/html")
+        assert b"<script" in body
         with Stream(address, robot="/left", hz=10) as stream:
 
             def frame():

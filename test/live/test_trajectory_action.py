@@ -124,9 +124,8 @@ def test_success_cancel_preemption_and_rejection(live):
     assert result.status == GoalStatus.STATUS_CANCELED and "newer" in result.result.error_string
     live.node.trigger_deactivate()
     result = live.result_of(newer.get_result_async(), "the end by deactivation")
-    assert (
-        result.status == GoalStatus.STATUS_ABORTED and "deactivated" in result.result.error_string
-    )
+    assert result.status == GoalStatus.STATUS_ABORTED
+    assert "deactivated" in result.result.error_string
     assert not live.send(Q + 0.01).accepted  # inactive
     live.node.trigger_activate()
     loop = live.node._loop

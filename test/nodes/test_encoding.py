@@ -124,11 +124,9 @@ def test_template(kind):
     @examples(15)
     @given(contents(kind), st.integers(0, 2**32))
     def check(message, seed):
-        template, before, rng = (
-            Template(message),
-            serialize_message(message),
-            np.random.default_rng(seed),
-        )
+        template = Template(message)
+        before = serialize_message(message)
+        rng = np.random.default_rng(seed)
         encoded = template.encoded()
         same(encoded, message)
         assert template.holds(before)

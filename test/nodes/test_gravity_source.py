@@ -76,10 +76,8 @@ def test_orientation_and_timeout(peer):
     with Carried(peer, "/tilted", gravity_imu="imu") as monitor:
         assert monitor.gravity() is None
         report = monitor.next_report()
-        assert (
-            report.entries["gravity"].level == WARN
-            and "no message" in report.entries["gravity"].message
-        )
+        assert report.entries["gravity"].level == WARN
+        assert "no message" in report.entries["gravity"].message
         assert report.count("rejected: gravity unknown") == 1
         for rotation in (TILT, np.eye(3), TILT @ TILT):
             monitor.send(orientation=rotation)

@@ -126,10 +126,8 @@ def test_reset_returns_to_a_payload_set_after_a_load(monitor):
     request = SetPayload.Request(link=HAND)
     feed(monitor, map(LOADED, range(900)))
     assert call(monitor, "accept_payload").success
-    request.inertia.m, request.inertia.com.z = (
-        payload(monitor).mass,
-        0.3,
-    )  # another payload of the same mass
+    request.inertia.m = payload(monitor).mass
+    request.inertia.com.z = 0.3  # another payload of the same mass
     assert monitor.call(SetPayload, "set_payload", request).success
     assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
 

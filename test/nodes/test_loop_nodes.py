@@ -109,10 +109,8 @@ def test_health_of_one_degree_of_freedom():
     for speed in (1e-3, 1.0, 30.0):
         state = RobotState(dynamics.model.start + 0.2, np.array([speed]), None, S, S, False)
         assert numerical_health(dynamics, state).level == OK
-    nu, qd = (
-        np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]]),
-        np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]]),
-    )
+    nu = np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]])
+    qd = np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]])
     result = coriolis_work(nu, np.array([[0.1, 0.2], [1e-14, 0.0], [0.0, 0.0]]), qd)
     np.testing.assert_allclose(result, [0.05 / np.sqrt(0.1 * 0.05), np.nan, np.nan])
 

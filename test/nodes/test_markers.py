@@ -163,11 +163,9 @@ class Watch(CollisionWatch):
     """One with a result of a push at the centre of mass of a link."""
 
     def __init__(self, drawn, link, force, collision=False, contact=True, known=True):
-        dyn, names, covariance = (
-            drawn.dynamics,
-            drawn.model.dof_names,
-            0.01 * np.eye(drawn.model.nv),
-        )
+        dyn = drawn.dynamics
+        names = drawn.model.dof_names
+        covariance = 0.01 * np.eye(drawn.model.nv)
         values = {name: entry.default for name, entry in PARAMETERS.items()}
         values |= {
             "external_torque.gain": 25.0,
@@ -249,12 +247,10 @@ def test_shapes_of_links(tmp_path):
     message = maker.message(s, RobotState(model.neutral, np.zeros(1), None, 0, 0, False))
     bar, cylinder, *meshes = by_space(message)["links"]
     assert [mesh.mesh_resource for mesh in meshes] == [
-        *(
-            "package://arm/meshes/a.dae",
-            "package://arm/b.dae",
-            (tmp_path / "hand.stl").as_uri(),
-            "lost.stl",
-        )
+        "package://arm/meshes/a.dae",
+        "package://arm/b.dae",
+        (tmp_path / "hand.stl").as_uri(),
+        "lost.stl",
     ]
     d, X = vector(bar.scale), matrix(bar.pose)
     R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.1)

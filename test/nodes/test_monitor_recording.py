@@ -136,27 +136,21 @@ OTHERS += "max_rate", "reaction."
 """Prefixes of parameters of other fields, topics and services, and of what a recording lacks."""
 
 NOT_OBSERVED = {
-    *(
-        "robot_description",
-        "loops_file",
-        "floating_base",
-        "mimic",
-        "massless",
-        "joint_names",
-    ),
-    *(
-        "odom_twist_frame",
-        "max_age",
-        "mimic_tolerance",
-        "stuck_timeout",
-        "publish_inverse_factor",
-    ),
-    *(
-        "energy.warn",
-        "energy.error",
-        "markers.link",
-        "publish_friction",
-    ),
+    "robot_description",
+    "loops_file",
+    "floating_base",
+    "mimic",
+    "massless",
+    "joint_names",
+    "odom_twist_frame",
+    "max_age",
+    "mimic_tolerance",
+    "stuck_timeout",
+    "publish_inverse_factor",
+    "energy.warn",
+    "energy.error",
+    "markers.link",
+    "publish_friction",
 }
 """Parameters that choose the robot, clocks or outputs: other tests compare these."""
 
@@ -171,18 +165,14 @@ def pushed_messages():
     for k in range(900):
         t, phase = 0.01 * k, np.array([0.0, 1.0])
         w, a = np.array([2.0, 3.1]), np.array([0.7, 0.5])
-        q, qd, qdd = (
-            a * np.sin(w * t + phase),
-            a * w * np.cos(w * t + phase),
-            -a * w * w * np.sin(w * t + phase),
-        )
+        q = a * np.sin(w * t + phase)
+        qd = a * w * np.cos(w * t + phase)
+        qdd = -a * w * w * np.sin(w * t + phase)
         tau = pin.rnea(model, data, q, qd, qdd) + damping * qd + friction * np.tanh(qd / 5e-3)
         if k >= 600:  # at rest, under stiction, with messages of unequal age
-            q, qd, stiction = (
-                np.array([0.3, 0.3]) + 1e-6 * k,
-                np.array([0.02, 0.004]),
-                np.array([0.8, -0.4]),
-            )
+            q = np.array([0.3, 0.3]) + 1e-6 * k
+            qd = np.array([0.02, 0.004])
+            stiction = np.array([0.8, -0.4])
             tau = (
                 pin.computeGeneralizedGravity(model, data, q)
                 + stiction
@@ -210,12 +200,10 @@ def external_torque(messages):
             nanoseconds(message.header.stamp),
             list(message.external_torque),
             message.norm,
-            *(
-                message.valid,
-                message.collision,
-                list(message.joint_collision),
-                list(message.collision_threshold),
-            ),
+            message.valid,
+            message.collision,
+            list(message.joint_collision),
+            list(message.collision_threshold),
         )
         for message in messages
     ]

@@ -41,12 +41,10 @@ class Stop:
     """A service whose calls are counted, with the time that it takes and its response."""
 
     def __init__(self, peer, name):
-        self.peer, self.calls, self.time, self.response = (
-            peer,
-            0,
-            0.0,
-            Trigger.Response(success=True),
-        )
+        self.peer = peer
+        self.calls = 0
+        self.time = 0.0
+        self.response = Trigger.Response(success=True)
         self.service = peer.node.create_service(Trigger, name, self._accept)
 
     def _accept(self, request, _):

@@ -100,10 +100,8 @@ def test_bad_command(arm, data, named):
     before, begin = arm.reports.next(), len(arm.reports)
     arm.command(*data)
     report = arm.wait_for_report(lambda r: "rejected" in said(r, "commands"), "the refusal", begin)
-    assert (
-        named in report.values["last rejected command"]
-        and report.entries["commands"].level == b"\1"
-    )
+    assert named in report.values["last rejected command"]
+    assert report.entries["commands"].level == b"\1"
     rejected = [key for key in report.values if key.startswith("commands rejected: ")]
     assert sum(number(report, key) - number(before, key) for key in rejected) == 1
     good = 0.25
@@ -266,10 +264,8 @@ def test_lockstep(peer, tmp_path):
             )
             reference.advance(effort, steps=2)
             truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
-            assert (
-                list(truth.position) == reference.q.tolist()
-                and list(truth.velocity) == reference.qd.tolist()
-            )
+            assert list(truth.position) == reference.q.tolist()
+            assert list(truth.velocity) == reference.qd.tolist()
             expected = reference.with_spring_torques(reference.effort)
             assert list(truth.effort) == expected.tolist()
             seen.append(
@@ -285,10 +281,8 @@ def test_lockstep(peer, tmp_path):
         report = simulator.wait_for_report(
             lambda r: "waiting for a command" in said(r, "pace"), "the wait"
         )
-        assert (
-            report.entries["pace"].level == b"\1"
-            and report.entries["pace"].hardware_id == simulator.model.name
-        )
+        assert report.entries["pace"].level == b"\1"
+        assert report.entries["pace"].hardware_id == simulator.model.name
         assert nanoseconds(clock.messages[-1].clock) == stamp
         assert peer.get_parameters(simulator.name, ["use_sim_time"]) == {"use_sim_time": False}
         refused = peer.set_parameter(simulator.name, "use_sim_time", True)

@@ -39,11 +39,9 @@ def test_description(wave):
     topic = wave.peer.topic(String, "/wave/robot_description", LATCHED)
     wave.peer.wait_until(lambda: topic.messages, "the description")
     text = topic.messages[0].data
-    assert (
-        text.startswith("<")
-        and wave.robot.urdf.endswith(text)
-        and len(text) > 0.9 * len(wave.robot.urdf)
-    )
+    assert text.startswith("<")
+    assert wave.robot.urdf.endswith(text)
+    assert len(text) > 0.9 * len(wave.robot.urdf)
 
 
 def test_description_of_a_xacro_file(peer, tmp_path):

@@ -133,12 +133,10 @@ def test_without_ros(run, monkeypatch):
     )
     for command in ("monitor", "top"):
         status, _, error = run(command)
-        assert (
-            status == 1
-            and error.count("\n") == 1
-            and "requires ROS 2" in error
-            and "make setup" in error
-        )
+        assert status == 1
+        assert error.count("\n") == 1
+        assert "requires ROS 2" in error
+        assert "make setup" in error
     status, out, _ = run("robots")
     assert status == 0 and "ur_description/urdf/ur5_robot" in out.split()
 
@@ -314,25 +312,23 @@ def test_inspect_for_programs(run):
         }
         assert finding["severity"] in SEVERITIES and finding["check"] in CHECKS
     assert set(document["facts"]) == {
-        *(
-            "name",
-            "links",
-            "joints",
-            "moving_joints",
-            "degrees_of_freedom",
-            "floating_base",
-            "root_link",
-            "total_mass",
-        ),
-        *(
-            "mimic_joints",
-            "coupled_groups",
-            "locked_joints",
-            "links_without_inertial",
-            "frames",
-            "poses",
-        ),
-        *("condition_of_mass_matrix", "kinetic_energy_at_velocity_limits", "tips"),
+        "name",
+        "links",
+        "joints",
+        "moving_joints",
+        "degrees_of_freedom",
+        "floating_base",
+        "root_link",
+        "total_mass",
+        "mimic_joints",
+        "coupled_groups",
+        "locked_joints",
+        "links_without_inertial",
+        "frames",
+        "poses",
+        "condition_of_mass_matrix",
+        "kinetic_energy_at_velocity_limits",
+        "tips",
     }
     assert [entry["joints"] for entry in document["findings"] if entry["check"] == "loading"] == [
         ["turn"]
@@ -375,7 +371,10 @@ def assert_report(page, quality):
         (section,) = root.xpath(f"//section[starts-with(h3, '{name} ')]")
         assert f"{after:.3g}" in section.findtext("h3/span/b")
         assert section.xpath(".//svg")[0].xpath("path/@class") == [
-            *("zero", "before", "after", "measured"),
+            "zero",
+            "before",
+            "after",
+            "measured",
         ]
         ticks = section.xpath("div[@class='times']/span/text()")
         assert ticks[0] == "0 s" and len(ticks) >= 3 and float(ticks[1]) > 0.0
@@ -590,10 +589,8 @@ def test_compiled_where_it_is_installed(tmp_path):
     )
 
     def cmake(*arguments, **environment):
-        command, options = (
-            ["cmake", *map(str, arguments)],
-            {"capture_output": True, "text": True, "check": True},
-        )
+        command = ["cmake", *map(str, arguments)]
+        options = {"capture_output": True, "text": True, "check": True}
         return subprocess.run(command, env=os.environ | environment, cwd=tmp_path, **options)
 
     build, place = tmp_path / "build", tmp_path / "elsewhere"

@@ -293,10 +293,8 @@ def test_the_example_for_ros2_control_fits_together():
     parameters = {
         node.removeprefix("/**/"): section["ros__parameters"] for node, section in example.items()
     }
-    values, joints = (
-        parameters["diag_dynamics_controller"],
-        parameters["effort_controller"]["joints"],
-    )
+    values = parameters["diag_dynamics_controller"]
+    joints = parameters["effort_controller"]["joints"]
     assert values["command_joints"] == joints
     assert set(joints) == set(
         dd.load_urdf(robot_path("ur_description/urdf/ur5_robot.urdf")).dof_names

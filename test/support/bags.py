@@ -222,10 +222,8 @@ def odometry(stamp, link, pose, twist):
     def geometry(name, *fields):
         return JAZZY.types[f"geometry_msgs/msg/{name}"](*fields)
 
-    point, orientation = (
-        geometry("Point", *map(float, pose[:3])),
-        geometry("Quaternion", *map(float, pose[3:])),
-    )
+    point = geometry("Point", *map(float, pose[:3]))
+    orientation = geometry("Quaternion", *map(float, pose[3:]))
     linear, angular = (geometry("Vector3", *map(float, part)) for part in (twist[:3], twist[3:]))
     place = geometry("PoseWithCovariance", geometry("Pose", point, orientation), np.zeros(36))
     motion = geometry("TwistWithCovariance", geometry("Twist", linear, angular), np.zeros(36))

@@ -22,11 +22,9 @@ from nodes import MANY, UR5, Reports, S, Topic, joint_state, nanoseconds
 from simulators import Simulator
 
 NODE = "diag_dynamics_controller"
-ACTIVE, HOLDING, RAMPING_DOWN = (
-    ControllerStatus.PHASE_ACTIVE,
-    ControllerStatus.PHASE_HOLDING,
-    ControllerStatus.PHASE_RAMPING_DOWN,
-)
+ACTIVE = ControllerStatus.PHASE_ACTIVE
+HOLDING = ControllerStatus.PHASE_HOLDING
+RAMPING_DOWN = ControllerStatus.PHASE_RAMPING_DOWN
 
 GAINS = {"damping": ["*=8.0", "elbow_joint=5.0"], "tracking_gain": ["*=20.0", "wrist_1_joint=30.0"]}
 """For a UR5; all others are the defaults."""

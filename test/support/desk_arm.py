@@ -43,10 +43,8 @@ def motion(duration=12.0, rate=100.0, gravity=DOWN, seed=1):
     """Return times, positions, rates and Pinocchio's efforts of a smooth motion."""
     rng, count = np.random.default_rng(seed), len(JOINTS)
     t = np.arange(0.0, duration, 1.0 / rate)
-    w, phase = (
-        2.0 * np.pi * rng.uniform(0.15, 0.6, (3, count)),
-        rng.uniform(0.0, 2.0 * np.pi, (3, count)),
-    )
+    w = 2.0 * np.pi * rng.uniform(0.15, 0.6, (3, count))
+    phase = rng.uniform(0.0, 2.0 * np.pi, (3, count))
     size = rng.uniform(0.25, 0.55, (3, count))
     angles = w * t[:, None, None] + phase
     q, qd, qdd = (

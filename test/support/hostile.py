@@ -16,19 +16,22 @@ ODD = {
 """Values of one joint that are not believed."""
 DELAYS = 1, 40, 3000, 40_000
 FAULTS = (
-    *(
-        *ODD,
-        "cut",
-        "flipped",
-        "late",
-        "early",
-        "no stamp",
-        "jump",
-        "wrong length",
-        "no velocity",
-        "foreign",
-    ),
-    *("twice", "garbage", "one more", "jump back", "some", "some"),
+    *ODD,
+    "cut",
+    "flipped",
+    "late",
+    "early",
+    "no stamp",
+    "jump",
+    "wrong length",
+    "no velocity",
+    "foreign",
+    "twice",
+    "garbage",
+    "one more",
+    "jump back",
+    "some",
+    "some",
 )
 
 
@@ -86,10 +89,8 @@ class Driver:
         elif fault == "jump":
             position += rng.choice([0.05, 0.2, 1.0])
         elif fault == "jump back":
-            position, velocity = (
-                self.multiplier * self.middle + self.offset,
-                np.full(len(names), 0.3),
-            )
+            position = self.multiplier * self.middle + self.offset
+            velocity = np.full(len(names), 0.3)
         elif fault == "wrong length":
             position = position[:-1]
         elif fault == "no velocity":

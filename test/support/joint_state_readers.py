@@ -126,10 +126,8 @@ class Reader:
 
 def as_state(position, velocity, effort, newest, oldest, received, estimated, partial=None):
     """Return a state as plain lists, numbers and bytes."""
-    effort, partial = (
-        None if effort is None else effort.tolist(),
-        None if partial is None else partial.tobytes(),
-    )
+    effort = None if effort is None else effort.tolist()
+    partial = None if partial is None else partial.tobytes()
     stamps = int(newest), int(oldest)
     return State(
         position.tolist(),

@@ -84,17 +84,18 @@ def assert_same(actual, expected):
 
 
 FIELDS = (
-    *(
-        "nu",
-        "xi",
-        "epsilon",
-        "kappa",
-        "coriolis",
-        "coriolis_unnormalized",
-        "gravity",
-        "articulated_inertia",
-    ),
-    *("kinetic_energy", "energy_share", "link_energy", "power"),
+    "nu",
+    "xi",
+    "epsilon",
+    "kappa",
+    "coriolis",
+    "coriolis_unnormalized",
+    "gravity",
+    "articulated_inertia",
+    "kinetic_energy",
+    "energy_share",
+    "link_energy",
+    "power",
 )
 
 

@@ -184,10 +184,8 @@ class Oracle:
         """Return Pinocchio's configuration vector."""
         out = np.empty(self.model.nq)
         for j in self._joints:
-            part, at = (
-                q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]],
-                self.model.idx_qs[j],
-            )
+            part = q[self._first[j] : self._first[j] + COORDINATES[self.model.nvs[j]]]
+            at = self.model.idx_qs[j]
             if self.model.nqs[j] == 2:
                 out[at : at + 2] = np.cos(part[0]), np.sin(part[0])
             elif self.model.nvs[j] == 3:

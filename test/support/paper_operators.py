@@ -105,12 +105,10 @@ class Operators:
         """P = φ P⁺ φ* + M, D = H P H*, G = P H* D⁻¹, τ̄ = 1 − G H, P⁺ = τ̄ P, from the tips to the
         base.
         """
-        P, D, G, rest = (
-            self.M.copy(),
-            np.zeros(self.n),
-            np.zeros((6 * self.n, self.n)),
-            np.zeros_like(self.M),
-        )
+        P = self.M.copy()
+        D = np.zeros(self.n)
+        G = np.zeros((6 * self.n, self.n))
+        rest = np.zeros_like(self.M)
         for k in reversed(range(self.n)):
             at, H = self.at(k), self.H[k, self.at(k)]
             inner = P[at, at]

@@ -55,7 +55,9 @@ CASES = {
         {},
         (
             *map("rejected: {}".format, REJECTED),
-            *("incomplete", "foreign", "implausible effort"),
+            "incomplete",
+            "foreign",
+            "implausible effort",
         ),
     ),
     "few rules": Case(

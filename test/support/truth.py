@@ -26,11 +26,9 @@ class Truth:
 
     def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False, computed=False):
         """Take the state in the order of robot.names."""
-        self.robot, self.estimated, self.effort_tolerance = (
-            robot,
-            estimated,
-            1e-13 if computed else 1e-15,
-        )
+        self.robot = robot
+        self.estimated = estimated
+        self.effort_tolerance = 1e-13 if computed else 1e-15
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
