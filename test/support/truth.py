@@ -20,15 +20,11 @@ class Truth:
     """What Pinocchio says of a robot in a state, in its own order of dofs; checks messages by name.
 
     Efforts are unknown where tau is None. `estimated`: velocities are the node's, from positions.
-    `computed`: what efforts are sent is not what they are taken for, so they agree but for
-    rounding.
     """
 
-    def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False, computed=False):
+    def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False):
         """Take the state in the order of robot.names."""
-        self.robot = robot
-        self.estimated = estimated
-        self.effort_tolerance = 1e-13 if computed else 1e-15
+        self.robot, self.estimated = robot, estimated
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
@@ -139,9 +135,7 @@ class Truth:
         s = self.state
         assert list(message.position) == s.q.tolist()
         assert list(message.velocity) == s.qd.tolist()
-        assert_close(
-            np.array(message.effort), [] if s.tau is None else s.tau, self.effort_tolerance
-        )
+        assert_close(np.array(message.effort), [] if s.tau is None else s.tau, 1e-15)
         assert message.velocity_estimated == self.estimated
         self.check_total_joint_rates(message)
         self.check_working_moments(message)
