@@ -20,7 +20,7 @@ from diag_dynamics.identification.fit import ConvergenceError, fit_rows
 from diag_dynamics.identification.regressors import ROTOR
 from diag_dynamics.identification.result import require_masses
 from examples import shortened, some_of
-from motions import efforts, fourier, recorded
+from motions import changed, efforts, fourier, recorded
 from oracles import Oracle
 from robots import robot, without_hand
 
@@ -302,12 +302,6 @@ def in_pieces(data, size):
     return pieces
 
 
-def changed(model, data, **columns):
-    return recorded(
-        model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau"))
-    )
-
-
 @pytest.mark.parametrize(
     ("factors", "message"),
     [
@@ -323,7 +317,7 @@ def test_units_are_judged_first(panda, noisy, factors, message):
     """Units of efforts are judged in test_identification_efforts.py."""
     with pytest.raises(dd.InputError, match=message):
         dd.identify(
-            changed(panda[0], noisy, qd=noisy.qd * [factors.get(k, 1.0) for k in range(7)]),
+            changed(noisy, qd=noisy.qd * [factors.get(k, 1.0) for k in range(7)]),
             panda[0],
         )
 
@@ -348,7 +342,7 @@ def test_a_joint_keeps_its_friction_where_blocks_left_out_speak_against_another(
     model, _ = panda
     tau = noisy.tau.copy()
     tau[:, 6] += np.linspace(-1.0, 1.0, len(tau)) - friction(noisy.qd)[:, 6]
-    result = dd.identify(changed(model, noisy, tau=tau), model, "friction")
+    result = dd.identify(changed(noisy, tau=tau), model, "friction")
     ((joint, (without, fitted)),) = result.quality["kept"]["friction"].items()
     assert joint == "panda_joint7" and fitted > 0.97 * without
     assert set(result.parameters.joints) == set(model.dof_names[:6])
@@ -474,7 +468,7 @@ def test_held_out_part_of_delayed_velocities(panda):
     model, oracle = panda
     data, delay = recording(model, oracle, 6, 10.0, 100.0), 0.0123
     late = np.column_stack([np.interp(data.t - delay, data.t, column) for column in data.qd.T])
-    quality = dd.identify(changed(model, data, qd=late), model, "friction").quality
+    quality = dd.identify(changed(data, qd=late), model, "friction").quality
     assert quality["velocity_delay"] == [pytest.approx(delay, abs=1e-3)]
     lasts = data.t[-1] - data.t[0] - quality["velocity_delay"][0]
     assert quality["held_out_duration"] == pytest.approx(lasts, abs=0.01)
@@ -484,7 +478,7 @@ def test_held_out_part_of_delayed_velocities(panda):
 def test_a_file_gives_the_same_model(panda, noisy, tmp_path):
     model, _ = panda
     start = model.perturbed(0.2, 9)
-    result = dd.identify(changed(start, noisy), start, ("friction", "inertias"))
+    result = dd.identify(changed(noisy, start), start, ("friction", "inertias"))
     assert json.loads(json.dumps(result.quality)) == result.quality
     result.save(tmp_path / "arm.yaml")
     again = start.with_parameters(tmp_path / "arm.yaml")

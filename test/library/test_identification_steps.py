@@ -15,7 +15,7 @@ import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.identification import quality
 from examples import some_of
-from motions import efforts, fourier, recorded
+from motions import changed, efforts, fourier, recorded
 from oracles import Oracle
 from robots import robot
 
@@ -164,12 +164,6 @@ def worn(arm):
     """
     model, oracle = arm
     return recording(model, oracle, 3, 15.0, noise=0.1, resist=friction)
-
-
-def changed(data, **columns):
-    return recorded(
-        data.model, data.t, *(columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau"))
-    )
 
 
 @pytest.mark.parametrize("kind", ["missing", "constant"])

@@ -11,6 +11,7 @@ import pytest
 from pyarrow import parquet
 
 import diag_dynamics as dd
+from bags import arm as arm_of
 from diag_dynamics.cli.main import main
 from hostile import MS, START, Driver
 
@@ -172,18 +173,7 @@ def test_units_and_names_are_never_guessed(tmp_path):
     ).astype(np.float32)
     names = feature([f"{name}.pos" for name in DESK])
     root = write_dataset(tmp_path / "desk", "v3.0", [[q]], {"observation.state": names})
-    text = "".join(
-        f"<joint name='{name}' type='{kind}'><parent link='l{k}'/><child link='l{k + 1}'/>"
-        f"<axis xyz='0 1 0'/>"
-        "<limit lower='-9' upper='9' effort='9' velocity='900'/></joint>"
-        f"<link name='l{k + 1}'><inertial><mass value='1'/><origin xyz='0 0 .1'/>"
-        f"<inertia ixx='.1' iyy='.1' izz='.1' "
-        "ixy='0' ixz='0' iyz='0'/></inertial></link>"
-        for k, (name, kind) in enumerate(
-            (("a1", "revolute"), ("a2", "revolute"), ("jaw", "prismatic"))
-        )
-    )
-    model = dd.load_urdf(f"<robot name='desk'><link name='l0'/>{text}</robot>")
+    model = arm_of("a1", "a2", "jaw")
     joints = dict(zip(DESK, ("a1", "a2", "jaw"), strict=True))
     options = {"parameters": {"missing_velocity": "estimate"}}
     with pytest.raises(

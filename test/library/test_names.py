@@ -82,15 +82,6 @@ def test_bars_of_the_public_surface(dyn):
     assert set(dd.__all__) <= set(dir(dd))
 
 
-def test_methods_of_a_link_have_one_order_of_arguments():
-    for name, method in inspect.getmembers(dd.DiagonalDynamics, inspect.isfunction):
-        names = [*inspect.signature(method).parameters][1:]
-        if "link" in names and not name.startswith("_"):
-            assert names[:2] == ["q", "link"], name
-            axes = [entry for entry in names if entry in ("point", "frame")]
-            assert axes in ([], ["point", "frame"]), name
-
-
 def test_results_without_a_constructor_live_in_their_modules():
     """Nobody constructs them: methods return them."""
     for name in dd.__all__:

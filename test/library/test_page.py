@@ -289,15 +289,6 @@ def test_many_states_are_as_one_by_one(panda):
     assert np.isfinite(rate[21:]).all()
 
 
-def test_a_state_of_another_model_is_flagged(panda):
-    """K with a payload is not the sum over links without it."""
-    q, qd, tau = (rows[0] for rows in some(panda))
-    heavy = dd.DiagonalDynamics(panda.with_payload("panda_link7", 2.0)).evaluate(q, qd, tau)
-    maker = FrameMaker(dd.DiagonalDynamics(panda))
-    (frame,) = maker.frames(States.of(1.0, q, qd, tau, heavy))
-    assert int(value(frame, maker.layout, "flags")[0]) & CAUSES["other_model"]
-
-
 def test_half_mass():
     """Half of the moving mass, and the whole payload; what a fixed base carries does not move."""
     model, place = dd.load_urdf(page_fixture.ARM), (0.0, 0.0, 0.1)

@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import diag_dynamics as dd
+from bags import urdf_of
 from diag_dynamics.cli.main import main
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
@@ -32,7 +33,6 @@ from diag_dynamics.recordings.outputs.downsampling import (
 )
 from diag_dynamics.recordings.recording import Reading
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
-from robots import description, joint, link
 
 
 @pytest.fixture(scope="module")
@@ -58,19 +58,8 @@ def test_columns_of_tables(tmp_path):
     """Parquet has units in metadata and NaN, CSV units in the header and empty fields; both have
     the library's numbers.
     """
-    links = (
-        link(name, 2.0, (0.1, 0.0, 0.2), (0.03, 0.0, 0.0, 0.03, 0.0, 0.01))
-        for name in ("one", "two")
-    )
-    turn = joint("turn", "revolute", "base", "one")
-    slide = joint("slide", "prismatic", "one", "two")
-    xml = description(
-        "arm",
-        link("base"),
-        *links,
-        turn.replace("</joint>", '<dynamics damping="0.5"/></joint>'),
-        slide,
-    )
+    xml = urdf_of("turn", "slide").replace('"slide" type="continuous"', '"slide" type="prismatic"')
+    xml = xml.replace("</joint>", '<dynamics damping="0.5"/></joint>', 1)
     (tmp_path / "arm.urdf").write_text(xml)
     model, t = dd.load_urdf(xml), np.arange(400) / 500.0
     q = np.stack([np.sin(3.0 * t), 0.1 * np.cos(2.0 * t)], axis=1)
@@ -100,7 +89,7 @@ def test_columns_of_tables(tmp_path):
     expected |= {
         f"link_energy.{name}": s.link_energy[:, k] for k, name in enumerate(model.link_names)
     }
-    units = {"stamp": "ns", "power": "W", "link_energy.one": "J", "collision": ""}
+    units = {"stamp": "ns", "power": "W", "link_energy.link_turn": "J", "collision": ""}
     units |= {"residual.slide": "J^0.5/s", "external_torque.slide": "N"}
     for k, name in enumerate(("turn", "slide")):
         expected |= {f"position.{name}": q[:, k], f"velocity.{name}": qd[:, k]}

@@ -17,7 +17,7 @@ from pyarrow import parquet
 
 import diag_dynamics as dd
 import robots
-from bags import arm, numbered, write_mcap
+from bags import arm, numbered, urdf_of, write_mcap
 from diag_dynamics.cli.main import main
 from diag_dynamics.recordings.sources import Source, open_source
 from diag_dynamics.recordings.tables.arrays import read_npz
@@ -353,17 +353,7 @@ def test_a_map_has_the_beginning_of_values(tmp_path):
 def test_the_command_writes_a_map_to_fill_in(tmp_path, capsys, monkeypatch):
     """It has every header and first value; its proposals, with the second time, give the states."""
     path, columns = rostopic(tmp_path)
-    links = [
-        robots.link("base"),
-        *(robots.link(f"l{k}", 1.0, (0, 0, 0.1), (0.1, 0, 0, 0.1, 0, 0.1)) for k in range(3)),
-    ]
-    joints = [
-        robots.joint(
-            name, "revolute", f"l{k - 1}" if k else "base", f"l{k}", (0, 1, 0), (0, 0, 0.3)
-        )
-        for k, name in enumerate(JOINTS)
-    ]
-    (tmp_path / "arm.urdf").write_text(robots.description("arm", *links, *joints))
+    (tmp_path / "arm.urdf").write_text(urdf_of(*JOINTS))
     new = tmp_path / "new.yaml"
     command = ["analyse", str(path), "--urdf", str(tmp_path / "arm.urdf")]
     assert main(command) == 2

@@ -46,3 +46,9 @@ def recorded(model, t, q, qd, tau):
     tau = np.full_like(qd, np.nan) if tau is None else tau
     states = States(stamp, stamp, stamp, q, qd, tau, is_known, none, none, none)
     return dd.Recording(model, states, S, {}, [])
+
+
+def changed(data, model=None, **columns):
+    """Return a recording with other columns, or of another model."""
+    values = (columns.get(name, getattr(data, name)) for name in ("q", "qd", "tau"))
+    return recorded(model or data.model, data.t, *values)
