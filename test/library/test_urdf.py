@@ -130,8 +130,6 @@ TOLERATED = {
     "default namespace": ("<robot", '<robot xmlns="http://drake.mit.edu"'),
     "declared prefix": ("</robot>", '<s:camera xmlns:s="urn:s"/>'),
     "undeclared prefix": ("</robot>", '<sensor:camera name="c" a:b="1"/>'),
-    "undeclared prefix in a link": ("</link>", "<gazebo:thing><x:y/></gazebo:thing></link>"),
-    "unknown in inertial": ("</inertial>", "<density value='?'/></inertial>"),
     "unknown in joint": (
         "</joint>",
         '<safety_controller soft="a"/><calibration/><hardwareInterface/></joint>',
@@ -229,10 +227,6 @@ BROKEN = {
     "undeclared entity": (changed("base", "&base;"), "'base' not defined"),
     "depth bomb": ("<robot>" + "<a>" * 5000 + "</a>" * 5000 + "</robot>", "Excessive depth"),
     "entity bomb": (BOMB, "DOCTYPE"),
-    "document type": (
-        '<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"><link name="l"/></robot>',
-        "DOCTYPE",
-    ),
     "entity behind a decoy": (
         "<!-- <robot -->" + ENTITY + changed(MASS, '<mass value="&m;"/>'),
         "DOCTYPE",

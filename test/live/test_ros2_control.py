@@ -224,8 +224,7 @@ class Arm:
         points = [(time, q + velocity * (time - 0.5), np.full(6, velocity)) for time in (1.0, 4.0)]
         end = (5.0, points[-1][1] + 0.5 * velocity, np.zeros(6))
         self.targets.publish(trajectory([*points, end], NAMES))
-        speeds = np.abs(self.run(1.2).velocity[-1])
-        return speeds.min() >= abs(velocity) * (1.0 - ROUNDING)
+        return np.abs(self.run(1.2).velocity[-1]).min() >= abs(velocity) * (1.0 - ROUNDING)
 
     def push(self, torque):
         """Push until the reaction has switched to efforts."""
