@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -76,7 +77,8 @@ class Pusher(Node):
         dynamics = DiagonalDynamics(model)
         self._wrenches = {name: turning_wrench(dynamics, name) for name in model.link_names}
         self._publisher = self.create_publisher(WrenchStamped, "external_wrench", 10)
-        self.create_timer(PUSH_PERIOD, self.push)
+        # Without an argument: ROS 2 Kilted would pass information on the timer as the link.
+        self.create_timer(PUSH_PERIOD, partial(self.push, ""))
 
     def push(self, link=""):
         """Push beside a link's joint, each time from the other side."""
