@@ -195,7 +195,7 @@ def driven_joints(robot: Any) -> tuple[str, ...]:
 
 
 def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
-    """Return N²J [kg m², prismatic: kg] by joint, and remarks on what is ignored.
+    """Return rotor inertias N²J by joint [kg m²; prismatic: kg], and remarks on what is ignored.
 
     A transmission has one joint, one rotor and one gear ratio, of 1 if it has none; a joint has one
     transmission with a rotor.

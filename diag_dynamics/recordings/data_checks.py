@@ -710,7 +710,7 @@ def find_fault(relation: Relation) -> Fault | None:
 
 
 def _describe_joints(relation, chosen):
-    """Return what is wrong with the efforts of joints, bool, and each advice once."""
+    """Return the faults of the efforts of `chosen` joints, a mask; equal advice stands once."""
     texts = {}
     for k in np.flatnonzero(chosen):
         text, advice = _describe_joint(relation, k)
@@ -719,7 +719,7 @@ def _describe_joints(relation, chosen):
 
 
 def _describe_joint(relation, k):
-    """Return what is wrong with the effort of a joint, and an advice."""
+    """Return the fault of the effort of joint number k, and what to do about it."""
     name, factor, error = (
         relation.model.dof_names[k],
         relation.factor[k],

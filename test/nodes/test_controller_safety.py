@@ -583,7 +583,7 @@ def test_it_does_not_start_on_a_guess(peer):
     """
     model = robot(UR5)
     swapped = [model.names[1], model.names[0], *model.names[2:]]
-    with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (enters before the next)
+    with effort_controller(peer, "/bare", swapped) as other:  # noqa: SIM117 (before the node)
         with Controller(
             peer, "/bare", robot_description=model.path, payloads="[]", energy_limt=1
         ) as controller:
