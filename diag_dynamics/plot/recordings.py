@@ -209,11 +209,12 @@ def _joint_energies(
 def _merge_joints(joints: list[str], values: Array) -> tuple[list[str], Array]:
     """Return names and energies of the joints of most energy, and those of all others as one."""
     chosen = sorted(np.argsort(values.mean(axis=0))[::-1][: len(COLOURS)].tolist())
-    names, remainder = [escape(joints[k]) for k in chosen], np.delete(values, chosen, axis=1)
-    if rest := remainder.shape[1]:
-        names.append(f"{rest} other{'s' * (rest > 1)}")
-        return names, np.column_stack([values[:, chosen], remainder.sum(axis=1)])
-    return names, values
+    rest = sorted({*range(len(joints))} - {*chosen})
+    names = [escape(joints[k]) for k in chosen]
+    if not rest:
+        return names, values
+    names.append(f"{len(rest)} others" if len(rest) > 1 else escape(joints[rest[0]]))
+    return names, np.column_stack([values[:, chosen], values[:, rest].sum(axis=1)])
 
 
 def _check_states(states: Array) -> None:
