@@ -4,7 +4,7 @@
 """A push on an arm under control: the monitor detects it, the controller bounds the kinetic energy.
 
 Simulator, controller and monitor run in this process, in lockstep: simulated time depends on the controller's commands,
-not on the load of the machine. `python examples/demo_control.py push.png` writes a picture.
+not on the load of the machine. `python examples/demos/demo_control.py push.png` writes a picture.
 """
 
 import os
@@ -229,8 +229,9 @@ def main(picture=None):
     print(
         "an arm, its controller and the monitor start; the push follows within seconds", flush=True
     )
-    names = ["--ros-args", "-r", f"__ns:={NAMESPACE}", "-r", "/clock:=clock", "--log-level", "WARN"]
-    status = run(make_nodes, ["demo_control", *names])
+    names = ["-r", f"__ns:={NAMESPACE}", "-r", "/clock:=clock"]
+    logs = ["--log-level", "ERROR"]  # warnings of modes and collisions would repeat the story
+    status = run(make_nodes, ["demo_control", "--ros-args", *names, *logs])
     if status or not nodes[-1].finished.done():
         return status or 130
     series, succeeded = summarize(nodes[-1])

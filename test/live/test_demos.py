@@ -14,8 +14,6 @@ import sys
 import termios
 from pathlib import Path
 
-import matplotlib.image
-import numpy as np
 import pytest
 
 import demo_identify
@@ -132,6 +130,7 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
     with Process([sys.executable, CONTROL, "push.png"], cwd=tmp_path) as process:
         assert process.wait() == 0, process.tail()
         printed = process.output
+    assert "[WARN]" not in printed
     events = (
         "holds the hand",
         "pushes the hand",
@@ -142,7 +141,7 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
     times = [float(re.search(rf"([\d.]+) s  .*{event}", printed)[1]) for event in events]
     assert times == sorted(times) and times[1] >= 1.0
     delay = float(re.search(r"collision after (\d+) ms", printed)[1])
-    assert 0.0 < delay < 50.0 and delay == pytest.approx(1e3 * (times[2] - times[1]), abs=4.0)
+    assert delay < 50.0 and delay == pytest.approx(1e3 * (times[2] - times[1]), abs=4.0)
     largest, bound = map(
         float, re.search(r"K at most ([\d.]+) J, its bound ([\d.]+) J", printed).groups()
     )
@@ -152,8 +151,7 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
         float, re.search(r"moved by (\d+) mm, and back to within ([\d.]+) mm", printed).groups()
     )
     assert 100.0 < moved < 220.0 and back < 5.0
-    image = matplotlib.image.imread(tmp_path / "push.png")
-    assert len(np.unique((image[::4, ::4, :3] * 255).astype(int).reshape(-1, 3), axis=0)) > 20
+    assert (tmp_path / "push.png").stat().st_size > 60_000
 
 
 def test_demo_identify(tmp_path, capsys):
