@@ -138,7 +138,7 @@ UNREACHABLE = {
     [
         ("/proc/none", "Cannot write to '/proc/none'."),
         ("/tmp/my robots", "ROS 2 cannot build in"),
-        ("", "the package index cannot be reached"),
+        ("", "the package index http://127.0.0.1:9 cannot be reached"),
     ],
     ids=["not writable", "blank in the path", "no network"],
 )
