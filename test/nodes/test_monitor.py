@@ -196,6 +196,7 @@ def test_simulated_time(peer):
         states = monitor.topics["state"]
         monitor.connect(ur5)
         monitor.process.wait_for_text("use_sim_time is set, but /clock has no messages")
+        assert monitor.reports[0].message == "publishing"
         for now in (5 * S, 7 * S + 1, 5000 * S):
             set_clock(now)
             monitor.publish(joint_state(ur5.names, q, qd, tau, 0))

@@ -15,11 +15,12 @@ def steady_clock():
 
 
 class NodeTime:
-    """The times that a node reads."""
+    """The times that a node reads; `start` is the steady time at which it was made [s]."""
 
     def __init__(self, node):
         self._clock, self._callbacks = node.get_clock(), []
         self._simulated = self._clock.ros_time_is_active
+        self.start = self.steady()
         backward = JumpThreshold(
             min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
         )

@@ -10,6 +10,9 @@ from diag_dynamics.nodes.support.diagnostics import counted
 CLOCK = "/clock"
 """The topic of simulated time."""
 
+CLOCK_TIMEOUT = 10.0
+"""Time after the start of a node in which a simulator may load its robot [s]."""
+
 
 def publishers(node, subscription, kind):
     """Return names of the nodes that publish a topic, and problems by name of the node.
@@ -61,6 +64,7 @@ def clock_notes(node, publishes=False):
     names, problems = sorted(_node_names(node.get_publishers_info_by_topic(topic))), []
     if len(names) > 1:
         problems.append(f"several nodes publish {topic}, so time jumps: {counted(names)}")
-    if not publishes and not node.get_clock().now().nanoseconds:
+    waits = node.time.steady() - node.time.start > CLOCK_TIMEOUT
+    if waits and not publishes and not node.get_clock().now().nanoseconds:
         problems.append(f"use_sim_time is set, but {topic} has no messages. Play bags with --clock")
     return {f"publishers of {topic}": counted(names)}, problems
