@@ -11,6 +11,7 @@ import logging
 import math
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -84,8 +85,7 @@ def test_an_interrupt_while_a_callback_is_compiled(monkeypatch):
         return call_address(address, (21,))
 
     def interrupt_and_compile(function):
-        _thread.interrupt_main()
-        time.sleep(0.1)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
         compile_callback(function)
 
     entry.compile()
@@ -211,24 +211,25 @@ def compile_small():
 
 def test_messages_of_kernels_in_the_cache(folder, monkeypatch):
     """A kernel that is loaded is not reported as compiled, however long that takes."""
-    messages, begin = [], progress.begin_compilation
+    messages, sent, begin = [], threading.Event(), progress.begin_compilation
 
     @contextmanager
     def only_process_slowly(*_):
-        time.sleep(0.5)
+        time.sleep(0.3)
         yield
 
     def begin_slowly():
         begin()
-        time.sleep(0.5)
+        assert sent.wait(60.0)
 
     monkeypatch.setattr(kernels, "only_process", only_process_slowly)
     monkeypatch.setattr(linking, "begin_compilation", begin_slowly)
     monkeypatch.setattr(progress, "DELAY", 0.0)
-    monkeypatch.setattr(progress, "_progress", progress.Progress())
-    progress.set_progress_callback(messages.append)
-    assert compile_small() == 0 and messages == [f"compiling tripled {progress.RULE}"]
-    assert compile_small() == 1 and len(messages) == 1
+    for hits in (0, 1):
+        monkeypatch.setattr(progress, "_progress", progress.Progress())
+        progress.set_progress_callback(lambda text: (messages.append(text), sent.set()))
+        assert compile_small() == hits
+        assert messages == [f"compiling tripled {progress.RULE}"]
 
 
 def test_processes_compile_a_kernel_once(folder, monkeypatch):
