@@ -28,6 +28,7 @@ from diag_dynamics.nodes.support.runner import leave, run
 from diag_dynamics.nodes.top import QUIT, Top
 from diag_dynamics.nodes.view import ViewNode
 from diag_dynamics.numerics.kernel import precompile
+from diag_dynamics.numerics.progress import print_message, set_progress_callback
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.simulation import Simulation
 
@@ -99,15 +100,31 @@ def find_port(port=PARAMETERS["port"].default):
 
 
 def compile_robot(source, options):
-    """Load a robot and compile what its nodes call; return the model."""
+    """Load a robot and compile what its nodes call; return the model.
+
+    Messages have the share of the compilation that is done.
+    """
     robot = {name: value for name, value in options.items() if name != "loops_file"}
     model = load_urdf(source, loops=options["loops_file"] or None, **robot)
     if model.nv == 0:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
-    DiagonalDynamics(model).compile(*COMPILED)
-    Simulation(model).advance(steps=0)
-    precompile("diag_dynamics.joint_states")
+    dynamics = DiagonalDynamics(model)
+    steps = (
+        ("0 to 35 %", partial(dynamics.compile, "evaluate")),
+        ("35 to 65 %", partial(dynamics.compile, *COMPILED)),
+        ("65 to 90 %", lambda: Simulation(model).advance(steps=0)),
+        ("90 to 100 %", partial(precompile, "diag_dynamics.joint_states")),
+    )
+    for share, compile_part in steps:
+        set_progress_callback(partial(print_share, share))
+        compile_part()
+    set_progress_callback()
     return model
+
+
+def print_share(share, text):
+    """Print what compiles, and which share of all that is."""
+    print_message(f"{share}: {text}")
 
 
 def parse(arguments):

@@ -93,7 +93,7 @@ def test_end_while_compiling(tmp_path):
     work, cache = tmp_path / "work", tmp_path / "cache"
     work.mkdir()
     with demo(work, NUMBA_CACHE_DIR=str(cache)) as process:
-        process.wait_for_text("diag_dynamics: compiling")
+        process.wait_for_text("diag_dynamics: 0 to 35 %: compiling evaluate")
         process.signal(signal.SIGINT)
         assert process.wait() == 130
         assert "Traceback" not in process.output
