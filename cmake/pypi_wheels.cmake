@@ -24,3 +24,11 @@ if(_includes)
   list(TRANSFORM _includes REPLACE "^/.*/site-packages/.*" "$<BUILD_INTERFACE:\\0>")
   set_target_properties(${_target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_includes}")
 endif()
+
+# `scripts/setup` compiles the sources of a library as one, because their headers take most of the time. Those of these
+# libraries have equal names.
+foreach(_kind rosidl_generator_c rosidl_generator_py rosidl_typesupport_introspection_c rosidl_typesupport_introspection_cpp)
+  if(TARGET ${PROJECT_NAME}__${_kind})
+    set_target_properties(${PROJECT_NAME}__${_kind} PROPERTIES UNITY_BUILD OFF)
+  endif()
+endforeach()
