@@ -262,10 +262,8 @@ def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, sta
 @pytest.mark.parametrize(
     ("robot", "stiffness", "period", "away", "start"),
     [
-        (UR5, 300.0, 1e-3, WRISTS, "gravity"),
         (UR5, 300.0, 1e-3, WRISTS, "command"),
         (PANDA, 600.0, 4e-3, 0.3, "gravity"),
-        (Z1, 100.0, 1e-3, 0.3, "gravity"),
         (Z1, 100.0, 2e-3, 0.3, "command"),
     ],
 )
