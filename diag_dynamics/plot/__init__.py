@@ -8,7 +8,7 @@ a missing joint, link or robot, at an array of another shape, and without matplo
 imported on first use; its style colours text and axes.
 """
 
-from diag_dynamics.plot.recordings import balance, energy, external_torque
+from diag_dynamics.plot.recordings import energy
 from diag_dynamics.plot.robots import ellipsoid
 
-__all__ = ["balance", "ellipsoid", "energy", "external_torque"]
+__all__ = ["ellipsoid", "energy"]
