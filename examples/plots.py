@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots, one line each: kinetic energy, and the ellipsoid of a push."""
+"""Kinetic energy of a recording as a plot."""
 
 import numpy as np
 
@@ -30,6 +30,4 @@ np.savetxt("swing.csv", rows, delimiter=",", header=",".join(names), comments=""
 recording = dd.read_recording("swing.csv", model)
 
 dd.plot.energy(recording).figure.savefig("energy.png")
-push = dd.plot.ellipsoid(model, recording.q[2000], "panda_hand", recording.qd[2000])
-push.figure.savefig("ellipsoid.png")
-print(recording, "as energy.png, ellipsoid.png")
+print(recording, "as energy.png")

@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, ParamSpec
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,40 +18,21 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F
 """Colours that the colour-blind tell apart, on white and on black, after Okabe and Ito."""
 
 GREY = "#666666"
-"""Colour of remaining joints and secondary lines."""
+"""Colour of remaining joints."""
 
 STYLE = {
     **{"axes.spines.top": False, "axes.spines.right": False, "axes.xmargin": 0.0},
     **{"axes.titlelocation": "left", "axes.titlesize": "medium"},
     **{"legend.frameon": False, "legend.fontsize": "small", "figure.constrained_layout.use": True},
-    **{f"axes3d.{axis}axis.panecolor": (0.5, 0.5, 0.5, 0.06) for axis in "xyz"},
 }
 
 MIN_GAP = 1.0  # time without values over which no line is drawn, if they are more frequent [s]
 MAX_PARTS = 2000  # of a curve: more than a screen has columns
 
-P = ParamSpec("P")
-
 
 def pyplot() -> Any:
     """Return matplotlib.pyplot, imported on first use."""
     return require("matplotlib.pyplot", "plotting")
-
-
-def styled(draw: Callable[P, Any]) -> Callable[P, Any]:
-    """Return a function that draws in the style of all plots."""
-
-    @wraps(draw)
-    def draw_styled(*args: P.args, **options: P.kwargs) -> Any:
-        with pyplot().rc_context(STYLE):
-            return draw(*args, **options)
-
-    return draw_styled
-
-
-def make_axes(ax: Any, size: tuple[float, float], projection: str | None = None) -> Any:
-    """Return the axes that were passed, or those of a new figure of this size [inch]."""
-    return ax or pyplot().figure(figsize=size).add_subplot(projection=projection)
 
 
 def text_colour() -> str:

@@ -13,12 +13,13 @@ from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot import drawing
-from diag_dynamics.plot.drawing import COLOURS, GREY, escape, styled
+from diag_dynamics.plot.drawing import COLOURS, GREY, escape
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.results import BatchEvaluation
 
+SIZE_OF_FIGURE = (9.0, 3.8)  # [inch]
 
-@styled
+
 def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
     """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
 
@@ -38,20 +39,24 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     matplotlib.axes.Axes
     """
     joints, times, values = _joint_energies(of, t)
-    names, values = _merge_joints(joints, values)
-    total, axes = values.sum(axis=1), drawing.make_axes(ax, (9.0, 3.8))
-    rows = drawing.find_peaks(total)
+    with drawing.pyplot().rc_context(drawing.STYLE):
+        axes = ax or drawing.pyplot().figure(figsize=SIZE_OF_FIGURE).add_subplot()
+        _draw_layers(axes, times, *_merge_joints(joints, values))
+        axes.set_title(f"{escape(of.model.name)}: kinetic energy by total joint rate")
+    return axes
+
+
+def _draw_layers(axes: Any, times: Array | None, names: list[str], values: Array) -> None:
+    rows = drawing.find_peaks(values.sum(axis=1))
     at = rows.astype(float) if times is None else times[rows]
     at, values = drawing.insert_gaps(at, values[rows])
     axes.stackplot(at, *values.T, labels=names, colors=(*COLOURS, GREY), linewidth=0)
     axes.plot(at, values.sum(axis=1), color=drawing.text_colour(), linewidth=0.9, label="K")
     axes.set(xlabel="state" if times is None else "time [s]")
     axes.set_ylabel("kinetic energy [J]")
-    axes.set_title(f"{escape(of.model.name)}: kinetic energy by total joint rate")
     axes.set_ylim(bottom=0.0)
     entries = [entries[::-1] for entries in axes.get_legend_handles_labels()]
     axes.legend(*entries, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return axes
 
 
 def _slices(of: Recording) -> list[slice]:

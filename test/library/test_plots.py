@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots: numbers of what they draw against results of the library and Pinocchio, gaps, peaks,
+"""Plots: numbers of what they draw against results of the library, gaps, peaks,
 colours and errors.
 """
 
-import re
 import sys
 from importlib import import_module
 
@@ -106,27 +105,6 @@ def test_peaks_are_drawn():
     assert (at[K.argmin()], at[K.argmax()]) == pytest.approx((12.345, 54.321))
 
 
-def test_ellipsoid_has_the_masses_of_a_push():
-    q, qd, point = Q[100], QD[100], [0.0, 0.0, 0.1]
-    axes = dd.plot.ellipsoid(PANDA, q, "panda_hand", qd, point=point)
-    J = DYN.jacobian(q, "panda_hand", point, frame="world")[:3]
-    inverse = J @ np.linalg.solve(DYN.mass_matrix(q), J.T)
-    shown = [
-        float(text.get_text().split()[0]) for text in axes.texts if text.get_text().endswith(" kg")
-    ]
-    assert sorted(shown) == pytest.approx(sorted(1.0 / np.linalg.eigvalsh(inverse)), rel=5e-3)
-    v, title = J @ qd, axes.get_title(loc="left")
-    along = float(re.search(r"mass along v ([\d.e+-]+) kg", title)[1])
-    assert along == pytest.approx((v @ v) / (v @ inverse @ v), rel=5e-3)
-    low, high = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()]).T
-    assert axes.get_box_aspect() / (high - low) == pytest.approx(
-        axes.get_box_aspect()[0] / (high - low)[0]
-    )
-    assert "panda_hand" in dd.plot.ellipsoid(PANDA, q).get_title(
-        loc="left"
-    )  # the end-effector link
-
-
 # --- Style, names and errors
 
 
@@ -142,7 +120,6 @@ def test_errors_name_the_argument():
         ),
         (lambda: dd.plot.energy(empty), "no states"),
         (lambda: dd.plot.energy(fixed.evaluate([[]], [[]])), "no joint that moves"),
-        (lambda: dd.plot.ellipsoid(PANDA, PANDA.neutral, "hand"), "'hand'"),
     ):
         with pytest.raises(dd.InputError, match=key):
             draw()
@@ -156,4 +133,4 @@ def test_matplotlib_is_imported_on_first_use(monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     plot = import_module("diag_dynamics.plot")
     with pytest.raises(dd.InputError, match="pip install matplotlib"):
-        plot.ellipsoid(PANDA, PANDA.neutral)
+        plot.energy(DYN.evaluate(Q, QD))
