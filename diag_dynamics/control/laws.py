@@ -141,7 +141,8 @@ def require_slow(
     """Raise InputError unless all modes of springs are slower than a frequency [rad/s].
 
     The springs are K̃ = root rootᵀ. `names` and `stiffness` are those of the springs, the columns
-    of the root.
+    of the root. The error names the spring with most of the fastest mode, and the stiffness that it
+    has where all are lowered alike.
     """
     _, frequencies, modes = np.linalg.svd(root)
     k = int(np.argmax(np.abs(modes[0])))  # the spring with most of the mode
@@ -346,13 +347,10 @@ class JointRegulation(JointLaw):
         size = self.dynamics.model.nv
         expected = f"{size} x {size} finite numbers, symmetric and positive definite"
         matrix = numbers("stiffness", matrix, (size, size), expected)
-        try:
-            root = np.linalg.cholesky(matrix)
-        except np.linalg.LinAlgError:
-            root = None
-        if root is None or not np.allclose(matrix, matrix.T):
+        values, axes = np.linalg.eigh(matrix)
+        if values[0] <= 0.0 or not np.allclose(matrix, matrix.T):
             raise InputError(f"stiffness is {matrix.tolist()}; expected {expected}.")
-        self._stiffness, self._root = matrix, root
+        self._stiffness, self._root = matrix, (axes * np.sqrt(values)) @ axes.T
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)
