@@ -28,7 +28,7 @@ _NAMES = {
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
     "control.filters": "Limits",
-    "control.limits": "ContactLimiter EffortSaturation EnergyLimiter PositionRepulsion",
+    "control.limits": "ContactLimiter EnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "control.tank": "EnergyTank",
@@ -62,7 +62,6 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.laws import PoseRegulation as PoseRegulation
     from diag_dynamics.control.laws import RateDamping as RateDamping
     from diag_dynamics.control.limits import ContactLimiter as ContactLimiter
-    from diag_dynamics.control.limits import EffortSaturation as EffortSaturation
     from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
     from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.load import LoadEstimator as LoadEstimator

@@ -14,21 +14,19 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import not_negative, vector
+from diag_dynamics.checks import not_negative, per_name, vector
 from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.control.effort_rate import EffortRate
 from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.control.limits import (
-    HEAVY,
     ContactLimiter,
-    EffortSaturation,
     EnergyLimiter,
     PositionRepulsion,
     names_where,
 )
 from diag_dynamics.control.tank import EnergyTank
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps.limits import ROWS, deliver
+from diag_dynamics.sweeps.limits import HEAVY, ROWS, deliver
 
 FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
@@ -124,11 +122,14 @@ class Limits:
     ) -> None:
         model = actuated(dynamics).model
         self._names, self._compensated = model.dof_names, compensated
-        self._saturation = EffortSaturation(model, effort_limit)
-        self.unlimited = names_where(self._names, np.isinf(self._saturation.limit))
+        limit = model.effort_limit if effort_limit is None else effort_limit
+        expected = "a number > 0 [N m, N]"
+        limit = per_name("effort_limit", limit, self._names, expected, lambda x: x > 0.0)
+        self._effort_limit = limit
+        self.unlimited = names_where(self._names, np.isinf(limit))
         self._springs: PositionRepulsion | None = None
         if margin:
-            effort = SPRING_SHARE * self._saturation.limit
+            effort = SPRING_SHARE * limit
             stiffness = np.where(np.isinf(effort), SPRING_EFFORT, effort) / margin
             self._springs = PositionRepulsion(dynamics, margin, stiffness, SPRING_TIME * stiffness)
         energy = EnergyLimiter(dynamics, energy_limit, joint_energy_limit, energy_rate)
@@ -187,6 +188,7 @@ class Limits:
         """
         not_negative("period", period, "[s]")
         h = period or FIRST_PERIOD
+        q, qd = vector("q", q, self._names), vector("qd", qd, self._names)
         vector("command.tau", command.tau, self._names)
         g = vector("command.gravity_torque", command.gravity_torque, self._names)
         self._gravity = g
@@ -213,8 +215,7 @@ class Limits:
             command.tau,
             g,
             self.sent,
-            self._saturation.limit,
-            HEAVY,
+            self._effort_limit,
             self._compensated,
             self._rate.rate,
             period,
@@ -277,7 +278,7 @@ class Limits:
         """
         if self._compensated:
             return np.zeros_like(self._gravity)
-        return np.clip(self._gravity, -self._saturation.limit, self._saturation.limit)
+        return np.clip(self._gravity, -self._effort_limit, self._effort_limit)
 
     @property
     def acting(self) -> Array:
@@ -287,7 +288,7 @@ class Limits:
     @property
     def heavy(self) -> tuple[str, ...]:
         """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
-        return names_where(self._names, np.abs(self._gravity) > HEAVY * self._saturation.limit)
+        return names_where(self._names, np.abs(self._gravity) > HEAVY * self._effort_limit)
 
     @property
     def slow(self) -> tuple[str, ...]:

@@ -17,17 +17,13 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, VectorLike
-from diag_dynamics.checks import instance, number, per_name, positive, vector
+from diag_dynamics.checks import number, per_name, positive, vector
 from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.collision.predicted_contact import PredictedContact
 from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.model import RobotModel
-from diag_dynamics.sweeps.limits import project, saturate
-
-HEAVY = 0.9
-"""Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
+from diag_dynamics.sweeps.limits import project
 
 SPRING, DAMPER = 0.2, 0.5
 """Maximum impulses of springs and dampers at position limits in a cycle.
@@ -50,18 +46,31 @@ def names_where(names: tuple[str, ...], mask: BoolArray) -> tuple[str, ...]:
     return tuple(compress(names, mask))
 
 
+def end_of_cycle(
+    dynamics: DiagonalDynamics, q: Array, qd: Array, tau: Array, period: float
+) -> tuple[Array, Array]:
+    """Return q and q̇ when efforts have lasted for a period, by an explicit step of order 2."""
+    middle = qd + 0.5 * period * dynamics.forward_dynamics(q, qd, tau)
+    qdd = dynamics.forward_dynamics(q + 0.25 * period * (qd + middle), middle, tau)
+    then = qd + period * qdd
+    return q + 0.5 * period * (qd + then), then
+
+
 class EnergyLimiter:
     """Limiter of the kinetic energy and of its shares by joint, a filter on any law's command.
 
     In total joint rates K = ½|ν|², so that K ≤ K_max is a ball and ½ν_k² ≤ K_k a box. Efforts last
-    for a cycle of length h, at whose end ν₊ = ν + h(ε − C). The filter clips ν₊ to the box and
+    for a cycle of length h, at whose end the rates are ν₊. The filter clips ν₊ to the box and
     scales it to the ball of the energies
 
         ½ν_k² + min(αh, 1)(K_k − ½ν_k²)   and   K + min(αh, 1)(K_max − K),
 
-    and converts the change of ν₊ back to efforts. K stays below K_max, at any period, and returns
-    to it at the rate α from above. External forces of the power P let K rise to K_max + P/α, unless
-    an estimate of them is passed on.
+    and converts the change Δν₊ to efforts mΔν₊/h. It does so twice: with ν₊ = ν + hε, then with the
+    motion under these efforts by a step of order 2, whose error is of order h³. An error e in each
+    cycle adds up to e/(αh). Within it K stays below K_max, and returns to it at the rate α from
+    above.
+    External forces of the power P let K rise to K_max + P/α, unless an estimate of them is passed
+    on.
 
     The limits are K_max > 0 [J] and, by degree of freedom, K_k > 0 [J], inf for none; the rate is
     α > 0 [1/s]. ν_k is the rate of joint k and of all that it induces further out, not q̇_k.
@@ -80,7 +89,7 @@ class EnergyLimiter:
             "joint_limit", joint_limit, names, "a number > 0 [J]", lambda x: x > 0.0
         )
         self.rate = positive("rate", rate, "[1/s]")
-        dynamics.compile("tau_from_epsilon", "coriolis_bracket_times")
+        dynamics.compile("tau_from_epsilon", "forward_dynamics", "nu_from_qd")
         project.compile()
 
     def filter(
@@ -95,52 +104,29 @@ class EnergyLimiter:
 
         `period` is h > 0, until the next command [s].
         """
-        nu, h = command.nu, positive("period", period, "[s]")
-        flow = command.epsilon - self.dynamics.coriolis_bracket_times(q, qd, nu)
+        h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
+        q, qd = vector("q", q, names), vector("qd", qd, names)
+        tau, end = command.tau, command.nu + h * command.epsilon
         if external is not None:
-            flow += vector("external", external, self.dynamics.model.dof_names)
-        change = np.empty_like(flow)
-        if not project(nu, flow, h, self.limit, self.joint_limit, self.rate, change):
+            external = vector("external", external, names)
+            tau = tau + self.dynamics.tau_from_epsilon(q, external)
+            end += h * external
+        first = self._change(command.nu, end, h)
+        if first.any():
+            tau = tau + self.dynamics.tau_from_epsilon(q, first)
+        end = self.dynamics.nu_from_qd(*end_of_cycle(self.dynamics, q, qd, tau, h)) - h * first
+        change = self._change(command.nu, end, h)
+        if not change.any():
             return command
         tau = command.tau + self.dynamics.tau_from_epsilon(q, change)
         return command._replace(tau=tau, epsilon=command.epsilon + change)
 
-
-class EffortSaturation:
-    """Effort limits |τ_k| ≤ L_k that keep the direction of ε.
-
-    The filter returns τ = g + s(τ − g) with one s in [0, 1].
-
-    Gravity compensation has priority over motion. One factor for the rest keeps the sign of its
-    power νᵀε, where cuts joint by joint can turn braking into driving. A joint whose gravity torque
-    alone exceeds its limit is at its limit, and has no part in s. Between `HEAVY` of its limit and
-    all of it the two cases are interpolated.
-
-    The limit is L > 0 [N m, N], shape (nv,), by default the URDF's; inf where there is none.
-    """
-
-    def __init__(self, model: RobotModel, limit: VectorLike | None = None) -> None:
-        self._names = instance("model", model, RobotModel).dof_names
-        limit = model.effort_limit if limit is None else limit
-        self.limit = per_name(
-            "effort limit", limit, self._names, "a number > 0 [N m, N]", lambda x: x > 0.0
-        )
-        saturate.compile()
-
-    def filter(self, command: Command) -> Command:
-        """Return the command within the limits.
-
-        It has the `scale` s, and the joints at their limits in `limited`.
-        """
-        limit, g = self.limit, command.gravity_torque
-        if (np.abs(command.tau) <= limit).all():
-            return command
-        tau = np.empty_like(g)
-        scale = saturate(command.tau, g, limit, HEAVY, tau)
-        limited = names_where(self._names, np.abs(tau) >= limit * (1.0 - 1e-12))
-        return command._replace(
-            tau=tau, epsilon=scale * command.epsilon, scale=scale, limited=limited
-        )
+    def _change(self, nu: Array, end: Array, period: float) -> Array:
+        """Return the change of ε with which the rates ν at the end of a cycle keep the limits."""
+        change = np.empty_like(nu)
+        fraction = min(self.rate * period, 1.0)
+        project(nu, end, fraction, self.limit, self.joint_limit, change)
+        return change / period
 
 
 class PositionRepulsion:
@@ -288,9 +274,7 @@ class ContactLimiter:
         tau = command.tau
         if external is not None:
             tau = tau + dynamics.tau_from_epsilon(q, vector("external", external, names))
-        # an explicit step of order 2
-        qdd = dynamics.forward_dynamics(q, qd, tau)
-        ahead, then = q + h * qd + 0.5 * h * h * qdd, qd + h * qdd
+        ahead, then = end_of_cycle(dynamics, q, qd, tau, h)
         allowed = now + min(self.rate * h, 1.0) * ((AIM * self._scale) ** 2 - now)
         change = self._slowed(ahead, then, allowed) - then
         if not change.any():

@@ -12,57 +12,63 @@ import math
 from diag_dynamics.numerics import kernel as nk
 
 
-@nk.entry_kernel(nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)
-def project(nu, flow, period, limit, joint_limit, rate, change):
-    """Fill the change of ε by which ν + h·flow, the next rates, keep box and ball.
+@nk.kernel
+def _approach(energy, limit, fraction):
+    """Return the energy that a cycle may end with: a fraction of the way to the limit is gone."""
+    return energy + fraction * (limit - energy)
 
-    Returns 1 if there is one. Energies approach their limits, from below and from above, at `rate`
-    [1/s].
+
+@nk.entry_kernel(nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.FILLED_VECTOR)
+def project(nu, end, fraction, limit, joint_limit, change):
+    """Fill the change of the total rates at the end of a cycle by which they keep box and ball.
+
+    `nu` are the rates at its begin. Energies approach their limits, from below and from above, by
+    the `fraction` of a cycle.
     """
-    share_of_gap, now, ahead, is_limited = min(rate * period, 1.0), 0.0, 0.0, False
+    now, then = 0.0, 0.0
     for k in range(len(nu)):
-        share, end = 0.5 * nu[k] * nu[k], nu[k] + period * flow[k]
+        share = 0.5 * nu[k] * nu[k]
+        largest = math.sqrt(2.0 * _approach(share, joint_limit[k], fraction))
+        change[k] = min(max(end[k], -largest), largest)
         now += share
-        if joint_limit[k] < math.inf:
-            largest = math.sqrt(2.0 * (share + share_of_gap * (joint_limit[k] - share)))
-            is_limited = is_limited or abs(end) > largest
-            end = min(max(end, -largest), largest)
-        change[k] = end
-        ahead += 0.5 * end * end
-    fraction = 1.0
-    if limit < math.inf:
-        allowed = now + share_of_gap * (limit - now)
-        if ahead > allowed:
-            fraction, is_limited = math.sqrt(allowed / ahead), True
+        then += 0.5 * change[k] * change[k]
+    scale = math.sqrt(min(_approach(now, limit, fraction) / then, 1.0))
     for k in range(len(nu)):
-        change[k] = (fraction * change[k] - nu[k]) / period - flow[k]
-    return 1 if is_limited else 0
+        change[k] = scale * change[k] - end[k]
 
 
-@nk.entry_kernel(nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)
-def saturate(tau, gravity, limit, heavy, saturated):
-    """Fill g + s(τ − g) within ± limit, and return s in [0, 1].
+HEAVY = 0.9
+"""Fraction of its effort limit beyond which gravity takes a joint out of the common scale."""
 
+
+@nk.kernel
+def _saturate(moving, lower, upper, heavy):
+    """Scale efforts without gravity by a common s in [0, 1] into their bounds, and return s.
+
+    One s keeps the sign of their power, where cuts joint by joint can turn braking into driving.
     Between the fraction `heavy` of its limit and all of it, gravity takes a joint out of s.
     """
     scale = 1.0
-    for k in range(len(tau)):
-        moving = tau[k] - gravity[k]
-        margin = limit[k] - gravity[k] if moving > 0.0 else limit[k] + gravity[k]
-        overload = max((abs(gravity[k]) / limit[k] - heavy) / (1.0 - heavy), 0.0)
-        if abs(moving) > max(margin, 0.0) and overload < 1.0:
-            factor = margin / abs(moving)
+    for k in range(len(moving)):
+        margin = max(upper[k] if moving[k] > 0.0 else -lower[k], 0.0)
+        if abs(moving[k]) > margin:
+            weight = abs(upper[k] + lower[k]) / (upper[k] - lower[k])
+            overload = 1.0 if weight >= 1.0 else max((weight - heavy) / (1.0 - heavy), 0.0)
+            factor = margin / abs(moving[k])
             scale = min(scale, factor + overload * (1.0 - factor))
-    for k in range(len(tau)):
-        effort = gravity[k] + scale * (tau[k] - gravity[k])
-        saturated[k] = min(max(effort, -limit[k]), limit[k])
+    for k in range(len(moving)):
+        moving[k] = min(max(scale * moving[k], lower[k]), upper[k])
     return scale
 
 
-STEPS, BISECTIONS = 60, 6
-"""Cycles of the prediction, and bisections between full braking and the demanded effort."""
+STEPS, DOUBLED, BISECTIONS = 60, 15, 6
+"""Steps of the prediction, after how many they are twice as long, and bisections between full
+braking and the demanded effort."""
 
-ROWS = 13
+FORESEEN = 0.8
+"""Fraction of the gap to a limit that foreseen braking uses; the rest covers its prediction."""
+
+ROWS = 14
 """Rows of memory of :func:`deliver`."""
 
 ROUNDING = 1e-12
@@ -70,29 +76,38 @@ ROUNDING = 1e-12
 
 
 @nk.kernel
-def _brake(momentum, effort, change, period, lower, upper, braking):
+def _brake(momentum, effort, change, period, cycles, lower, upper, braking):
     """Fill the next efforts −s p on the way to rest at a bounded rate, where they end at zero.
 
     p = Mq̇ = mν are the momenta, ṗ = u with a constant M: all decay alike, and K with them. Each is
     a double integrator with |u̇| ≤ R and the switching curve |u| = √(2R|p|). s is the largest rate
-    at which all are within theirs and none reverses in a cycle.
+    at which all are within theirs and their bounds, and none reverses in a step of some cycles: K
+    rises where some momenta decay and others do not.
     """
-    rate = 1.0 / period
+    rate = 1.0 / (cycles * period)
     for j in range(len(momentum)):
-        if abs(momentum[j]) * rate * rate > 2.0 * change[j] / period:
-            rate = math.sqrt(2.0 * change[j] / (period * abs(momentum[j])))
+        curve = 2.0 * change[j] / period
+        if abs(momentum[j]) * rate * rate > curve:
+            rate = math.sqrt(curve / abs(momentum[j]))
     for j in range(len(momentum)):
-        target = min(max(-rate * momentum[j], lower[j]), upper[j])
-        braking[j] = min(max(target, effort[j] - change[j]), effort[j] + change[j])
+        braking[j] = -rate * momentum[j]
+    _saturate(braking, lower, upper, 1.0)
+    for j in range(len(momentum)):
+        most = cycles * change[j]
+        braking[j] = min(max(braking[j], effort[j] - most), effort[j] + most)
 
 
 @nk.kernel
-def _keeps(inverse, momentum, u, change, period, limit, joint_limit, lower, upper):
-    """Return whether braking after the efforts u keeps all limits [J]; momentum and u change."""
-    for _ in range(STEPS + 1):
+def _keeps(inverse, momentum, rows, change, period, limit, joint_limit, lower, upper):
+    """Return whether braking after the efforts rows[0] keeps all limits [J].
+
+    Momentum and rows change.
+    """
+    u, braking, cycles = rows[0], rows[1], 1.0
+    for step in range(1, STEPS + 2):
         energy = 0.0
         for i in range(len(u) - 1, -1, -1):
-            momentum[i] += period * u[i]
+            momentum[i] += cycles * period * u[i]
             total_rate = 0.0
             for j in range(i, len(u)):
                 total_rate += inverse[i, j] * momentum[j]
@@ -102,43 +117,53 @@ def _keeps(inverse, momentum, u, change, period, limit, joint_limit, lower, uppe
                 return False
         if energy > limit:
             return False
-        _brake(momentum, u, change, period, lower, upper, u)
+        if step % DOUBLED == 0:
+            cycles *= 2.0
+        _brake(momentum, u, change, period, cycles, lower, upper, braking)
+        for i in range(len(u)):
+            u[i] = braking[i]
     return True
 
 
 @nk.kernel
-def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, rate, rows):
+def _foreseen(energy, limit, fraction):
+    """Return the limit of the energies that are foreseen."""
+    return _approach(energy, limit, FORESEEN if energy < limit else fraction)
+
+
+@nk.kernel
+def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, fraction, rows):
     """Move the efforts `near` towards full braking until braking after them keeps the limits [J].
 
-    Returns whether they brake: the fraction of the way is the least, or all of it where none
-    suffices. Energies return to their limits at `rate` [1/s] from above. The prediction is ν̇ = ℓu
-    with a constant `inverse` ℓ, where u are efforts without gravity within rows[0] and rows[1].
-    `effort` are the last ones, and `change` their largest change in a cycle.
+    Returns whether they brake: the part of the way is the least, or all of it where none suffices.
+    Energies return to their limits by a `fraction` in each cycle from above. The prediction is
+    ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without gravity within rows[0] and
+    rows[1]. `effort` are the last ones, and `change` their largest change in a cycle.
     """
-    lower, upper, brake, ahead, u = rows[0], rows[1], rows[2], rows[3], rows[4]
-    momentum, allowed = rows[5], rows[6]
-    remaining, now = 1.0 - min(rate * period, 1.0), 0.0
+    lower, upper, brake, ahead, momentum = rows[0], rows[1], rows[2], rows[3], rows[4]
+    allowed, predicted = rows[5], rows[6:]
+    now = 0.0
     for i in range(len(nu) - 1, -1, -1):
         share, rest = 0.5 * nu[i] * nu[i], nu[i]
         now += share
-        allowed[i] = max(joint_limit[i], share * remaining)
+        allowed[i] = _foreseen(share, joint_limit[i], fraction)
         for j in range(i + 1, len(nu)):
             rest -= inverse[i, j] * momentum[j]
         momentum[i] = rest / inverse[i, i]
-    limit = max(limit, now * remaining)
-    _brake(momentum, effort, change, period, lower, upper, brake)
-    good, fraction, step = 0.0, 1.0, 1.0
+    limit = _foreseen(now, limit, fraction)
+    _brake(momentum, effort, change, period, 1.0, lower, upper, brake)
+    good, part, step = 0.0, 1.0, 1.0
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
-            ahead[i], u[i] = momentum[i], brake[i] + fraction * (near[i] - brake[i])
+            ahead[i], predicted[0, i] = momentum[i], brake[i] + part * (near[i] - brake[i])
         step *= 0.5
-        if _keeps(inverse, ahead, u, change, period, limit, allowed, lower, upper):
-            good = fraction
-            if fraction == 1.0:
+        if _keeps(inverse, ahead, predicted, change, period, limit, allowed, lower, upper):
+            good = part
+            if part == 1.0:
                 break
-            fraction += step
+            part += step
         else:
-            fraction -= step
+            part -= step
     if good == 1.0:
         return False
     for i in range(len(nu)):
@@ -147,8 +172,8 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, rate
 
 
 @nk.entry_kernel(
-    *(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FLAG),
-    *(nk.VECTOR, nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.FILLED_MATRIX),
+    *(nk.MATRIX, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.FLAG, nk.VECTOR),
+    *(nk.NUMBER, nk.NUMBER, nk.VECTOR, nk.NUMBER, nk.FILLED_MATRIX),
 )
 def deliver(
     inverse,
@@ -157,7 +182,6 @@ def deliver(
     gravity,
     last,
     limit,
-    heavy,
     compensated,
     effort_rate,
     period,
@@ -174,23 +198,20 @@ def deliver(
     `compensated` receives efforts without gravity. `inverse` ℓ is empty without an energy limit.
     """
     effort, demand, saturated, waiting = rows[0], rows[1], rows[2], rows[3]
-    moving, change, work = rows[4], rows[5], rows[6:]
-    scale, is_within = 1.0, True
+    moving, change, work, is_within = rows[4], rows[5], rows[6:], True
     for k in range(len(tau)):
         is_within = is_within and abs(tau[k]) <= limit[k]
-        demand[k] = tau[k]
-    if not is_within:
-        scale = saturate(tau, gravity, limit, heavy, demand)
-    for k in range(len(tau)):
-        bound, offset = limit[k], gravity[k]
-        saturated[k] = not is_within and abs(demand[k]) >= bound * (1.0 - ROUNDING)
+        bound = limit[k]
         if compensated:  # weight beyond the limit is left to the robot
-            bound, offset = max(bound, abs(gravity[k])), 0.0
-            total = gravity[k] + scale * (tau[k] - gravity[k])
-            demand[k] = min(max(total, -bound), bound) - gravity[k]
+            bound = max(bound, abs(gravity[k]))
         work[0, k], work[1, k] = -bound - gravity[k], bound - gravity[k]
+        demand[k] = tau[k] - gravity[k]
+    scale = _saturate(demand, work[0], work[1], HEAVY)
+    for k in range(len(tau)):
+        offset = 0.0 if compensated else gravity[k]
+        saturated[k] = not is_within and abs(gravity[k] + demand[k]) >= limit[k] * (1.0 - ROUNDING)
         moving[k], change[k] = last[k] - offset, period * effort_rate[k]
-        effort[k] = min(max(demand[k] - offset, moving[k] - change[k]), moving[k] + change[k])
+        effort[k] = min(max(demand[k], moving[k] - change[k]), moving[k] + change[k])
     brakes = (
         len(inverse) > 0
         and period > 0.0
@@ -203,12 +224,14 @@ def deliver(
             period,
             energy_limit,
             joint_energy_limit,
-            energy_rate,
+            min(energy_rate * period, 1.0),
             work,
         )
     )
     for k in range(len(tau)):
-        effort[k] += 0.0 if compensated else gravity[k]
+        offset = 0.0 if compensated else gravity[k]
+        effort[k] += offset
+        demand[k] += offset
         waiting[k] = abs(effort[k] - demand[k]) > ROUNDING * (1.0 + abs(demand[k]))
     return scale, brakes
 
