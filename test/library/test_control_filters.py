@@ -242,6 +242,22 @@ def test_braking_keeps_the_effort_limit():
     assert plant.kinetic_energy > 0.25
 
 
+def test_braking_near_an_effort_limit_lowers_the_energy():
+    """Gravity takes a joint out of the common scale of efforts, not out of that of braking."""
+    s, q, rng = subject(UR5), START[UR5.id], np.random.default_rng(0)
+    limit = np.where(np.arange(6) == 1, np.abs(s.oracle.gravity_torque(q)) / 0.92, 40.0)
+    law = dd.GravityCompensation(s.dyn)
+    for _ in range(40):
+        plant = Sampled(s.oracle, q)
+        plant.qd = rng.normal(size=6)
+        energy = plant.kinetic_energy
+        limits = dd.Limits(s.dyn, energy_limit=energy / 2, effort_limit=limit, effort_rate=1e9)
+        for _ in range(3):
+            command = law.command(plant.q, plant.qd)
+            plant.advance(limits.filter(plant.q, plant.qd, command, 4e-3).effort, 4e-3)
+            assert plant.kinetic_energy < energy
+
+
 WRISTS = np.array([0.0, 0.0, 0.0, 0.3, -0.3, 0.3])
 
 
