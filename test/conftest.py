@@ -151,16 +151,19 @@ def ros_domain(tmp_path_factory, compiled):
     that it starts.
 
     All go by UDP: a process that is killed while it holds a lock of Fast DDS's shared memory leaves
-    it locked, and the others wait for ever, https://github.com/eProsima/Fast-DDS/issues/5469.
+    it locked, and the others wait for ever, https://github.com/eProsima/Fast-DDS/issues/5469. A
+    profile says so, because the discovery range LOCALHOST overrides FASTDDS_BUILTIN_TRANSPORTS.
     """
     from processes import Process, locked_domain
 
     with locked_domain() as domain, pytest.MonkeyPatch.context() as environment:
         environment.setenv("ROS_DOMAIN_ID", str(domain))
-        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
+        profile = Path(__file__).parent / "support" / "loopback.xml"
+        for library in ("FASTRTPS", "FASTDDS"):  # of Jazzy, and of Kilted
+            environment.setenv(f"{library}_DEFAULT_PROFILES_FILE", str(profile))
         environment.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
         environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
-        environment.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         yield domain
     Process.started.clear()
 

@@ -77,9 +77,10 @@ def left(monitors):
 
 
 def test_two_robots_are_answered(monitors, panda):
-    """Each monitor publishes Pinocchio's numbers of its own robot."""
+    """Each monitor publishes Pinocchio's numbers of its own robot, not by shared memory."""
     served(monitors["/left"], panda)
     served(monitors["/right"], robot(UR5), 1)
+    assert "/dev/shm/fast" not in Path("/proc/self/maps").read_text()
 
 
 def test_a_service_answers(left, panda):
