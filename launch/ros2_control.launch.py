@@ -7,6 +7,7 @@ Each step waits for the one before: the arm has gravity torque before effort_con
 The robot's own launch file publishes robot_description.
 """
 
+import os
 from pathlib import Path
 
 from launch import LaunchDescription
@@ -30,8 +31,12 @@ ARGUMENTS = {
     ),
     "activate": ("true", "Whether effort_controller is activated in the end, once."),
     "log_level": ("info", "Log level of the controller node."),
+    "prefix": ("", "Command before controller_manager and the node, such as `chrt -f 40`."),
 }
 """Arguments: default and description."""
+
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+"""By Fast DDS's shared memory a publication may wait 0.33 s for another process."""
 
 
 def start(context):
@@ -39,6 +44,8 @@ def start(context):
     arguments = context.launch_configurations
     namespace, files = arguments["namespace"], [arguments["params_file"]]
     common = {"namespace": namespace, "output": "both"}
+    transports = {TRANSPORTS: os.environ.get(TRANSPORTS, "UDPv4")}
+    timely = common | {"prefix": arguments["prefix"], "additional_env": transports}
 
     def spawner(*words):
         return Node(
@@ -58,7 +65,7 @@ def start(context):
         return RegisterEventHandler(handler, condition=condition)
 
     manager = Node(
-        package="controller_manager", executable="ros2_control_node", parameters=files, **common
+        package="controller_manager", executable="ros2_control_node", parameters=files, **timely
     )
     states = spawner("joint_state_broadcaster")
     efforts = spawner("effort_controller", "--inactive")
@@ -68,7 +75,7 @@ def start(context):
         name="diag_dynamics_controller",
         parameters=[*files, {"autostart": True}],
         arguments=["--ros-args", "--log-level", arguments["log_level"]],
-        **common,
+        **timely,
     )
     # A lifecycle event is published once and may be lost. A command follows each joint state.
     root = Path("/", namespace)

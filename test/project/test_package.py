@@ -369,7 +369,8 @@ def test_launches_give_parameters(file):
 @pytest.mark.parametrize("namespace", ["", "left/arm"])
 def test_ros2_control_activates_efforts_last(namespace):
     """The node follows the inactive effort controller, which is activated when commands arrive."""
-    steps = actions_of("ros2_control", **({"namespace": namespace} if namespace else {}))
+    arguments = {"namespace": namespace} if namespace else {}
+    steps = actions_of("ros2_control", prefix="chrt -f 40", **arguments)
     manager, states, efforts, controller, command, switch = steps
     assert [manager.executable, states.executable, efforts.executable] == [
         "ros2_control_node",
@@ -380,6 +381,8 @@ def test_ros2_control_activates_efforts_last(namespace):
     assert efforts.arguments[:2] == ["effort_controller", "--inactive"]
     assert controller.name == NODES["controller"]
     assert {step.namespace for step in (manager, states, efforts, controller)} == {namespace}
+    for step in (manager, controller):  # neither waits for a CPU or for Fast DDS's shared memory
+        assert (step.prefix, *step.additional_env.values()) == ("chrt -f 40", "UDPv4")
     assert (efforts.starts_after, controller.starts_after) == (states, efforts)
     assert (command.starts_after, switch.starts_after) == (efforts, command)
     assert switch.has_handler  # errors are seen
