@@ -5,7 +5,7 @@
 
 DIAG_DYNAMICS_ROS2_CONTROL names a prefix with ros2_control, ros2_controllers, `ros2 launch`, `ros2
 topic` and the hardware of test/plant: a rigid UR5 with brakes that obeys positions or efforts.
-`pytest -rP` shows the measured figures. They are of an idle machine.
+Real-time priority has to be permitted. `pytest -rP` shows the measured figures.
 """
 
 import os
@@ -17,6 +17,7 @@ import pytest
 import yaml
 from controller_manager_msgs.srv import ListControllers, SwitchController
 from rclpy.serialization import deserialize_message
+from scipy.ndimage import maximum_filter1d
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -37,21 +38,21 @@ pytestmark = [
 ROOT = Path(__file__).resolve().parents[2]
 NAMES, START = robot(UR5).names, (0.0, -1.3, 1.5, -0.8, 0.7, 0.3)
 EFFORTS, POSITIONS = "effort_controller", "joint_trajectory_controller"
-MAX_SPEED = 0.03
-"""Maximum speed after a switch from rest, when no more than a cycle lacks a command [rad/s]."""
-FALL, MAX_FALLS = 0.026, 10
-"""Speed that gravity adds in a cycle without a command [rad/s], and most such cycles."""
-CYCLE, BEFORE = 1e6, 20
-"""Period of a cycle [ns], and number of states before a peak among which some may be lost."""
+NODE = "/diag_dynamics_controller"
+MAX_SPEED, MAX_FALLS = 0.03, 5
+"""Speed of an arm at rest [rad/s], and most cycles without a command after an activation."""
+MARGIN = 1.1
+"""Factor on the speed of a fall: periods of the loop are not those of the stamps."""
 MAX_DISPLACEMENT, DAMPING = 0.01, 10.0
 """Maximum displacement of an arm at rest [rad], and rate by default at which it stops [1/s]."""
 VELOCITY = 0.3
 """Velocity of all joints in a motion [rad/s]."""
 ROUNDING = 0.01
 """Relative error of the constant velocity of a motion."""
-INACTIVE = "holding gravity"
 PUSH = 25.0
 """External torque on the elbow [N m]."""
+REAL_TIME = "chrt -f 40"
+"""Command before programs that must not wait for a CPU."""
 
 
 def hardware():
@@ -68,8 +69,7 @@ def hardware():
         f'<ros2_control name="ur5" type="system">'
         f"<hardware>{plugin}</hardware>{joints}</ros2_control>"
     )
-    text = Path(robot(UR5).path).read_text(encoding="utf-8")
-    return text.replace("</robot>", f"{system}</robot>")
+    return robot(UR5).urdf.replace("</robot>", f"{system}</robot>")
 
 
 def parameters(folder):
@@ -118,29 +118,27 @@ class States:
 
     @property
     def limit(self):
-        """Largest speed that cycles without a command may add [rad/s].
+        """Largest speed that the time without a command may add [rad/s].
 
         effort_controller forgets its command when it is activated. The arm falls until it receives
-        the next one. States that are lost before the peak may hide such cycles.
+        the next one.
         """
-        peak = self.speed.argmax()
-        begin = max(peak - BEFORE, 0)
-        lost = round((self.stamps[peak] - self.stamps[begin]) / CYCLE) - (peak - begin)
-        return max(FALL * (self.falls.sum() + lost), MAX_SPEED)
+        still, times = np.zeros(len(NAMES)), maximum_filter1d(np.diff(self.stamps), 3)
+        fall = robot(UR5).oracle.forward_dynamics(self.position[0], still, still)
+        return max(MARGIN * np.abs(fall).max() * times[self.falls[1:]].sum() / S, MAX_SPEED)
 
     def require_rest(self):
         """See that an arm at rest has only fallen, and little."""
         assert self.speed.max() <= self.limit
         assert self.displacement <= MAX_DISPLACEMENT + self.limit / DAMPING
 
-    def report(self, what, **figures):
+    def report(self, what):
         """Print the figures, and see that few cycles lacked a command."""
         print(
             f"{what}: peak {self.speed.max():.4f} rad/s, displacement {self.displacement:.5f} rad; "
-            f"{self.falls.sum()} cycles without command",
-            *(f"{name} {value}" for name, value in figures.items()),
+            f"{self.falls.sum()} cycles without command"
         )
-        assert self.falls.sum() <= MAX_FALLS, what
+        assert self.falls.sum() <= MAX_FALLS
 
 
 def stamp_of(raw):
@@ -158,9 +156,10 @@ class Arm:
         self.targets = peer.publisher(JointTrajectory, f"{POSITIONS}/joint_trajectory")
         self.pushes = peer.publisher(Float64MultiArray, "plant/external_torque")
         self.first = States(peer)
-        self.reports = Reports(peer.node, peer.wait_until, "/diag_dynamics_controller")
+        self.reports = Reports(peer.node, peer.wait_until, NODE)
         path = ROOT / "launch" / "ros2_control.launch.py"
-        self.launched = Process(["ros2", "launch", path, f"params_file:={self.file}"])
+        arguments = [f"params_file:={self.file}", f"prefix:={REAL_TIME}"]
+        self.launched = Process(["ros2", "launch", path, *arguments])
 
     def wait_until_told(self, *texts):
         """Wait until the status of the law has one of these texts."""
@@ -168,8 +167,8 @@ class Arm:
 
         def is_told():
             assert self.launched.alive(), self.launched.tail()
-            messages = [report.entries["control"].message for report in self.reports[begin:]]
-            return any(text in message for text in texts for message in messages)
+            statuses = [report.entries.get("control") for report in self.reports[begin:]]
+            return any(text in status.message for text in texts for status in statuses if status)
 
         self.peer.wait_until(is_told, texts)
 
@@ -201,12 +200,6 @@ class Arm:
         )
         assert response.ok, response.message
 
-    def choose(self, mode):
-        """Choose a mode of the node."""
-        node = "/diag_dynamics_controller"
-        response = self.peer.call(Trigger, f"{node}/mode/{mode}", Trigger.Request(), node)
-        assert response.success, response.message
-
     def run(self, seconds):
         """Return the states of the next seconds."""
         return States(self.peer).begin().end(seconds)
@@ -224,7 +217,7 @@ class Arm:
         points = [(time, q + velocity * (time - 0.5), np.full(6, velocity)) for time in (1.0, 4.0)]
         end = (5.0, points[-1][1] + 0.5 * velocity, np.zeros(6))
         self.targets.publish(trajectory([*points, end], NAMES))
-        return np.abs(self.run(1.2).velocity[-1]).min() >= abs(velocity) * (1.0 - ROUNDING)
+        return np.abs(self.run(1.2).velocity[-1]).min() >= VELOCITY * (1.0 - ROUNDING)
 
     def push(self, torque):
         """Push until the reaction has switched to efforts."""
@@ -234,7 +227,6 @@ class Arm:
             return self.state_of(EFFORTS) == "active"
 
         self.peer.wait_until(has_switched, "the reaction")
-        self.pushes.publish(Float64MultiArray(data=0.0 * torque))
 
 
 @pytest.fixture(scope="module")
@@ -260,7 +252,8 @@ def test_the_launch_file(arm):
 def test_a_switch(arm, mode):
     """From rest the arm only falls; in motion no joint becomes faster than it was by more."""
     arm.switch([POSITIONS], [EFFORTS])
-    arm.choose(mode)
+    response = arm.peer.call(Trigger, f"{NODE}/mode/{mode}", Trigger.Request(), NODE)
+    assert response.success, response.message
     states = States(arm.peer).begin()
     arm.switch([EFFORTS], [POSITIONS])
     states.end(1.0).report(f"{mode}, from rest")
@@ -275,15 +268,14 @@ def test_a_switch(arm, mode):
 
 def test_a_restart_and_a_reaction(arm):
     """controller_manager is killed and starts again, in the order of the documentation."""
-    names = {process.name(): process for process in arm.launched.children()}
-    (manager,) = (name for name in names if name.startswith("ros2_control_node"))
-    names[manager].send_signal(signal.SIGKILL)
+    started = {process.name()[:12]: process for process in arm.launched.children()}
+    started["ros2_control"].send_signal(signal.SIGKILL)
     arm.wait_until_told("ramping down")
     program = Path(PREFIX, "lib", "controller_manager", "ros2_control_node")
     arm.peer.clients.clear()  # of the former manager
-    with Process([program, "--ros-args", "--params-file", arm.file]):
+    with Process([*REAL_TIME.split(), program, "--ros-args", "--params-file", arm.file]):
         arm.spawn("joint_state_broadcaster")
-        arm.wait_until_told("choose a mode to go on", INACTIVE)
+        arm.wait_until_told("choose a mode to go on", "holding gravity")
         arm.spawn(EFFORTS, "--inactive")
         key = "state of the effort controller"
         arm.reports.wait_for(lambda report: report.values.get(key) == "inactive", "the new manager")
@@ -307,8 +299,7 @@ def check_reaction(arm):
         "effort_scale": '["*=1.0"]',
         "effort_includes_gravity": '["*=true"]',
     }
-    push = np.zeros(len(NAMES))
-    push[NAMES.index("elbow_joint")] = PUSH
+    push = PUSH * (np.array(NAMES) == "elbow_joint")
     reports = Reports(arm.peer.node, arm.peer.wait_until, "/diag_dynamics")
     with node_process("monitor", **parameters):
         reports.wait_for(
@@ -318,7 +309,6 @@ def check_reaction(arm):
         states = States(arm.peer).begin()
         arm.push(push)
         states.end(2.0)
-        report = reports.wait_for(lambda report: report.values["calls"] == "1", "the call")
-        times = {key: value for key, value in report.values.items() if key.endswith("after [ms]")}
-        states.report("reaction", **times)
-        assert np.abs(states.velocity[-1]).max() <= FALL
+        print(reports.wait_for(lambda report: report.values["calls"] == "1", "the call").values)
+        states.report("reaction")
+        assert np.abs(states.velocity[-1]).max() <= MAX_SPEED

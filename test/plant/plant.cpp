@@ -31,6 +31,7 @@ constexpr double GRAVITY = 9.81;      // [m/s^2]
 constexpr double MAX_STEP = 0.00026;  // of the integration [s]
 constexpr double MAX_PERIOD = 0.02;   // of a cycle [s]
 constexpr double MAX_SPEED = 3.2;     // under position commands [rad/s]
+constexpr int PUSH_CYCLES = 30;       // that an external torque lasts
 
 struct Body
 {
@@ -76,6 +77,7 @@ public:
         std::lock_guard<std::mutex> lock(mutex_);
         for (size_t i = 0; i < names_.size() && i < message.data.size(); i++)
           received_[i] = message.data[i];
+        pushes_ = PUSH_CYCLES;
       });
     return CallbackReturn::SUCCESS;
   }
@@ -110,7 +112,8 @@ public:
     if (dt <= 0.0) return return_type::OK;
     {
       std::lock_guard<std::mutex> lock(mutex_);
-      external_ = received_;
+      external_ = pushes_ > 0 ? received_ : zero();
+      pushes_ = std::max(0, pushes_ - 1);
     }
     VectorXd acceleration = zero();
     if (mode_ == EFFORT) {
@@ -138,7 +141,8 @@ private:
   std::vector<Body> bodies_;
   std::vector<std::string> names_;
   VectorXd q_, qd_, effort_, external_, received_;
-  std::mutex mutex_;  // of received_
+  int pushes_ = 0;  // cycles left of the external torque
+  std::mutex mutex_;  // of received_ and pushes_
   rclcpp::Subscription<std_msgs::msg::Float64MultiArray>::SharedPtr subscription_;
 
   VectorXd zero() const { return VectorXd::Zero(names_.size()); }
