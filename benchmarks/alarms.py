@@ -326,7 +326,7 @@ class Row(NamedTuple):
     median: float  # delay [s] of pushes that are seen, of all trials
 
 
-FRACTIONS = 0.0, 0.75
+FRACTIONS = 0.0, 1.25
 """Dead zones by the Coulomb friction."""
 
 
@@ -449,8 +449,8 @@ def with_stiction(arm, seconds, count):
 HEAD = f"""# Benchmark of collision thresholds
 
 `make bench ARGS="--only alarms"`. The observer at {GAIN:g} 1/s, calibrated by `diag_dynamics.calibrate` to
-{format_rate(FALSE_ALARMS)} for all its detectors together. *Dead zone*: fraction of the Coulomb friction by which |m r| of
-standing joints is lowered. *Momentum*: an observer by Pinocchio with the thresholds of the row without a dead zone.
+{format_rate(FALSE_ALARMS)} for all its detectors together. *Dead zone* of |m r| of standing joints: fraction of the Coulomb
+friction. *Momentum*: an observer by Pinocchio with the thresholds of the row without a dead zone.
 Pushes of {PUSH:g} s, half a sine, at random links and in random directions; seen within {LATEST:g} s. Each cell has the
 pushes that are seen, and their median delay.
 *Held out*: alarms in parts of what calibrated, by thresholds from the other parts. *False*: alarms of motion without a

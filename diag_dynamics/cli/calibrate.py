@@ -63,7 +63,7 @@ def add_arguments(parser):
         (
             "--stiction",
             STICTION,
-            "fraction of the Coulomb friction that standing joints hide",
+            "dead zone of standing joints, as a fraction of the Coulomb friction",
         ),
     ):
         parser.add_argument(

@@ -119,10 +119,10 @@ class Calibration(Thresholds):
     def smallest_torques(self) -> dict[str, float]:
         """Smallest external torque that a standing joint shows [N m, N].
 
-        It is the threshold of the joint and its dead zone together.
+        It is √(threshold² + dead zone²).
         """
         return {
-            name: limit + self.dead_zones.get(name, 0.0)
+            name: math.hypot(limit, self.dead_zones.get(name, 0.0))
             for name, limit in self.limits.items()
             if name not in (TOTAL, NORM)
         }

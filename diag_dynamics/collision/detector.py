@@ -19,7 +19,7 @@ from diag_dynamics.results import TouchedLink
 from diag_dynamics.sweeps.alarms import MEMORY, judge_states
 
 SECOND = 1_000_000_000  # [ns]
-RELEASE, HOLD_OFF, STANDING, STICTION = 0.7, 1.0, 2.0, 0.75  # defaults of :class:`Thresholds`
+RELEASE, HOLD_OFF, STANDING, STICTION = 0.7, 1.0, 2.0, 1.25  # defaults of :class:`Thresholds`
 
 TOTAL, NORM = "total", "norm"
 """Names of the detectors of ‖m r‖ and of |r|; the others have the names of joints."""
@@ -42,7 +42,7 @@ class Thresholds:
         Age of an alarm from which an offset follows the torque [s]; inf: never. See
         docs/collision.md.
     stiction : float
-        Fraction of its Coulomb friction by which |m r| of a standing joint is lowered; see
+        Dead zone of |m r| of a standing joint, as a fraction of its Coulomb friction; see
         :class:`~diag_dynamics.control.dead_zone.DeadZone`.
 
     Raises

@@ -14,11 +14,12 @@ from diag_dynamics.sweeps.alarms import apply_dead_zone
 
 
 class DeadZone:
-    """Lower |m r| of standing joints by a fraction of their Coulomb friction.
+    """Lower |m r| of standing joints by their stiction.
 
-    A joint stands once |q̇| has been below 5 mrad/s (mm/s) for 30 ms. Its dead zone is `fraction`
-    (f_C + μ|g(q)|), through the filter of the observer, because stiction passes through the same
-    filter. |m r| decreases by it, at least to zero, and r to ℓ m r. f_C is the Coulomb friction of
+    A joint stands once |q̇| has been below 5 mrad/s (mm/s) for 30 ms. Its dead zone is z =
+    `fraction` (f_C + μ|g(q)|), through the filter of the observer, because stiction passes through
+    the same filter. |m r| decreases to √(max(0, |m r|² − z²)), and r to ℓ m r: stiction and the
+    errors of the model, for which a threshold is, are independent. f_C is the Coulomb friction of
     the model, μ its load friction.
 
     Parameters

@@ -185,7 +185,7 @@ PARAMETERS = {
     ),
     "collision.stiction": Spec(
         STICTION,
-        "Fraction of its Coulomb friction by which |m r| of a standing joint is lowered.",
+        "Dead zone of |m r| of a standing joint, as a fraction of its Coulomb friction.",
         0.0,
         10.0,
     ),

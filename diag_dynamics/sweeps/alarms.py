@@ -35,7 +35,7 @@ stamp of its last event."""
     nogil=True
 )  # fmt: skip
 def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
-    """Lower |m r| of joints by the zone, which follows their standing as the observer does.
+    """Lower |m r| of joints to √(|m r|² − zone²); the zone follows standing as the observer does.
 
     `elapsed` is the time since the row before [ns], below zero after a restart. `standing` is the
     time for which each joint has been slow [ns], `widths` are the zones, after the last row.
@@ -52,10 +52,9 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
                 standing[k] = max(standing[k] - lost, 0)
             zone = zones[t, k] if standing[k] >= STANDING_TIME else 0.0
             widths[k] += pace * (zone - widths[k])
-            if abs(torque[t, k]) <= widths[k]:
-                torque[t, k] = 0.0
-            else:  # also where it is unknown, NaN
-                torque[t, k] -= math.copysign(widths[k], torque[t, k])
+            size = abs(torque[t, k])  # an unknown one, NaN, remains
+            part = widths[k] / size if size > widths[k] else 1.0
+            torque[t, k] *= math.sqrt(1.0 - part * part)
 
 
 @nk.entry_kernel(

@@ -235,7 +235,7 @@ def stopping(seed=2, count=2000):
 
 def test_standing_joints_have_a_dead_zone(arm):
     """Of a fraction of Coulomb and load friction, from 30 ms below 5 mrad/s, by the observer's
-    filter; r follows.
+    filter; |m r| is lowered to √(|m r|² − zone²), and r follows.
     """
     oracle = subject(robots.robot("ur_description/urdf/ur5_robot.urdf")).oracle
     stamps, q, rates, torque = stopping()
@@ -249,8 +249,8 @@ def test_standing_joints_have_a_dead_zone(arm):
         slow = np.clip(slow + np.where(moves, -min(4.0 * step, 0.03), step), 0.0, 0.06)
         stands = slow >= 0.03 - 1e-9
         zones = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
-        width = np.exp(-10.0 * step) * width + (1.0 - np.exp(-10.0 * step)) * zones * stands
-        expected = np.sign(torque[t]) * np.maximum(0.0, np.abs(torque[t]) - width)
+        width += (1.0 - np.exp(-10.0 * step)) * (zones * stands - width)
+        expected = torque[t] * np.sqrt(np.maximum(0.0, 1.0 - (width / torque[t]) ** 2))
         np.testing.assert_allclose(lowered[t], expected, rtol=1e-12, atol=1e-12)
         standing += stands.sum()
         if t % 20 == 0:
@@ -718,7 +718,7 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert (
         printed.count(contact.describe_rate()) == 1 and f"{contact.limits['norm']:.4g}" in printed
     )
-    smallest = result.limits[joint] + 0.4 * 0.5  # of Coulomb friction 0.5 N m
+    smallest = np.hypot(result.limits[joint], 0.2)  # 0.4 of Coulomb friction 0.5 N m
     assert f"{contact.limits[joint]:.4g}  {smallest:.4g}\n" in printed
     options = ["--urdf", "ur5", "--alarms", str(alarms), "--quiet", "--json", str(out)]
     main(["analyse", str(tables / "pushed.csv"), *options])
