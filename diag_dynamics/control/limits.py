@@ -65,12 +65,11 @@ class EnergyLimiter:
 
         ½ν_k² + min(αh, 1)(K_k − ½ν_k²)   and   K + min(αh, 1)(K_max − K),
 
-    and converts the change Δν₊ to efforts mΔν₊/h. It does so twice: with ν₊ = ν + hε, then with the
-    motion under these efforts by a step of order 2, whose error is of order h³. An error e in each
-    cycle adds up to e/(αh). Within it K stays below K_max, and returns to it at the rate α from
-    above.
-    External forces of the power P let K rise to K_max + P/α, unless an estimate of them is passed
-    on.
+    and converts the change Δν₊ to efforts mΔν₊/h. It does so twice: with ν₊ = ν + hε, then, unless
+    this keeps K below half of the least limit, with the motion under these efforts by a step of
+    order 2, whose error is of order h³. An error e in each cycle adds up to e/(αh). Within it K
+    stays below K_max, and returns to it at the rate α from above. External forces of the power P
+    let K rise to K_max + P/α, unless an estimate of them is passed on.
 
     The limits are K_max > 0 [J] and, by degree of freedom, K_k > 0 [J], inf for none; the rate is
     α > 0 [1/s]. ν_k is the rate of joint k and of all that it induces further out, not q̇_k.
@@ -89,6 +88,7 @@ class EnergyLimiter:
             "joint_limit", joint_limit, names, "a number > 0 [J]", lambda x: x > 0.0
         )
         self.rate = positive("rate", rate, "[1/s]")
+        self._least = min(self.limit, *self.joint_limit.tolist())
         dynamics.compile("tau_from_epsilon", "forward_dynamics", "nu_from_qd")
         project.compile()
 
@@ -112,6 +112,8 @@ class EnergyLimiter:
             tau = tau + self.dynamics.tau_from_epsilon(q, external)
             end += h * external
         first = self._change(command.nu, end, h)
+        if not first.any() and end @ end < self._least:
+            return command
         if first.any():
             tau = tau + self.dynamics.tau_from_epsilon(q, first)
         end = self.dynamics.nu_from_qd(*end_of_cycle(self.dynamics, q, qd, tau, h)) - h * first
