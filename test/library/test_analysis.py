@@ -642,6 +642,7 @@ def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
 def test_gaps_and_repeats(analysed, motion):
     t, q, qd, tau = (x.copy() for x in motion)
     t[1500:] += 0.05
+    t[1800:] -= 3.0  # a clock that was set back
     q[100:160], qd[100:160], tau[100:160] = q[99], qd[99], tau[99]
     q[159, 5] += 1e-9
     summary, *_ = analysed(t, q, qd, tau)
@@ -649,7 +650,14 @@ def test_gaps_and_repeats(analysed, motion):
     assert report["gaps"] == 1 and report["repeated_states"] == 59
     assert report["longest_gap"] == pytest.approx(0.052, abs=1e-6)
     assert report["longest_gap_at"] == pytest.approx(t[1499], abs=1e-6)
+    assert report["repeated_stamps"] == 0
     assert all(word in " ".join(summary["warnings"]) for word in ("1 gap, ", "repeat"))
-    summary, *_ = analysed(np.round(t, 1), q, qd, tau)
+    summary, *_ = analysed(np.round(motion[0], 1), q, qd, tau)
     assert summary["quality"]["repeated_stamps"] > 0.9 * len(t)
     assert any("times with too few digits" in text for text in summary["warnings"])
+
+
+def test_a_gap_is_no_wrong_unit(analysed, motion):
+    """The motion in it is no part of the ratio of positions to velocities."""
+    summary, text, _ = analysed(*(np.delete(x, slice(200, 1400), axis=0) for x in motion))
+    assert summary["quality"]["gaps"] == 1 and "as fast as the velocities" not in text

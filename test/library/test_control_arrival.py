@@ -64,6 +64,22 @@ def test_wrong_friction_causes_no_limit_cycle(robot, q, link, rate, friction):
     assert np.abs(closed.plant.qd).max() < 1e-4
 
 
+def test_friction_in_motion_is_that_of_the_urdf():
+    """The springs that compensate it at rest add nothing, however far the joints are behind."""
+    robot, q, link = ARMS[0]
+    demands = []
+    for compensated in (True, False):
+        closed = Closed(robot, q, link, 1000, friction_compensation=compensated)
+        closed.step()
+        points = waypoints([(1.0, goal_of(q), np.zeros(len(q)))])
+        closed.loop.take_trajectory(points, 0, closed.stamp)
+        demands.append([closed.step().demand for _ in range(200)][-1])  # the arm is held
+    velocity = closed.loop.desired.velocity
+    friction = np.array([0.4, 0.4, 0.4, 0.1]) * np.sign(velocity)
+    friction += np.array([0.5, 0.5, 0.5, 0.1]) * velocity
+    np.testing.assert_allclose(demands[0] - demands[1], friction, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("load", "tolerance", "code"),
     [

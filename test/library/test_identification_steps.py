@@ -218,6 +218,12 @@ def test_long_delays_of_velocities_are_removed(worn, delay):
     np.testing.assert_allclose(result.model.friction, FRICTION, rtol=0.15)
 
 
+def test_noise_of_velocities_is_no_wrong_unit(worn):
+    noise = np.random.default_rng(0).normal(0.0, 0.3, worn.qd.shape)
+    result = dd.identify(changed(worn, qd=worn.qd + noise), worn.model, "friction")
+    assert result.quality["velocity_delay"] == [pytest.approx(0.0, abs=2e-3)]
+
+
 def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
     """Friction of 0.5 to 5 N m is no external torque once it is known; it is that of `observe`."""
     result = dd.identify(worn, worn.model, "friction")
