@@ -156,6 +156,8 @@ class Limits:
         self._held: list[Array] = []  # efforts since the last command of a law, at most two
         self.scale = 1.0
         self._rate.begin()
+        if self._springs:
+            self._springs.begin()
         self.fill_tank()
 
     def fill_tank(self) -> None:

@@ -31,6 +31,10 @@ SPRING, DAMPER = 0.2, 0.5
 See :class:`PositionRepulsion`.
 """
 
+RETREAT = 0.2
+"""Fraction of its margin by which a spring moves in a second [1/s]; see :class:`PositionRepulsion`.
+"""
+
 AIM = 0.99
 """Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle."""
 
@@ -136,12 +140,16 @@ class PositionRepulsion:
 
     Within the margin of a limit, τ = ∓k d ∓ b (d/margin) q̇ while q̇ is outward.
 
-    d is the depth of the joint in the margin, at most the margin: beyond the limit the spring is no
-    stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
+    d is the depth of the joint in the margin in the middle of the cycle, at most the margin: there
+    an effort that lasts for the cycle does no more work than the spring would, and beyond the limit
+    the spring is no stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
     damps rates or regulates a pose, and their damping only removes energy. Under such a law a robot
     of less than ½k margin² of V + U reaches no hard stop. In a cycle of length h the impulse of a
     spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇, with the inertia D of the
     joint while all others are free: more would drive a light joint.
+
+    After `begin` no joint is thrown out of the margin: its spring begins where the joint is, and
+    moves out of the margin at RETREAT of it in each second.
 
     The margin > 0 [rad, m] from the limits inward is at most half of a joint's range. The stiffness
     is k > 0 [N m/rad, N/m], the damping b ≥ 0 [N m s/rad, N s/m] at the limit.
@@ -159,13 +167,19 @@ class PositionRepulsion:
         expected = "a finite number >= 0 [N m s/rad, N s/m]"
         self.damping = per_name("damping", damping, names, expected, lambda x: 0.0 <= x < np.inf)
         self._margin = np.minimum(margin, 0.5 * (model.upper - model.lower))
-        self._lower, self._upper = model.lower + self._margin, model.upper - self._margin
+        self._lower = self._least = model.lower + self._margin
+        self._upper = self._largest = model.upper - self._margin
+        self._is_new = False
         for name, lower, upper in zip(names, model.lower, model.upper, strict=True):
             if not lower < upper:
                 raise InputError(
                     f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in."
                 )
         dynamics.compile("epsilon_from_tau", "factors")
+
+    def begin(self) -> None:
+        """Begin where the joints are in the next state."""
+        self._is_new = True
 
     def filter(self, q: VectorLike, qd: VectorLike, command: Command, period: float) -> Command:
         """Return the command with these efforts added at q [rad, m] and qd [rad/s, m/s].
@@ -174,15 +188,20 @@ class PositionRepulsion:
         """
         h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
         q, qd = vector("q", q, names), vector("qd", qd, names)
-        depth = np.maximum(q - self._upper, 0.0) + np.minimum(q - self._lower, 0.0)
+        step = RETREAT * h * self._margin
+        lower, upper = (q, q) if self._is_new else (self._lower + step, self._upper - step)
+        self._is_new = False
+        self._lower = np.minimum(lower, self._least)
+        self._upper = np.maximum(upper, self._largest)
+        middle = q + 0.5 * h * qd
+        depth = np.maximum(middle - self._upper, 0.0) + np.minimum(middle - self._lower, 0.0)
         if not depth.any():
             return command
         d = np.clip(depth, -self._margin, self._margin)
         inertia = 1.0 / np.square(self.dynamics.factors(q).l).sum(axis=0)
-        bound = inertia * (SPRING * np.abs(d) / h + DAMPER * np.abs(qd)) / h
         outward = np.where(d * qd > 0.0, np.abs(d) / self._margin, 0.0)
-        effort = -self.stiffness * d - self.damping * outward * qd
-        effort = np.clip(effort, -bound, bound)
+        effort = -np.minimum(self.stiffness, SPRING * inertia / (h * h)) * d
+        effort -= np.minimum(self.damping * outward, DAMPER * inertia / h) * qd
         added = self.dynamics.epsilon_from_tau(q, effort)
         return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
 

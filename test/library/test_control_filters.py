@@ -323,7 +323,7 @@ def test_repulsion_is_the_gradient_of_its_potential():
         assert (damped * qd <= 1e-12).all()
         upper, lower = q > s.model.upper - margin, q < s.model.lower + margin
         back = np.where(upper, qd, -qd) <= 0.0
-        assert np.abs(damped[(upper | lower) & back]).max(initial=0.0) < 1e-12  # is free
+        assert np.abs(damped[(upper | lower) & back]).max(initial=0.0) < 1e-3  # is free
         command = dd.GravityCompensation(s.dyn).command(q, qd)
         filtered = springs.filter(q, qd, command, 1e-6)
         np.testing.assert_allclose(
@@ -334,29 +334,35 @@ def test_repulsion_is_the_gradient_of_its_potential():
     assert springs.filter(q, np.ones(N), command, PERIOD) is command
 
 
-def test_repulsion_does_not_drive_a_light_joint():
-    """A wrist of 0.8 g m² in the margin at 250 Hz, under gravity compensation: K remains below the
-    energy of the spring.
+@pytest.mark.parametrize(("begins", "energy", "speed"), [(False, 0.016, 10.0), (True, 1e-6, 0.05)])
+def test_repulsion_does_not_drive_a_light_joint(begins, energy, speed):
+    """A wrist of 0.8 g m² between its limits at 250 Hz, under gravity compensation.
+
+    No joint is thrown where the filter begins in the margin.
     """
     s, q, largest = subject(Z1), START[Z1.id].copy(), 0.0
-    q[5] = s.model.upper[5] - 0.05
     limits, law = dd.Limits(s.dyn, margin=0.1, effort_rate=1e6), dd.GravityCompensation(s.dyn)
-    plant = Sampled(s.oracle, q)
-    for _ in range(100):
+    if not begins:
+        limits.filter(q, 0.0 * q, law.command(q, 0.0 * q), 4e-3)
+    q[5] = s.model.upper[5] - 0.05
+    plant, fastest = Sampled(s.oracle, q), 0.0
+    for _ in range(500):
         command = law.command(plant.q, plant.qd)
         plant.advance(limits.filter(plant.q, plant.qd, command, 4e-3).effort, 4e-3)
         largest = max(largest, plant.kinetic_energy)
-    assert 1e-3 < largest < 0.5 * 150.0 * 0.05**2
+        fastest = max(fastest, np.abs(plant.qd).max())
+    assert 0.5 * energy < largest < energy and fastest < speed
+    assert begins or plant.kinetic_energy < 0.2 * largest
 
 
 def test_springs_are_not_scaled_with_a_fast_law():
     """A law whose efforts change too fast is scaled; springs before position limits stay as stiff
     as they are.
     """
-    s, q, rest = arm(), READY.copy(), np.zeros(N)
+    s, q, rest, limits = arm(), READY.copy(), np.zeros(N), dd.Limits(arm().dyn, margin=0.1)
+    limits.filter(q, rest, dd.GravityCompensation(s.dyn).command(q, rest), PERIOD)
     q[3] = s.model.upper[3] - 0.05
     command = dd.GravityCompensation(s.dyn).command(q, rest)
-    limits = dd.Limits(s.dyn, margin=0.1)
     for sign in 20 * [1.0, -1.0]:
         fast = command._replace(tau=command.tau + sign)
         pushed = limits.filter(q, rest, fast, PERIOD).demand
@@ -374,7 +380,7 @@ def test_repulsion_where_there_is_little_or_no_range():
     springs = dd.PositionRepulsion(dd.DiagonalDynamics(model), 50.0, 1.0)
     turns = ~np.isfinite(model.upper)
     assert (
-        turns.any() and not effort_of(springs, np.where(turns, 1e3, 0.0), np.ones(model.nv)).any()
+        turns.any() and not effort_of(springs, np.where(turns, 1e3, 0.0), np.zeros(model.nv)).any()
     )
     narrow = PANDA.urdf.replace('lower="-3.0718" upper="-0.0698"', 'lower="-1.0" upper="-1.0"')
     dyn = dd.DiagonalDynamics(dd.load_urdf(narrow, **PANDA.options))
