@@ -23,7 +23,7 @@ from diag_dynamics.control.limits import names_where
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE, REGULATION
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.references import at_rest
-from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
+from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.text import distinct
@@ -142,9 +142,7 @@ class ControlLoop:
         """Wait for the next valid state, which starts the initial mode."""
         self.supervisor.forget()
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
-        self._begin_efforts()
         self._origin = None  # stamp of the observer's first state [ns]
-        self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
         self._periods = 0  # number of measured periods of states
         self._period = 0.0  # and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
@@ -156,6 +154,7 @@ class ControlLoop:
         """Start from the last effort, with a full tank."""
         self.limits.begin()
         self._time = None  # of the last command [ns]
+        self._carried_since = None  # stamp at which efforts reached gravity compensation [ns]
 
     # --- Modes and targets ---
 
@@ -212,13 +211,12 @@ class ControlLoop:
 
         Damping or gravity compensation replaces them. Return the reason.
         """
-        if (
-            before is None
-            or not 0 < (gap := self.state.newest - before.newest) * 1e-9 <= self.supervisor.max_age
-        ):
+        gap = 0.0 if before is None else (self.state.newest - before.newest) * 1e-9
+        if gap <= 0.0:
             return ""
         self._periods += 1
-        self._period += (gap * 1e-9 - self._period) / min(self._periods, MAX_PERIODS)
+        gap = min(gap, self.supervisor.max_age)  # a hold follows
+        self._period += (gap - self._period) / min(self._periods, MAX_PERIODS)
         if self._periods % CHECK_EVERY:
             return ""
         damping = self.modes[DAMPING]
@@ -338,7 +336,7 @@ class ControlLoop:
             return self.without_state(now, problem)
         before, self.state = self.state, state
         if supervisor.will_start:
-            self._carried_since = None
+            self._begin_efforts()
         if supervisor.phase == RAMPING_DOWN:  # the arm may have been moved, perhaps by a person
             self._mode = self._braking
         is_start = supervisor.will_start or supervisor.starting
@@ -348,8 +346,11 @@ class ControlLoop:
             self._stopping = None
         if unstable := self._check_gains(before):
             self._finish(unstable)
-        if self.not_executed:
-            return self.stand_by(now, self.not_executed)._replace(lost=unstable)
+        waits = self.not_executed
+        if not waits and supervisor.phase == HOLDING and supervisor.starting:
+            waits = self._outside_limits(state.position)
+        if waits:
+            return self.stand_by(now, waits)._replace(lost=unstable)
         self._scale_contact(now)
         external = self._observed(state)
         sent = self._start(before, external, now) if is_start else None
@@ -363,7 +364,6 @@ class ControlLoop:
     def stand_by(self, now, reason):
         """Return gravity compensation with damping; the next state starts from it anew."""
         self._finish(reason)
-        self._carried_since = None
         if self._observer:
             self._observer.reset()
         self._begin_efforts()
@@ -529,8 +529,11 @@ class ControlLoop:
         return np.zeros_like(gravity) if self.supervisor.phase == RAMPING_DOWN else gravity
 
     def leave(self):
-        """Return the effort at the end of the loop, without rate limit; None: no command."""
-        if self.supervisor.phase == INACTIVE or self.is_silent:
+        """Return gravity compensation to end the loop; None: no command.
+
+        There is none during and after a ramp: its last effort stays.
+        """
+        if self.supervisor.will_start:
             return None
         self.limits.reset(self.at_rest)
         return self.limits.sent

@@ -91,6 +91,7 @@ class Mode:
     def stop(self):
         """Make the next state the target."""
         self.begun, self._lag = False, 0.0  # V of the last command relative to following_energy
+        self.desired = None
         self._away_since, self.shortfall = None, ""
         self.forget_rate()
 

@@ -459,6 +459,35 @@ def test_an_outage_within_the_hold_keeps_the_target(strong):
     )
 
 
+# --- Robots that do not execute the commands
+
+
+def test_an_arm_outside_of_its_limits_starts_within_them(strong):
+    """Also where another controller has moved it there: until then gravity compensation goes on."""
+    driver = driven(strong, "ACTIVE")
+    driver.loop.not_executed = "controller 'x' is inactive"
+    driver.step()
+    driver.loop.not_executed, outside = "", Q.copy()
+    outside[1] = strong.upper[1] + 0.06
+    for _ in range(3):
+        driver.step(outside)
+        assert driver.loop.supervisor.phase == HOLDING
+        assert "'shoulder_lift_joint' is at" in driver.loop.supervisor.reason
+        np.testing.assert_allclose(driver.sent.effort, gravity_of(outside), atol=1e-9)
+    driver.go("carried")
+    assert driver.state == "ACTIVE"
+
+
+def test_a_new_mode_forgets_the_old_target(strong):
+    """A trajectory of some joints that comes before the next state leaves the others where they
+    are.
+    """
+    driver = driven(strong, "ACTIVE", mode=TRACKING)
+    driver.step(Q + 0.1)
+    driver.loop.switch(TRACKING)
+    np.testing.assert_array_equal(driver.loop.desired.position, Q + 0.1)
+
+
 # --- The end
 
 
@@ -468,15 +497,14 @@ def test_an_outage_within_the_hold_keeps_the_target(strong):
     [("ACTIVE", True), ("STARTING", True), ("HOLDING", True), ("RAMPING_DOWN", False)],
 )
 def test_the_last_effort(strong, name, carries, compensated):
-    """Gravity compensation, or zero in the ramp; none before the first state and after zero."""
+    """Gravity compensation; none before the first state and in a ramp."""
     assert Driven(strong).loop.leave() is None
     driver = driven(strong, name, compensated=compensated and name != "STARTING")
     compensates = compensated and name != "STARTING"
     effort = driver.loop.leave()
-    if compensates and not carries:
-        assert effort is None
-    else:
-        np.testing.assert_allclose(effort, gravity_of(Q) * (carries and not compensates), atol=1e-9)
+    assert (effort is None) != carries
+    if carries:
+        np.testing.assert_allclose(effort, gravity_of(Q) * (not compensates), atol=1e-9)
     driver.loop.forget()
     assert (
         driver.state == "WAITING"

@@ -284,4 +284,5 @@ def test_a_hold_gives_nothing_back():
         driven.cycle()
         assert tank.energy == pytest.approx(x - max(work, 0.0), abs=1e-9) and work * sign > 0.0
     driven.loop.forget()
+    driven.cycle()
     assert tank.energy == CAPACITY
