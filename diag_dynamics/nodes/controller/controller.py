@@ -399,9 +399,10 @@ class ControllerNode(ManagedNode):
     def _not_executed(self):
         """Return why the effort controller does not execute the commands; empty if unknown."""
         state, name = self._activity.state, self._activity.name
-        unknown = state == NOT_LOADED and self._commands.get_subscription_count()
-        if state in (None, RUNNING) or unknown:  # another node may receive the commands
+        if state in (None, RUNNING):
             return ""
+        if state == NOT_LOADED and set(self._receivers()) - {self._controller}:
+            return ""  # another node may execute them
         return f"controller '{name}' is {state}"
 
     def _take_activity(self, before, state):
@@ -411,9 +412,11 @@ class ControllerNode(ManagedNode):
         """
         if self._loop is None or before in (None, state):
             return
-        reason = f"controller '{self._activity.name}' is {state}"
+        reason, now = f"controller '{self._activity.name}' is {state}", self.time.now()
         if self._loop.supervisor.phase == IN_FORCE:
-            self._loop.stand_by(self.time.now(), reason)
+            _, fault = attempt(self._loop.stand_by, now, reason)
+            if fault:
+                self._rejected(now, fault.cause, shortened(fault.text))
         if self._loop.supervisor.phase == HOLDING:
             self._send(self._loop.limits.sent)
 
@@ -601,8 +604,16 @@ class ControllerNode(ManagedNode):
         other_count = self.count_publishers(topic) - 1
         if not receivers:
             problems.append(f"{topic} has no subscriber")
-        elif "not compared" in self._order_known and self._controller in self._receivers():
-            problems.append(f"the order of joints is {self._order_known}")
+        elif state == NOT_LOADED:
+            problems.append(f"controller '{self._activity.name}' is {NOT_LOADED}")
+        elif self._controller in self._receivers():
+            if "not compared" in self._order_known:
+                problems.append(f"the order of joints is {self._order_known}")
+            if not self._activity.is_installed:
+                problems.append(
+                    f"whether {self._controller} is active is unknown: install a "
+                    "controller_manager_msgs with ControllerManagerActivity"
+                )
         if other_count > 0:
             problems.append(f"other nodes publish {topic}")
         return [*problems, *problems_of_limits(self._loop.limits)], {

@@ -25,12 +25,14 @@ class ControllerActivity:
     `state` is None until a message arrives. `take` is called with the state before and the new one.
     """
 
+    is_installed = ControllerManagerActivity is not None  #: whether there is a type to receive
+
     def __init__(self, node, topic, take):
         controller = topic.rpartition("/")[0]
         namespace, _, self.name = controller.rpartition("/")
         self.state, self._node, self._take = None, node, take
         self.topic, self._subscription = f"{namespace}/controller_manager/activity", None
-        if ControllerManagerActivity:
+        if self.is_installed:
             self._subscription = connected(
                 node.create_subscription,
                 ControllerManagerActivity,
