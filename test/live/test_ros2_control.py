@@ -233,6 +233,7 @@ class Arm:
 def arm(peer, tmp_path_factory):
     arm = Arm(peer, tmp_path_factory.mktemp("ros2_control"))
     with arm.launched:
+        arm.wait_until_told("holding gravity")  # before, the node does not know the manager yet
         arm.wait_until_told("mode damping")
         arm.first.end(1.0)
         arm.spawn(POSITIONS, "--inactive")
