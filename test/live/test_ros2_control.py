@@ -274,7 +274,8 @@ def test_a_restart_and_a_reaction(arm):
     arm.wait_until_told("ramping down")
     program = Path(PREFIX, "lib", "controller_manager", "ros2_control_node")
     arm.peer.clients.clear()  # of the former manager
-    with Process([*REAL_TIME.split(), program, "--ros-args", "--params-file", arm.file]):
+    command = [*REAL_TIME.split(), program, "--ros-args", "--params-file", arm.file]
+    with Process(command) as manager:
         arm.spawn("joint_state_broadcaster")
         arm.wait_until_told("choose a mode to go on", "holding gravity")
         arm.spawn(EFFORTS, "--inactive")
@@ -286,6 +287,8 @@ def test_a_restart_and_a_reaction(arm):
         states.require_rest()
         arm.spawn(POSITIONS, "--inactive")
         check_reaction(arm)
+        manager.signal(signal.SIGKILL)  # at SIGINT it has ended by SIGSEGV
+        manager.wait()
 
 
 def check_reaction(arm):
@@ -305,6 +308,9 @@ def check_reaction(arm):
     with node_process("monitor", **parameters):
         reports.wait_for(
             lambda report: report.entries["reaction"].message.endswith(": ready"), "reaction"
+        )
+        reports.wait_for(
+            lambda report: report.entries["external torque"].message == "no collision", "torque"
         )
         arm.move(VELOCITY)
         states = States(arm.peer).begin()

@@ -227,7 +227,7 @@ def test_latency(monitor, peer):
 
 def test_failures(monitor, peer):
     """A failed, an absent and a missing response are errors, at once; the node lives, and the next
-    call is made.
+    call is made. That of an absent service follows while the collision lasts.
     """
     stop = monitor.stop_service
     stop.response = Trigger.Response(success=False, message="brakes are stuck")
@@ -245,7 +245,7 @@ def test_failures(monitor, peer):
     peer.node.destroy_service(stop.service)
     assert "not available" in monitor.next_report().entries[REACTION].message  # before it is needed
     count = len(monitor.reports)
-    feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    feed(monitor, [PUSHED] * 60)
     at_once = next(
         report.entries for report in monitor.reports[count:] if REACTION in report.entries
     )
@@ -253,6 +253,7 @@ def test_failures(monitor, peer):
     assert "Reaction failed: 'stop': the service is not available" in monitor.process.output
     monitor.stop_service = Stop(peer, "/reacting/stop")
     feed(monitor, [PUSHED] * 60 + [FREE] * 300)
+    feed(monitor, [FREE] * 60)
     assert monitor.stop_service.calls == 1 and monitor.next_report().entries[REACTION].level == OK
 
 

@@ -35,7 +35,7 @@ class Reaction:
         self._service, self._client = node.values["reaction.service"], None
         self._on_contact = node.values["reaction.event"] == "contact"
         self._published = self._future = self._fallback = self._controllers = None
-        self._judged_at = -math.inf
+        self._judged_at, self._is_missed = -math.inf, False
         self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
         if self._service:
             names = [
@@ -57,10 +57,12 @@ class Reaction:
     def accept_state(self, watch, received):
         """React to the last state of a CollisionWatch, received at the steady time `received` [s].
 
-        A further event within an alarm makes no call.
+        A further event within an alarm makes no call. One without the service is made up for as
+        soon as there is one, while the alarm lasts.
         """
         alarm = watch.contact if self._on_contact else watch.collision
-        if alarm.starts and self._client:
+        late = self._is_missed and alarm.on and self._client.service_is_ready()
+        if late or (alarm.starts and self._client):
             self._call(received)
         if not (watch.seen.valid and watch.is_judged):
             self.end()
@@ -91,7 +93,8 @@ class Reaction:
         if self._future:
             self._client.remove_pending_request(self._future)
         self._future = None
-        if not self._client.service_is_ready():
+        self._is_missed = not self._client.service_is_ready()
+        if self._is_missed:
             self._fail("the service is not available")
             return
         self._send(self._request, received)
