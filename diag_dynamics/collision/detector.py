@@ -161,7 +161,7 @@ class Detector:
         Parameters
         ----------
         time : float
-            [s]. Where it goes back, the detector is reset.
+            [s]. Where it goes back, or on by more than a second, the detector is reset.
         residual, external_torque : array_like, shape (nv,)
             r [J^½/s] and m r [N m, N].
 
@@ -194,11 +194,11 @@ class Detector:
         Parameters
         ----------
         stamps : ndarray of int64, shape (T,)
-            [ns]. Where they go back, the detector is reset.
+            [ns]. Where they go back, or on by more than a second, the detector is reset.
         residual, external_torque : ndarray, shape (T, nv)
             r [J^½/s] and m r [N m, N].
         valid : ndarray of bool, shape (T,)
-            Whether the observer has a result. A state without one has no alarm, and zero values.
+            Whether the observer has a result. A state without one ends an alarm; its values are 0.
         restarts : ndarray of bool, shape (T,), optional
             States before which the detector is reset.
         maxima : ndarray, shape (T, nv + 2), optional
@@ -216,7 +216,7 @@ class Detector:
         np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])
         if len(x) and self._last is not None:
             elapsed[0] = stamps[0] - self._last
-        restart = elapsed < 0 if restarts is None else (elapsed < 0) | restarts
+        restart = np.zeros(len(x), dtype=bool) if restarts is None else restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
         rows = np.ascontiguousarray(stamps), elapsed, x, np.ascontiguousarray(valid), restart

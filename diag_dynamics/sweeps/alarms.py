@@ -25,6 +25,9 @@ RISE_TIME = 300_000_000
 FLOOR_TIME = 1e9
 """Time constant with which the floor of a value follows a larger value [ns]."""
 
+MAX_GAP = 1_000_000_000
+"""Longest time between rows without a restart [ns]."""
+
 BEGIN, END, COUNT, EVENT, MEMORY = range(5)
 """Entries of the memory: stamps of begin and end of the last alarm, whether there was one, and the
 stamp of its last event."""
@@ -72,9 +75,11 @@ def judge_states(
     """
     n = values.shape[1]
     for t in range(len(stamps)):
-        if restart[t]:
-            _clear(active, offset, memory)
+        if restart[t] or not 0 <= elapsed[t] <= MAX_GAP:
+            memory[COUNT] = 0
+            active[:], offset[:] = False, 0.0
         if not valid[t]:
+            active[:] = False
             continue
         was_on, is_offset, released = False, False, True
         for k in range(n):
@@ -105,18 +110,7 @@ def judge_states(
             if is_standing or is_offset:
                 _move_offset(offset, x[t], is_standing, -math.expm1(-2.0 * elapsed[t] / options[1]))
         else:
-            for k in range(len(offset)):
-                offset[k] = 0.0
-
-
-@nk.kernel
-def _clear(active, offset, memory):
-    """Reset alarms and offset."""
-    memory[COUNT] = 0
-    for k in range(len(active)):
-        active[k] = False
-    for k in range(len(offset)):
-        offset[k] = 0.0
+            offset[:] = 0.0
 
 
 @nk.kernel

@@ -108,8 +108,8 @@ def test_release_and_hold_off():
 
 
 def test_states_without_a_result():
-    """No alarm is on there, and it continues afterwards; a restart, or stamps that go back, ends
-    it.
+    """They end an alarm, to which a rise within the hold-off belongs. A restart, stamps that go
+    back, and a gap above a second begin another one.
     """
     stamps, r, torque = columns(4.0, [(1.0, 2.0, 0, 11.0)])
     valid = ~between(stamps, 1.4, 1.5)
@@ -122,6 +122,11 @@ def test_states_without_a_result():
     stamps[150:] -= int(0.4e9)
     for without in (valid, valid & (np.arange(len(stamps)) != 150)):
         assert len(detect(THRESHOLDS, stamps, r, torque, without)[0]) == 2
+    stamps, r, torque = columns(200.0, [(1.0, 1.4, 0, 11.0), (119.0, 119.3, 0, 30.0)])
+    kept = between(stamps, 0.0, 1.4) | between(stamps, 119.0, 120.0)
+    for valid in (kept, kept[kept]):  # a pause with states that have no result, or with none
+        rows = (column if valid is kept else column[kept] for column in (stamps, r, torque))
+        assert spans(detect(THRESHOLDS, *rows, valid)[0]) == [(1.0, 1.39), (119.0, 119.29)]
 
 
 def test_a_standing_torque_ends_its_alarm():
