@@ -54,7 +54,7 @@ def add_arguments(parser):
     for option, default, text in (
         ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
         ("--release", RELEASE, "fraction of its threshold below which a detector releases"),
-        ("--hold-off", HOLD_OFF, "time after an alarm in which a rise belongs to that alarm [s]"),
+        ("--hold-off", HOLD_OFF, "time after an event's alarm in which a rise belongs to it [s]"),
         (
             "--standing",
             STANDING,

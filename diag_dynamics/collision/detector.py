@@ -16,7 +16,7 @@ from diag_dynamics.arrays import Array, BoolArray, IntArray, VectorLike
 from diag_dynamics.checks import instance, mapping, not_negative, number, positive, vector
 from diag_dynamics.entries import ALL, by_name
 from diag_dynamics.results import TouchedLink
-from diag_dynamics.sweeps.alarms import MEMORY, judge_states
+from diag_dynamics.sweeps.alarms import BEGIN, EVENT, MEMORY, judge_states
 
 SECOND = 1_000_000_000  # [ns]
 RELEASE, HOLD_OFF, STANDING, STICTION = 0.7, 1.0, 2.0, 1.25  # defaults of :class:`Thresholds`
@@ -37,7 +37,7 @@ class Thresholds:
     release : float
         Fraction of its threshold below which a detector releases.
     hold_off : float
-        Time after an alarm within which another rise belongs to it [s].
+        Time after the alarm of an event within which another rise belongs to that event [s].
     standing : float
         Age of an alarm from which an offset follows the torque [s]; inf: never. See
         docs/collision.md.
@@ -105,8 +105,9 @@ class Detector:
     """Detect collisions joint by joint, by ‖m r‖ and by |r|.
 
     An alarm is on while any detector is active. A detector becomes active above its threshold and
-    releases below `release` of it. A rise within `hold_off` after an alarm belongs to that alarm. A
-    rise by a whole threshold within an alarm, at least 0.3 s after its begin, is a further event.
+    releases below `release` of it. A rise within `hold_off` after the alarm of an event belongs to
+    that event, and prolongs no hold-off. A rise by a whole threshold within an alarm, at least
+    0.3 s after its begin, is a further event.
 
     Once an alarm has been on for `standing`, an offset follows m r and r with a time constant of
     `standing` / 2, and afterwards decreasing torques. The test statistic is min(|x|, |x − offset|):
@@ -151,9 +152,9 @@ class Detector:
         self._memory: IntArray = np.zeros(MEMORY, dtype=np.int64)
 
     @property
-    def active(self) -> tuple[str, ...]:
-        """Names of the active detectors."""
-        return tuple(np.array(self.detectors)[self._active].tolist())
+    def starts(self) -> bool:
+        """Whether the last event started its alarm and was no rise within it."""
+        return bool(self._memory[BEGIN] == self._memory[EVENT])
 
     def update(self, time: float, residual: VectorLike, external_torque: VectorLike) -> Judged:
         """Process one state with a result of the observer.

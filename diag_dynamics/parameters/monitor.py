@@ -173,7 +173,7 @@ PARAMETERS = {
     ),
     "collision.hold_off": Spec(
         HOLD_OFF,
-        "Hold-off [s]: a rise within this time after an alarm is part of that alarm.",
+        "Hold-off [s]: a rise within this time after the alarm of an event is part of that event.",
         0.0,
         1000.0,
     ),

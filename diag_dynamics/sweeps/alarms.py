@@ -28,9 +28,9 @@ FLOOR_TIME = 1e9
 MAX_GAP = 1_000_000_000
 """Longest time between rows without a restart [ns]."""
 
-BEGIN, END, COUNT, EVENT, MEMORY = range(5)
-"""Entries of the memory: stamps of begin and end of the last alarm, whether there was one, and the
-stamp of its last event."""
+BEGIN, END, COUNT, EVENT, EXTENDS, MEMORY = range(6)
+"""Entries of the memory: stamps of begin and end of the last alarm that had an event, whether there
+was one, the stamp of its last event, and whether the current alarm had one."""
 
 
 @nk.entry_kernel(
@@ -101,7 +101,10 @@ def judge_states(
         if on:
             rises = _follow_floor(stamps[t], elapsed[t], values[t], limits[0], begin, floor, memory)
             begins[t] = begin or rises
-            memory[END], memory[COUNT] = stamps[t], 1
+            if begins[t] or not was_on:
+                memory[EXTENDS] = begins[t]
+            if memory[EXTENDS]:
+                memory[END], memory[COUNT] = stamps[t], 1
         alarm[t] = on
         for k in range(joints.shape[1]):
             joints[t, k] = active[k]

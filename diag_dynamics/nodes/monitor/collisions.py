@@ -22,8 +22,8 @@ class LiveAlarm:
     """A detector at the monitor's states.
 
     At the last state `on` is whether its alarm is on, `begins` whether an event begins, `starts`
-    whether this event starts the alarm, and `joints` which joints are active. `count` is the
-    number of events, `cause` describes the last one since the last report.
+    whether this event is no rise within an alarm, and `joints` which joints are active. `count` is
+    the number of events, `cause` describes the last one since the last report.
     """
 
     def __init__(self):
@@ -32,7 +32,6 @@ class LiveAlarm:
     def use(self, names, thresholds):
         """Restart with other thresholds."""
         self._detector = Detector(names, thresholds)
-        self._hold_off = round(1e9 * thresholds.hold_off)  # [ns]
         self.limits = self._detector.limits
         self.reset()
 
@@ -41,7 +40,6 @@ class LiveAlarm:
         self._detector.reset()
         self._alarms = Alarms(self._detector)
         self.on = self.begins = self.starts = False
-        self._last_on = None  # stamp of the last state with an alarm
         self.joints = np.zeros(len(self.limits) - 2, dtype=bool)
 
     def accept_state(self, stamps, r, torque, valid, norm, touched):
@@ -49,13 +47,9 @@ class LiveAlarm:
 
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
-        was_on = self.on
         judged = self._detector.judge(stamps, r, torque, np.array([valid]))
         self.on, self.begins = bool(judged.alarm[0]), bool(judged.begins[0])
-        recent = self._last_on is not None and stamps[0] - self._last_on <= self._hold_off
-        self.starts = self.begins and not (was_on or recent)
-        if self.on:
-            self._last_on = stamps[0]
+        self.starts = self.begins and self._detector.starts
         self.joints = judged.joints[0]
         self.count += self.begins
         if not self.on:
