@@ -43,13 +43,26 @@ def sources(module):
     contents, waiting = {}, [module]
     while waiting:
         name = waiting.pop()
-        path = source_path(name)
-        if name not in contents and path.is_file():
-            contents[name] = path.read_bytes()
-            for package, names in IMPORT.findall(contents[name].decode()):
-                modules = [f"{package}.{part}" for part in re.findall(r"\w+", names)]
-                waiting += [part if source_path(part).is_file() else package for part in modules]
+        if name not in contents and (source := read_source(name)):
+            contents[name], imported = source
+            waiting += imported
     return contents
+
+
+@functools.cache
+def read_source(name):
+    """Return the source of a module and the names of modules that it imports, None without a file.
+
+    The file is read once, because it may change after its import.
+    """
+    path, imported = source_path(name), []
+    if not path.is_file():
+        return None
+    content = path.read_bytes()
+    for package, names in IMPORT.findall(content.decode()):
+        modules = [f"{package}.{part}" for part in re.findall(r"\w+", names)]
+        imported += [part if source_path(part).is_file() else package for part in modules]
+    return content, imported
 
 
 def source_path(name):

@@ -20,7 +20,7 @@ import numba
 from numba import types
 from numba.extending import typeof_impl
 
-from diag_dynamics.numerics.cache import code_folder, only_process
+from diag_dynamics.numerics.cache import code_folder, only_process, source_hash
 from diag_dynamics.numerics.progress import report_compilation
 
 logger = logging.getLogger(__name__)
@@ -89,7 +89,11 @@ def precompile(*modules):
 
 
 def compile_ahead(entry):
-    """Add an entry or callback to those that :func:`precompile` compiles."""
+    """Add an entry or callback to those that :func:`precompile` compiles.
+
+    The hash of its sources is that of its import: a later upgrade changes the files.
+    """
+    source_hash(entry.__module__)
     _entries.append(entry)
 
 

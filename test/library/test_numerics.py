@@ -7,6 +7,7 @@ other sources.
 
 import _thread
 import fcntl
+import importlib
 import logging
 import math
 import os
@@ -372,7 +373,11 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
         ignore=lambda folder, names: [n for n in names if "." in n and not n.endswith(".py")],
     )
     monkeypatch.setattr(cache, "PACKAGE", copy)
-    result = cache.source_hash.__wrapped__
+
+    def result(name):
+        cache.read_source.cache_clear()
+        return cache.source_hash.__wrapped__(name)
+
     expected = result(f"diag_dynamics.{module}")
     for stale, edited in ((True, CLOSURES[module][0]), (False, CLOSURES[module][1])):
         for other in edited:
@@ -382,6 +387,16 @@ def test_hash_of_sources(module, tmp_path, monkeypatch):
             assert (result(f"diag_dynamics.{module}") != expected) is stale, other
             path.write_text(text)
     assert "diag_dynamics.sweeps.spatial" in cache.sources(__name__)
+    monkeypatch.setattr(kernels, "_entries", [])
+    monkeypatch.syspath_prepend(tmp_path)
+    path = tmp_path / f"upgraded_{module.replace('.', '_')}.py"
+    text = "from diag_dynamics.numerics.kernel import *\nentry_kernel(NUMBER)(lambda x: x)"
+    path.write_text(text)
+    importlib.import_module(path.stem)
+    path.write_text("")  # an upgrade before the first call
+    hash_of_call = cache.source_hash(path.stem)
+    path.write_text(text)
+    assert hash_of_call == result(path.stem)
 
 
 # --- Progress of compilation
