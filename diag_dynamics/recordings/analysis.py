@@ -216,12 +216,11 @@ class Analysis:
         observed = self._observer.observe_batch(states)
         valid, torque = observed.valid, observed.external_torque
         self._unobserved |= np.isnan(torque[valid]).any(axis=0)
-        # components that an unknown effort changes have no alarm
-        r, torque = np.nan_to_num(observed.residual), np.nan_to_num(torque)
         motion = states.stamp, states.position, states.velocity
-        lowered = self._zone.lower(*motion, r, torque, states.jumped)
-        columns = states.stamp, *lowered, valid, states.jumped
-        strength, judged = np.linalg.norm(r, axis=1), []
+        lowered = self._zone.lower(*motion, observed.residual, torque, states.jumped)
+        # components that an unknown effort changes have no alarm
+        columns = states.stamp, *map(np.nan_to_num, lowered), valid, states.jumped
+        strength, judged = np.linalg.norm(np.nan_to_num(observed.residual), axis=1), []
         for detector, alarms in zip(
             self._detectors, (self._collisions, self._contacts), strict=True
         ):

@@ -510,6 +510,18 @@ def test_a_push_is_a_collision(analysed, ur5):
     assert summary["observer"]["missing"] == missing and "Collisions are unknown" in text
 
 
+def test_a_dead_zone_leaves_unknown_residuals(analysed, ur5, tmp_path):
+    """Stiction hides 0.2 N m of the last joint from r of joints before an unknown effort, too."""
+    dd.Parameters.from_dict({"joints": {"wrist_3_joint": {"friction": 1.0}}}).save(tmp_path / "a")
+    t, q = 0.004 * np.arange(500), np.full((500, 6), 0.3)
+    tau = dd.DiagonalDynamics(ur5).gravity_torque(q) + 0.2 * np.eye(6)[5]
+    tau[:, 3] = np.nan
+    parameters = [f"parameters_file={tmp_path / 'a'}", "external_torque.gain=25"]
+    parameters.append("collision.threshold=norm=0.1")
+    summary, _, _ = analysed(t, q, 0.0 * q, tau, parameters=parameters)
+    assert [entry["end"] < 0.1 for entry in summary["collisions"]] == [True]
+
+
 def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, tmp_path):
     """Sums and maxima over single calls of the library."""
     t, q, qd, tau = motion
