@@ -253,8 +253,8 @@ class Exceeded(NamedTuple):
     threshold: float
 
     def describe(self) -> str:
-        """Return a text such as ``shoulder_lift 34 N m > 21``."""
-        label, unit = LABELS.get(self.detector, (self.detector, "N m"))
+        """Return a text such as ``shoulder_lift 34 N m or N > 21``."""
+        label, unit = LABELS.get(self.detector, (self.detector, "N m or N"))
         return f"{label} {self.value:.3g} {unit} > {self.threshold:.3g}"
 
 

@@ -68,7 +68,7 @@ def test_a_joint_above_its_threshold():
     assert (alarm.start, alarm.end, alarm.first) == (int(1e9), int(1.19e9), "elbow")
     assert alarm.joints == ("elbow", "wrist")
     assert alarm.exceeded == (("wrist", 1.5, 1.0), ("elbow", 6.5, 5.0))
-    assert alarm.describe() == "wrist 1.5 N m > 1, elbow 6.5 N m > 5"
+    assert alarm.describe() == "wrist 1.5 N m or N > 1, elbow 6.5 N m or N > 5"
     assert np.array_equal(on, between(stamps, 1.0, 1.2))
 
 

@@ -504,7 +504,7 @@ def test_a_push_is_a_collision(analysed, ur5):
     )
     assert [entry["first"] for entry in summary["collisions"]] == [
         "elbow_joint"
-    ] and "N m > 9" in text
+    ] and "N m or N > 9" in text
     summary, text, _ = analysed(*pushed)  # unknown is no "none"
     missing = ["external_torque.gain", "collision.threshold"]
     assert summary["observer"]["missing"] == missing and "Collisions are unknown" in text

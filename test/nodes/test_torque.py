@@ -144,7 +144,7 @@ def test_alarms(monitor, panda, free):
         first = next(m for m in result if m.collision)
         assert list(first.joint_collision) == [name == "panda_joint2" for name in panda.names]
         entries = monitor.reports[count].entries
-        cause = f"panda_joint2 {first.external_torque[1]:.3g} N m > 20"
+        cause = f"panda_joint2 {first.external_torque[1]:.3g} N m or N > 20"
         assert set(entries) == {TORQUE} and entries[TORQUE].message == "collision: panda_joint2"
         assert monitor.reports[count].values["detectors"] == cause
         assert last_line(monitor) == f"Collision: {cause}."
