@@ -72,7 +72,7 @@ class Calibration(Thresholds):
     contact : Calibration
         Lower thresholds, for contact, and how far they can be trusted; None in those themselves.
     covariance : ndarray, shape (nv, nv)
-        Noise of m r: its second moment about zero over all states [N² m², N² of prismatic joints].
+        Noise of m r: its second moment about zero [N² m², N² of prismatic joints].
     names : tuple of str
         Degrees of freedom, in the order of `covariance`.
     """
@@ -226,6 +226,7 @@ def calibrate_residuals(
     contact = _calibrate_rows(rows, names, contacts, template, trust, result.of_names(names))
     warnings = [*trust["warnings"], *result.warnings]
     if joint := singular_joint(names, residuals.covariance):
+        joint = joint if residuals.whole else names[int(np.argmin(residuals.known))]
         warnings.append(
             f"external torque of '{joint}' has no noise of its own: the file gets no covariance"
         )

@@ -89,10 +89,11 @@ class Residuals:
         self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
         self._parts: list[Rows] = []
         self._count = self._segment = 0  # states, and number of the segment
+        self.whole = 0  # states with the torque of all joints
         self._reduced = 0  # parts that are cells
         self._recording = 0
         self._last: int | None = None
-        self._moment = np.zeros((width, width))
+        self._moment, self.known = np.zeros((width, width)), np.zeros(width)  # states by joint
 
     def start_recording(self) -> None:
         """Start another recording."""
@@ -123,9 +124,12 @@ class Residuals:
         if not len(stamps):
             return
         x = np.nan_to_num(np.concatenate([torque, residual], axis=1)[valid])
-        noise = torque if external_torque is None else external_torque
-        noise = np.nan_to_num(noise[valid])
+        noise = (torque if external_torque is None else external_torque)[valid]
+        known = np.isfinite(noise)
+        self.known += known.sum(axis=0)
+        noise = noise[known.all(axis=1)]
         self._moment += noise.T @ noise
+        self.whole += len(noise)
         is_first = self._last is None
         steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
         segment = self._segment + is_first + np.cumsum((steps < 0) | (steps > self._max_gap))
@@ -139,8 +143,8 @@ class Residuals:
 
     @property
     def covariance(self) -> Array:
-        """Second moment of m r about zero over all states with a result, shape (nv, nv)."""
-        return self._moment / max(1, self._count)
+        """Second moment of m r about zero over states with all torques, shape (nv, nv)."""
+        return self._moment / max(1, self.whole)
 
     def rows(self) -> Rows:
         """Return the rows of all segments that have two or more."""

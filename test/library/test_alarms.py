@@ -534,16 +534,21 @@ def test_contact_has_lower_thresholds():
 
 
 def test_the_covariance_is_the_second_moment(monkeypatch):
-    """About zero, over all states with a result, also where only maxima of cells are kept."""
+    """About zero, over states with all torques, also where only maxima of cells are kept."""
     stamps, r, torque = noise(np.random.default_rng(4), 120)
     torque = torque @ np.random.default_rng(5).normal(size=(4, 4)) + [0.0, 3.0, 0.0, -1.0]
-    expected = sum(np.outer(x, x) for x in torque) / len(torque)
+    torque[::3, 2] = np.nan
+    expected = np.mean([np.outer(x, x) for x in torque if not np.isnan(x[2])], axis=0)
     for max_numbers in (10**6, 10**4):
         monkeypatch.setattr(residuals, "MAX_NUMBERS", max_numbers)
         for part in (77, 20_000):
             result = calibrate(stamps, r, torque, part=part)
             np.testing.assert_allclose(result.covariance, expected, rtol=1e-10, atol=1e-12)
     assert result.names == FOUR and not any("covariance" in text for text in result.warnings)
+    torque[:, 2] = np.nan
+    assert any(
+        "torque of 'c' has no noise" in text for text in calibrate(stamps, r, torque).warnings
+    )
 
 
 def test_poisson():
