@@ -65,7 +65,7 @@ class Thresholds:
             positive("standing", self.standing, "[s]")
         number("release", self.release, "a fraction > 0 and <= 1", lambda x: 0.0 < x <= 1.0)
         not_negative("hold_off", self.hold_off, "[s]")
-        not_negative("stiction", self.stiction, "a fraction")
+        not_negative("stiction", self.stiction, "(a fraction)")
 
     def of_names(self, names: Sequence[str], parameter: str = "collision.threshold") -> Array:
         """Return the thresholds of these joints, of ‖m r‖ and of |r|; inf without one.

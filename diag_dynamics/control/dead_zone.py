@@ -39,7 +39,10 @@ class DeadZone:
     def __init__(self, dynamics: DiagonalDynamics, fraction: float, gain: float) -> None:
         self._gain = positive("gain", gain, "[1/s]")
         model = instance("dynamics", dynamics, DiagonalDynamics).model
-        self._dynamics, self._fraction = dynamics, not_negative("fraction", fraction, "a fraction")
+        self._dynamics, self._fraction = (
+            dynamics,
+            not_negative("fraction", fraction, "(a fraction)"),
+        )
         self._is_used = bool(fraction and (model.friction.any() or model.load_friction.any()))
         self.largest: Array = np.zeros(model.nv)
         """Largest dead zone of each joint until now [N m, N]."""

@@ -65,6 +65,12 @@ def wrong(name, value, specs):
         expected = "finite numbers"
     elif is_list and len(numbers) != len(spec.default) > 1:
         expected = f"{len(spec.default)} numbers"
+    elif (
+        spec.minimum is not None
+        and type(value) is float
+        and not (spec.minimum <= value <= spec.maximum)
+    ):
+        expected = f"{spec.minimum:g} to {spec.maximum:g}"
     elif is_list and any(abs(number) > spec.maximum for number in numbers):
         expected = f"numbers within ±{spec.maximum:g}"
     return (
