@@ -136,14 +136,14 @@ FOREIGN_NAMES = {
     "dyn.mass_matrix": "crba mj_fullM mj_crb",
     "dyn.inverse_mass_matrix": "computeMinverse mj_solveM",
     "dyn.factors": "cholesky mj_factorM qLD",
-    "dyn.coriolis_torque": "nle nonLinearEffects mj_rne qfrc_bias",
+    "dyn.coriolis_torque + dyn.gravity_torque": "nle nonLinearEffects mj_rne qfrc_bias",
     "dyn.coriolis_matrix_times": "computeCoriolisMatrix getCoriolisMatrix",
-    "dyn.gravity_torque": "computeGeneralizedGravity jacobian_com jacobianCenterOfMass "
-    "mj_jacSubtreeCom",
+    "dyn.gravity_torque": "computeGeneralizedGravity",
     "dyn.friction_torque": "qfrc_passive",
     "dyn.potential_energy": "computePotentialEnergy mj_energyPos",
     "dyn.evaluate": "computeAllTerms computeKineticEnergy mj_energyVel",
-    "dyn.center_of_mass": "centerOfMass subtree_com",
+    "dyn.center_of_mass": "centerOfMass jacobian_com jacobianCenterOfMass subtree_com "
+    "mj_jacSubtreeCom",
     "dyn.regressor": "computeJointTorqueRegressor",
     "dyn.placement": "framesForwardKinematics updateFramePlacements oMf mj_kinematics xpos xmat",
     "dyn.jacobian": "computeFrameJacobian getFrameJacobian mj_jac mj_jacBody",
