@@ -66,7 +66,8 @@ class Calibration(Thresholds):
     parts : str
         The parts that are held out in turn, for example ``3 recordings``.
     dead_zones : dict
-        Largest dead zone of each standing joint in the recordings [N m, N].
+        Largest dead zone of each standing joint in the recordings [N m, N]. Of a joint that never
+        stands there, it is the largest that it would have.
     warnings : tuple of str
         Why the thresholds may be wrong.
     contact : Calibration

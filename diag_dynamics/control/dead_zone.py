@@ -44,12 +44,16 @@ class DeadZone:
             not_negative("fraction", fraction, "(a fraction)"),
         )
         self._is_used = bool(fraction and (model.friction.any() or model.load_friction.any()))
-        self.largest: Array = np.zeros(model.nv)
-        """Largest dead zone of each joint until now [N m, N]."""
+        self._largest: Array = np.zeros((2, model.nv))  # of standing joints, and at all states
         if self._is_used:
             apply_dead_zone.compile()
             dynamics.compile("epsilon_from_tau", "gravity_torque")
         self.reset()
+
+    @property
+    def largest(self) -> Array:
+        """Largest dead zone of each standing joint until now, or where it would stand [N m, N]."""
+        return np.where(self._largest[0] > 0.0, *self._largest)
 
     def use(self, dynamics: DiagonalDynamics) -> None:
         """Use a model that differs in gravity alone."""
@@ -90,12 +94,12 @@ class DeadZone:
         if model.load_friction.any():
             zones = zones + model.load_friction * np.abs(self._dynamics.gravity_torque(q))
         zones = np.ascontiguousarray(self._fraction * zones)
-        self.largest = np.maximum(self.largest, zones.max(axis=0))
+        self._largest[1] = np.maximum(self._largest[1], zones.max(axis=0))
         elapsed = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
         self._last = int(stamps[-1])
         if restarts is not None:
             elapsed[restarts] = -1
-        memory = self._standing, self._widths
+        memory = self._standing, self._widths, self._largest[0]
         apply_dead_zone(elapsed, np.ascontiguousarray(qd), zones, self._gain, *memory, lowered)
         change = np.nan_to_num(lowered - external_torque)
         rows = np.flatnonzero(change.any(axis=1))

@@ -34,14 +34,15 @@ was one, the stamp of its last event, and whether the current alarm had one."""
 
 
 @nk.entry_kernel(
-    STAMPS, *[nk.MATRIX] * 2, nk.NUMBER, FILLED_STAMPS, nk.FILLED_VECTOR, nk.FILLED_MATRIX,
+    STAMPS, *[nk.MATRIX] * 2, nk.NUMBER, FILLED_STAMPS, *[nk.FILLED_VECTOR] * 2, nk.FILLED_MATRIX,
     nogil=True
 )  # fmt: skip
-def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
+def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torque):
     """Lower |m r| of joints to √(|m r|² − zone²); the zone follows standing as the observer does.
 
     `elapsed` is the time since the row before [ns], below zero after a restart. `standing` is the
-    time for which each joint has been slow [ns], `widths` are the zones, after the last row.
+    time for which each joint has been slow [ns], `widths` are the zones, after the last row;
+    `largest` are the largest of standing joints, unfiltered.
     """
     for t in range(len(elapsed)):
         pace = -math.expm1(-1e-9 * gain * max(0, elapsed[t]))
@@ -54,6 +55,7 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, torque):
                 lost = min(DECAY * elapsed[t], STANDING_TIME)
                 standing[k] = max(standing[k] - lost, 0)
             zone = zones[t, k] if standing[k] >= STANDING_TIME else 0.0
+            largest[k] = max(largest[k], zone)
             widths[k] += pace * (zone - widths[k])
             size = abs(torque[t, k])  # an unknown one, NaN, remains
             part = widths[k] / size if size > widths[k] else 1.0
