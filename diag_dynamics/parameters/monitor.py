@@ -179,7 +179,7 @@ PARAMETERS = {
     ),
     "collision.standing": Spec(
         STANDING,
-        "Time until a constant torque counts as an offset and its alarm ends [s]; 0: never.",
+        "Age of an alarm from which an offset follows its torque until it ends [s]; 0: never.",
         0.0,
         1000.0,
     ),
