@@ -77,8 +77,8 @@ class LoadEstimator:
     The input is the external torque m r of an observer.
 
     The torque of a load π = (m, mc) on the robot is −[d/dt(Y_p π) + (Y_g − Y_∂)π], linear in π. The
-    estimator filters these columns as an observer that settles on torque filters the external
-    torque, without accelerations:
+    estimator filters these columns as the observer filters the external torque, without
+    accelerations:
 
         m r = −Φπ,   Φ = K_O(Y_p − F Y_p) + F(Y_g − Y_∂),   F = K_O/(s + K_O)
 
@@ -100,7 +100,7 @@ class LoadEstimator:
     link : str
         Link that carries the load.
     gain : float
-        K_O of the observer [1/s], which settles on torque.
+        K_O of the observer [1/s].
     covariance : array_like, shape (nv, nv)
         Second moment of m r without contact [N m, N of prismatic joints], of :func:`calibrate`.
     memory, hold : float
