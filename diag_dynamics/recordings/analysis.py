@@ -424,7 +424,7 @@ def _list_alarms(alarms, time):
                 event.detector: {"value": event.value, "threshold": event.threshold}
                 for event in alarm.exceeded
             },
-            "told": alarm.describe(),
+            "text": alarm.describe(),
         }
         | ({"link": alarm.link, "confidence": alarm.confidence} if alarm.chi_square else {})
         for alarm in alarms

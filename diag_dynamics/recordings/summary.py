@@ -198,7 +198,7 @@ def _about_collisions(summary):
     if observer["text"]:
         yield f"  {observer['text']}"
     lines = [
-        f"{_after(summary, alarm['start'])} to {_after(summary, alarm['end'])}, {alarm['told']}"
+        f"{_after(summary, alarm['start'])} to {_after(summary, alarm['end'])}, {alarm['text']}"
         + (f", touched {alarm['link']} ({alarm['confidence']:.0%})" if alarm.get("link") else "")
         for alarm in alarms
     ]

@@ -69,13 +69,13 @@ export function eventsOf(rows, layout, known = []) {
 
 // With the place and the number of the event at its largest |r|: the touched link and its force, or else the joint with the
 // largest external torque. A summary names the link.
-function described(rows, layout, { start, end, kind, told = "", link = "", isReported = false }) {
+function described(rows, layout, { start, end, kind, text = "", link = "", isReported = false }) {
   const [norm, touched] = [field(layout, "norm"), field(layout, "touched_link")];
   const atLink = (d, b) => (!link || layout.links[touched(d, b)] === link ? norm(d, b) : NaN);
   const times = [atLink, norm].map((get) => timeOfLargest(rows, start - ROUNDING, end + ROUNDING, get));
   const t = times.find(Number.isFinite) ?? start;
-  const event = { start, end, t, kind, told, touch: null };
-  if (isReported) return { ...event, place: told, number: "" };
+  const event = { start, end, t, kind, text, touch: null };
+  if (isReported) return { ...event, place: text, number: "" };
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
   const touch = touchAt(layout, d, b);
   const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
@@ -133,7 +133,7 @@ export class CollisionList {
     const time = el("button", { class: "link", text: view.label(one.start), title: "show the largest |r|" });
     return el(
       "tr",
-      { title: [`${one.kind}, ${duration}`, one.told].filter(Boolean).join(": "), onclick: () => show(one) },
+      { title: [`${one.kind}, ${duration}`, one.text].filter(Boolean).join(": "), onclick: () => show(one) },
       el("th", { scope: "row" }, el("i", { class: `dot ${one.kind === "collision" ? "bad" : "warn"}` }), time, el("div", {}, ...breakable(one.place))),
       el("td", {}, one.number, el("small", {}, duration)),
     );

@@ -90,12 +90,12 @@ export class Live {
   }
 
   // Stores a collision that diagnostics report: it may be too short for the states of the page.
-  #report(told) {
+  #report(text) {
     const { last } = this.rows;
-    if (!told || !Number.isFinite(last)) return;
+    if (!text || !Number.isFinite(last)) return;
     const before = this.collisions.at(-1);
-    if (before && last - before.end <= HOLD_OFF) Object.assign(before, { end: last, told });
-    else this.collisions.push({ kind: "collision", start: last, end: last, told, isReported: true });
+    if (before && last - before.end <= HOLD_OFF) Object.assign(before, { end: last, text });
+    else this.collisions.push({ kind: "collision", start: last, end: last, text, isReported: true });
   }
 
   #beat(json) {

@@ -40,11 +40,11 @@ test("runs of flags are events; what rises again within a second belongs to the 
 test("times and texts of a summary replace the runs that they overlap", () => {
   const rows = stored([...quiet(2), { flags: collision, norm: 5 }, { flags: collision, norm: 7 }, ...quiet(11), { flags: contact }]);
   const events = eventsOf(rows, layout, [
-    { kind: "collision", start: 0.15, end: 0.3000004, told: "turn 5 N m > 2" },
+    { kind: "collision", start: 0.15, end: 0.3000004, text: "turn 5 N m > 2" },
     ...[{ kind: "contact", start: 0.1, end: 0.4 }, { kind: "contact", start: 1.1, end: 1.15 }],
   ]);
   assert.deepEqual(times(events), [["collision", 0.15, 0.3000004, 0.3], ["contact", 1.1, 1.15, 1.1], ["contact", 1.5, 1.5, 1.5]]);
-  assert.equal(events[0].told, "turn 5 N m > 2");
+  assert.equal(events[0].text, "turn 5 N m > 2");
   assert.deepEqual(eventsOf(rows, layout, [{ kind: "collision", start: 5, end: 6 }])[2].t, 5); // without states
 });
 
@@ -65,7 +65,7 @@ test("the link of a summary is that of the event", () => {
 });
 
 test("a reported collision is an event unless states near it are flagged", () => {
-  const reported = { kind: "collision", start: 1, end: 1, told: "upper (0.53): |m r| 5 > 3", isReported: true };
+  const reported = { kind: "collision", start: 1, end: 1, text: "upper (0.53): |m r| 5 > 3", isReported: true };
   const texts = (states) => eventsOf(stored(states), layout, [reported]).map(eventText);
   assert.deepEqual(texts(quiet(20)), ["collision: upper (0.53): |m r| 5 > 3"]);
   assert.deepEqual(texts([...quiet(12), { flags: collision }, ...quiet(5)]), ["collision: slide, 5.00\u00a0N"]);
