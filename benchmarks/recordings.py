@@ -194,7 +194,7 @@ def table(measured):
         "|---|---|---|---|---|---|---|---|",
     ]
     for name, (read, compute, observe, written), target in (
-        ("Parquet: state, kinetic energy, observer", measured.parquet, 180),
+        ("Parquet: state, kinetic energy, observer", measured.parquet, 120),
         ("MCAP: `DiagonalizedState`", measured.mcap, 90),
     ):
         total = read + compute + written
