@@ -157,6 +157,12 @@ def test_setup_reports_its_failure_in_one_line(folder, message, tmp_path):
     assert message in line
 
 
+def test_setup_shows_the_share_of_each_build():
+    line = re.search(r"^done_of\(\).*", (ROOT / "scripts" / "setup").read_text(), re.MULTILINE)[0]
+    for log in ("[ 50%] Building", "   50 %  sweeps.batch"):
+        assert run("bash", "-c", f"{line}; done_of <(echo '{log}')").stdout == " 50 %\n"
+
+
 def test_a_checkout_with_a_blank_in_its_path_builds_in_the_cache():
     """CMake's macros of ROS 2 break at a blank."""
     for checkout, built in (
