@@ -56,12 +56,12 @@ print(report.mean, report.largest, report.overruns / report.ticks)
 """
 
 
-def measured(robot, seconds, order, commanded=False):
+def measured(robot, seconds, commanded=False):
     """Reports of a simulator: values by key, one dict a second, and its CPU time per tick [s].
 
     `commanded`: efforts come at the rate of the joint states, to drives that carry the robot's weight; else it waves.
     """
-    parameters = {"robot_description": find_urdf(robot), "rate": RATE, "order": order}
+    parameters = {"robot_description": find_urdf(robot), "rate": RATE}
     parameters |= {"compensates_gravity": True} if commanded else {"motion": "wave"}
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     process = subprocess.Popen(
@@ -136,12 +136,8 @@ def main():
         flush=True,
     )
     for robot in ROBOTS:
-        for order in (4, 1):
-            print(row(f"{robot}, order {order}", measured(robot, seconds, order)), flush=True)
-        print(
-            row(f"{robot}, order 4, commanded", measured(robot, seconds, 4, commanded=True)),
-            flush=True,
-        )
+        print(row(robot, measured(robot, seconds)), flush=True)
+        print(row(f"{robot}, commanded", measured(robot, seconds, commanded=True)), flush=True)
     print(f"\n{time.monotonic() - begin:.0f} s", file=sys.stderr)
 
 

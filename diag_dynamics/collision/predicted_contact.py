@@ -76,19 +76,6 @@ class PredictedContact:
         return self._results[..., contacts.POINT].astype(int) - starts
 
     @property
-    def kinetic_energy(self) -> Any:
-        """K = ½|ν|² [J] of the whole robot: one number, or one for each state."""
-        return 0.5 * np.einsum("...k,...k->...", self.nu, self.nu)
-
-    @property
-    def rest(self) -> Array:
-        """K less the transferable energy [J], the part of ν across ŵ.
-
-        A push along u leaves it to the robot.
-        """
-        return np.asarray(self.kinetic_energy)[..., None] - self.energy
-
-    @property
     def margin(self) -> Array:
         """Allowed speed less speed [m/s]: below zero above a limit, inf without one."""
         return self.allowed_speed - np.maximum(self.speed, 0.0)
