@@ -99,8 +99,8 @@ def measured(robot, seconds, commanded=False):
 def row(name, reports):
     """A line of the table."""
     ticks = sum(int(report["ticks"]) for report in reports[1:])
-    overruns = int(reports[-1]["overruns"]) - int(reports[0]["overruns"])
-    let_go = float(reports[-1]["dropped lag [s]"]) - float(reports[0]["dropped lag [s]"])
+    overruns = sum(int(report["overruns"]) for report in reports[1:])
+    let_go = sum(float(report["dropped lag [s]"]) for report in reports[1:])
     late = [float(report["lateness, mean [s]"]) for report in reports[1:]]
     largest = [float(report["lateness, maximum [s]"]) for report in reports[1:]]
     cpu = (reports[-1]["cpu"] - reports[0]["cpu"]) / ticks
