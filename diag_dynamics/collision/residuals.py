@@ -147,13 +147,15 @@ class Residuals:
         return self._moment / max(1, self.whole)
 
     def rows(self) -> Rows:
-        """Return the rows of all segments that have two or more."""
-        if not self._parts:
-            raise InputError(
-                "external torque is missing: the recordings have no efforts, or too long gaps."
-            )
-        rows = _reduce(self._parts) if self._reduced else _concatenate(self._parts)
-        return rows.select(np.bincount(rows.segment)[rows.segment] > 1)
+        """Return the rows of all segments that have two or more; InputError without any."""
+        if self._parts:
+            rows = _reduce(self._parts) if self._reduced else _concatenate(self._parts)
+            rows = rows.select(np.bincount(rows.segment)[rows.segment] > 1)
+            if rows.duration:
+                return rows
+        raise InputError(
+            "external torque is missing: the recordings have no efforts, or too long gaps."
+        )
 
 
 def _concatenate(parts: list[Rows]) -> Rows:
