@@ -150,15 +150,3 @@ class FlexibleDynamics:
         return self.link.forward_dynamics(
             q, qd, effort, f_ext, frame=frame
         ), motor / self.rotor_inertia
-
-    def squared_frequencies(self, q: VectorLike, *, motors_held: bool = True) -> Array:
-        """Return squared natural frequencies at q without gravity [1/s²], ascending.
-
-        With motors held they are the eigenvalues of ℓ k ℓᵀ, shape (nv,). With free motors ℓ and k
-        have the motors, too: shape (nv + nf,). In each case nf springs resist; the other values are
-        zero.
-        """
-        rows = self.link.factors(q).l[:, self.dofs]
-        rows = rows if motors_held else np.vstack([rows, -np.diag(self.rotor_inertia**-0.5)])
-        frequencies = np.linalg.svd(rows * np.sqrt(self.stiffness), compute_uv=False)
-        return np.append(np.zeros(len(rows) - len(frequencies)), frequencies[::-1] ** 2)

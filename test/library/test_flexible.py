@@ -152,25 +152,6 @@ def test_power_balance(panda):
     )
 
 
-@pytest.mark.parametrize("held", [True, False])
-def test_frequencies_against_a_dense_eigenproblem(panda, held):
-    """Squared frequencies are eigenvalues of K x = ω² M x."""
-    q, nv, nf = state(panda, 4)[0], panda.model.nv, len(NAMES)
-    k = np.zeros((nv + nf, nv + nf))
-    for i, name in enumerate(NAMES):
-        spread = np.zeros(nv + nf)
-        spread[panda.model.dof_names.index(name)], spread[nv + i] = 1.0, -1.0
-        k += FLEXIBLE[name]["stiffness"] * np.outer(spread, spread)
-    M = scipy.linalg.block_diag(
-        Oracle(URDF, panda.model.dof_names).mass_matrix(q), np.diag(panda.rotor_inertia)
-    )
-    n = nv if held else nv + nf
-    wanted = scipy.linalg.eigh(k[:n, :n], M[:n, :n], eigvals_only=True)
-    result = panda.squared_frequencies(q, motors_held=held)
-    np.testing.assert_allclose(result, wanted, rtol=1e-12, atol=1e-12 * wanted[-1])
-    assert result.shape == (n,) and (np.diff(result) >= 0).all() and (result > 0).sum() == nf
-
-
 # --- simulation
 
 
