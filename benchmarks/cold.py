@@ -4,6 +4,7 @@
 """Cold and warm starts: CPU-seconds of whole processes, with nothing compiled before, and with everything."""
 
 import importlib.util
+import json
 import os
 import resource
 import signal
@@ -39,6 +40,17 @@ dd.JointTracking(dyn, gain=1.0, convergence=1.0).command(q, zero, q)
 dd.RateDamping(dyn, gain=1.0).command(q, zero)
 dd.Simulation(model).advance(steps=10)"""
 
+HUMANOID = """\
+import diag_dynamics as dd
+model = dd.load_urdf({!r}, floating_base=True)
+zero = [0.0] * model.nv
+dd.DiagonalDynamics(model).evaluate(model.neutral, zero, zero)"""
+
+ARM = "ur5"
+
+LISTED = 0.05
+"""Least CPU time of a function with a row of its own [s]."""
+
 READY = "Ready"
 """What a node says when it has started."""
 
@@ -54,12 +66,25 @@ class Start(NamedTuple):
 
 def starts():
     """All lines; those of nodes where there is a ROS 2."""
-    urdf = str(find_urdf("panda"))
+    urdf, arm = str(find_urdf("panda")), str(find_urdf(ARM))
     python = [sys.executable, "-c"]
+    humanoid = HUMANOID.format(str(find_urdf("talos")))
     lines = [
-        Start("import, load, first `evaluate`", [*python, FIRST.format(urdf)], {}, 6.5),
-        Start("`Simulation`", [*python, SIMULATION.format(urdf)], {}, 14.5),
-        Start("everything that a script may call", [*python, EVERYTHING.format(urdf)], {}, 32.0),
+        Start("import, load, first `evaluate` of a UR5", [*python, FIRST.format(arm)], {}, 6.5),
+        Start(
+            "the same of a Panda, whose fingers are coupled",
+            [*python, FIRST.format(urdf)],
+            {},
+            None,
+        ),
+        Start("the same of a Talos with a floating base", [*python, humanoid], {}, 12.0),
+        Start("`Simulation` of a UR5", [*python, SIMULATION.format(arm)], {}, 14.5),
+        Start(
+            "everything that a script may call, of a Panda",
+            [*python, EVERYTHING.format(urdf)],
+            {},
+            32.0,
+        ),
     ]
     if importlib.util.find_spec("rclpy"):
         robot = ["--ros-args", "-p", f"robot_description:={urdf}"]
@@ -129,18 +154,48 @@ def table(found):
     return "\n".join(lines) + "\n"
 
 
+def compilations():
+    """The CPU time of what the first `evaluate` of an arm compiles, by function, as a table."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = subprocess.run(
+            [sys.executable, "benchmarks/compilations.py", FIRST.format(str(find_urdf(ARM)))],
+            cwd=ROOT,
+            env=os.environ | {"NUMBA_CACHE_DIR": folder},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        ).stdout
+    total, functions = json.loads(output)
+    ranked = sorted(functions.items(), key=lambda item: -item[1][1])
+    listed = [item for item in ranked if item[1][1] >= LISTED]
+    lines = ["| function | compiled | CPU-s |", "|---|---|---|"]
+    lines += [f"| `{name}` | {count} × | {seconds:.2f} |" for name, (count, seconds) in listed]
+    others = [seconds for _, (_, seconds) in ranked[len(listed) :]]
+    compiled = sum(seconds for _, (_, seconds) in ranked)
+    lines += [
+        f"| {len(others)} others | | {sum(others):.2f} |",
+        f"| imports, load, linking and storing | | {total - compiled:.2f} |",
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def page(found, machine):
     """The whole page."""
     rounds = len(found[0][1])
     return f"""\
 # Benchmark of start-up
 
-CPU-seconds of a whole process, Python and imports included, of a Panda: cold with an empty cache of compiled code, warm
-with what the cold start has left there. Medians of {rounds}. *Everything*: load, evaluate, link energies, M, g, forward and
-inverse dynamics, factors, the four sweeps, placement, reflected mass, batch, observer, two laws, simulation. The
+CPU-seconds of a whole process, Python and imports included: cold with an empty cache of compiled code, warm with what
+the cold start has left there. Medians of {rounds}. Nodes have a Panda. *Everything*: load, evaluate, link energies, M, g,
+forward and inverse dynamics, factors, the four sweeps, placement, reflected mass, batch, observer, two laws, simulation. The
 target of `Simulation` is that of `evaluate` and 8 more.
 
 {table(found)}
+## What the first `evaluate` of a UR5 compiles
+
+One run; a function without those that it calls, and those of at least {LISTED} s.
+
+{compilations()}
 {machine}"""
 
 
