@@ -142,11 +142,11 @@ class PositionRepulsion:
 
     d is the depth of the joint in the margin in the middle of the cycle, at most the margin: there
     an effort that lasts for the cycle does no more work than the spring would, and beyond the limit
-    the spring is no stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov function of a law that
-    damps rates or regulates a pose, and their damping only removes energy. Under such a law a robot
-    of less than ½k margin² of V + U reaches no hard stop. In a cycle of length h the impulse of a
-    spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇, with the inertia D of the
-    joint while all others are free: more would drive a light joint.
+    the spring is no stronger than at it. The springs' energy U = ½Σk d² adds to the Lyapunov
+    function of a law that damps rates or regulates a pose, and their damping only removes energy.
+    Under such a law a robot of less than ½k margin² of V + U reaches no hard stop. In a cycle of
+    length h the impulse of a spring is at most SPRING of D d/h, that of a damper DAMPER of D q̇,
+    with the inertia D of the joint while all others are free: more would drive a light joint.
 
     After `begin` no joint is thrown out of the margin: its spring begins where the joint is, and
     moves out of the margin at RETREAT of it in each second.
