@@ -65,10 +65,14 @@ STEPS, DOUBLED, BISECTIONS = 60, 15, 6
 """Steps of the prediction, after how many they are twice as long, and bisections between full
 braking and the demanded effort."""
 
-FORESEEN = 0.8
-"""Fraction of the gap to a limit that foreseen braking uses; the rest covers its prediction."""
+FORESEEN, PREDICTED = 0.8, 0.7
+"""Fractions of the gap to a limit and of the effort rate that foreseen braking uses.
 
-ROWS = 14
+The rest covers its prediction: while efforts are removed, ℓ turns with the arm, and the rate serves
+the change of gravity, too.
+"""
+
+ROWS = 16
 """Rows of memory of :func:`deliver`."""
 
 ROUNDING = 1e-12
@@ -76,15 +80,19 @@ ROUNDING = 1e-12
 
 
 @nk.kernel
-def _brake(momentum, effort, change, period, cycles, lower, upper, braking):
+def _brake(momentum, rates, effort, change, period, cycles, lower, upper, braking):
     """Fill the next efforts −s p on the way to rest at a bounded rate, where they end at zero.
 
     p = Mq̇ = mν are the momenta, ṗ = u with a constant M: all decay alike, and K with them. Each is
     a double integrator with |u̇| ≤ R and the switching curve |u| = √(2R|p|). s is the largest rate
     at which all are within theirs and their bounds, and none reverses in a step of some cycles: K
     rises where some momenta decay and others do not.
+
+    Where rates and bounds leave efforts that drive, uᵀq̇ > 0, each joint takes the lower power of
+    two: on its way to −s p, or to zero if its effort drives and unchanged if it brakes. Without
+    efforts K is constant in any motion, because Coriolis forces do no work.
     """
-    rate = 1.0 / (cycles * period)
+    rate, power = 1.0 / (cycles * period), 0.0
     for j in range(len(momentum)):
         curve = 2.0 * change[j] / period
         if abs(momentum[j]) * rate * rate > curve:
@@ -95,10 +103,17 @@ def _brake(momentum, effort, change, period, cycles, lower, upper, braking):
     for j in range(len(momentum)):
         most = cycles * change[j]
         braking[j] = min(max(braking[j], effort[j] - most), effort[j] + most)
+        power += braking[j] * rates[j]
+    for j in range(len(momentum) if power > 0.0 else 0):
+        other, most = effort[j], cycles * change[j]
+        if other * rates[j] > 0.0:
+            other -= min(max(other, -most), most)
+        if other * rates[j] < braking[j] * rates[j]:
+            braking[j] = min(max(other, lower[j]), upper[j])
 
 
 @nk.kernel
-def _keeps(inverse, momentum, rows, change, period, limit, joint_limit, lower, upper):
+def _keeps(inverse, momentum, rates, rows, change, period, limit, joint_limit, lower, upper):
     """Return whether braking after the efforts rows[0] keeps all limits [J].
 
     Momentum and rows change.
@@ -106,11 +121,15 @@ def _keeps(inverse, momentum, rows, change, period, limit, joint_limit, lower, u
     u, braking, cycles = rows[0], rows[1], 1.0
     for step in range(1, STEPS + 2):
         energy = 0.0
+        for i in range(len(u)):
+            rates[i] = 0.0
         for i in range(len(u) - 1, -1, -1):
             momentum[i] += cycles * period * u[i]
             total_rate = 0.0
             for j in range(i, len(u)):
                 total_rate += inverse[i, j] * momentum[j]
+            for j in range(i, len(u)):
+                rates[j] += inverse[i, j] * total_rate
             share = 0.5 * total_rate * total_rate
             energy += share
             if share > joint_limit[i]:
@@ -119,7 +138,7 @@ def _keeps(inverse, momentum, rows, change, period, limit, joint_limit, lower, u
             return False
         if step % DOUBLED == 0:
             cycles *= 2.0
-        _brake(momentum, u, change, period, cycles, lower, upper, braking)
+        _brake(momentum, rates, u, change, period, cycles, lower, upper, braking)
         for i in range(len(u)):
             u[i] = braking[i]
     return True
@@ -141,23 +160,29 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
     rows[1]. `effort` are the last ones, and `change` their largest change in a cycle.
     """
     lower, upper, brake, ahead, momentum = rows[0], rows[1], rows[2], rows[3], rows[4]
-    allowed, predicted = rows[5], rows[6:]
+    allowed, rates, slow, predicted = rows[5], rows[6], rows[7], rows[8:]
+    for i in range(len(nu)):
+        rates[i] = 0.0
     now = 0.0
     for i in range(len(nu) - 1, -1, -1):
         share, rest = 0.5 * nu[i] * nu[i], nu[i]
         now += share
+        for j in range(i, len(nu)):
+            rates[j] += inverse[i, j] * nu[i]
         allowed[i] = _foreseen(share, joint_limit[i], fraction)
         for j in range(i + 1, len(nu)):
             rest -= inverse[i, j] * momentum[j]
         momentum[i] = rest / inverse[i, i]
     limit = _foreseen(now, limit, fraction)
-    _brake(momentum, effort, change, period, 1.0, lower, upper, brake)
+    _brake(momentum, rates, effort, change, period, 1.0, lower, upper, brake)
     good, part, step = 0.0, 1.0, 1.0
+    for i in range(len(nu)):
+        slow[i] = PREDICTED * change[i]
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
             ahead[i], predicted[0, i] = momentum[i], brake[i] + part * (near[i] - brake[i])
         step *= 0.5
-        if _keeps(inverse, ahead, predicted, change, period, limit, allowed, lower, upper):
+        if _keeps(inverse, ahead, rates, predicted, slow, period, limit, allowed, lower, upper):
             good = part
             if part == 1.0:
                 break
