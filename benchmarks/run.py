@@ -19,6 +19,7 @@ try:
     import cold
     import contact_limit
     import contacts
+    import energy_limit
     import growth
     import identification
     import memory
@@ -88,6 +89,7 @@ PARTS = (
     "identification",
     "alarms",
     "contact",
+    "energy",
     "nodes",
 )
 
@@ -120,6 +122,7 @@ def main():
         "identification": identifications,
         "alarms": calibrations,
         "contact": touches,
+        "energy": energies,
         "nodes": nodes,
     }
     chosen = [arguments.only] if arguments.only else PARTS
@@ -207,6 +210,16 @@ def touches(short, folder, _):
         ):
             page = "\n".join([f"# {title}", "", *lines, "", machine, ""])
             (folder / f"{name}.md").write_text(page, encoding="utf-8")
+
+
+def energies(short, folder, _):
+    """Simulate loops that keep a limit of kinetic energy: no times, the same numbers every time."""
+    _say("limits energies")
+    lines = energy_limit.table(energy_limit.compare(short))
+    print("\n".join(lines))
+    if folder:
+        page = "\n".join(["# Benchmark of the energy limit", "", *lines, ""])
+        (folder / "energy_limit.md").write_text(page, encoding="utf-8")
 
 
 def nodes(short, folder, official):

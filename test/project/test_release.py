@@ -181,6 +181,7 @@ WRITTEN = {
     "library": {"table.md", "dof.png", "growth.png", "batch.png"},
     "alarms": {"alarms.md"},
     "contact": {"contacts.md", "contact_limit.md"},
+    "energy": {"energy_limit.md"},
     "nodes": {"nodes.md", "nodes_latency.png", "nodes_rates.png"},
 }
 
