@@ -150,6 +150,12 @@ def gain_of(message):
     return float(str(message.value).split("expected at most ")[1].split()[0])
 
 
+def coupled_springs(dyn, stiffness):
+    law, neighbours = dd.JointRegulation(dyn, 1.0, 0.7), np.eye(7, k=1) + np.eye(7, k=-1)
+    law.stiffness = stiffness * (np.eye(7) + 0.4 * neighbours)
+    return law
+
+
 def pose_law(dyn, stiffness, **damping):
     law = dd.PoseRegulation(
         dyn, "panda_hand", position_stiffness=300.0, orientation_stiffness=stiffness, **damping
@@ -172,6 +178,7 @@ def pose_law(dyn, stiffness, **damping):
         ),
         (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.7), "stiffness of 'panda_joint7'"),
         (lambda dyn, gain: dd.JointRegulation(dyn, gain, 0.2), "stiffness of 'panda_joint7'"),
+        (coupled_springs, "stiffness of 'panda_joint7'"),
         (lambda dyn, gain: pose_law(dyn, gain, damping_ratio=0.7), "orientation_stiffness"),
         (lambda dyn, gain: pose_law(dyn, gain, damping=30.0), "orientation_stiffness"),
         (lambda dyn, gain: pose_law(dyn, 1.0, damping=gain), "damping of 'panda_joint1'"),
