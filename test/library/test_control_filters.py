@@ -243,7 +243,10 @@ def test_braking_keeps_the_effort_limit():
 
 
 def test_braking_near_an_effort_limit_lowers_the_energy():
-    """Gravity takes a joint out of the common scale of efforts, not out of that of braking."""
+    """Gravity takes a joint out of the common scale of efforts, not out of that of braking.
+
+    K returns to its limit at the rate of the filter, no faster.
+    """
     s, q, rng = subject(UR5), START[UR5.id], np.random.default_rng(0)
     limit = np.where(np.arange(6) == 1, np.abs(s.oracle.gravity_torque(q)) / 0.92, 40.0)
     law = dd.GravityCompensation(s.dyn)
@@ -256,6 +259,20 @@ def test_braking_near_an_effort_limit_lowers_the_energy():
             command = law.command(plant.q, plant.qd)
             plant.advance(limits.filter(plant.q, plant.qd, command, 4e-3).effort, 4e-3)
             assert plant.kinetic_energy < energy
+        assert plant.kinetic_energy > 0.7 * energy  # (1 + 0.8³)/2 = 0.756
+
+
+def test_braking_removes_driving_efforts():
+    """Joint 3 turns against its momentum, so that its effort on the way to rest drives."""
+    s, q = arm(), np.where(np.arange(N) == 1, 0.3, READY)
+    qd = np.array([-5.7, 0.0, 5.1, 0.0, 0.0, 0.0, 0.0])
+    moving = np.array([8.0, 0.0, 13.0, 0.0, 0.0, 0.0, 0.0])
+    truth, g = s.oracle.at(q, qd), s.oracle.gravity_torque(q)
+    energy = 0.5 * np.sum((truth.m.T @ qd) ** 2)
+    limits = dd.Limits(s.dyn, energy_limit=energy, start=g + moving)
+    command = dd.GravityCompensation(s.dyn).command(q, qd)._replace(tau=g + 3.0 * moving)
+    effort = limits.filter(q, qd, command, PERIOD).effort - g
+    assert effort @ qd < moving @ qd - 10.0
 
 
 WRISTS = np.array([0.0, 0.0, 0.0, 0.3, -0.3, 0.3])
