@@ -119,20 +119,6 @@ class PredictedContact:
 # --- Contact of two masses: transient against a spring, and an instantaneous impact
 
 
-def reduced_mass(reflected_mass: Any, mass: Any = np.inf) -> Any:
-    """Return μ = (1/m_u + 1/m_H)⁻¹ [kg]; a mass of inf is clamped."""
-    with np.errstate(divide="ignore"):
-        return 1.0 / (1.0 / np.asarray(reflected_mass, float) + 1.0 / np.asarray(mass, float))
-
-
-def simplified_mass(moving_mass: float, payload: float = 0.0) -> float:
-    """Return m_R = M/2 + m_L [kg] of ISO/TS 15066, with mass M of moving parts and payload m_L.
-
-    For comparison: independent of pose and direction, it can be too small as well as too large.
-    """
-    return 0.5 * moving_mass + payload
-
-
 class Impact(NamedTuple):
     """Instantaneous impact along a direction u at a point of a link. Arrays have shape (nv,)."""
 
@@ -162,7 +148,7 @@ def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0
     along = w * (speed / square) if moves else np.zeros_like(nu)
     reflected = 1.0 / square if moves else math.inf
     closing = max(speed, 0.0) if moves else 0.0
-    mu = float(reduced_mass(reflected, mass)) if closing else 0.0
+    mu = 1.0 / (1.0 / reflected + 1.0 / mass) if closing else 0.0
     impulse = (1.0 + e) * mu * closing
     mass_speed = 0.0 if mass == math.inf else impulse / mass
     loss = 0.5 * (1.0 - e * e) * mu * closing**2

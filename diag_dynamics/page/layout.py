@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.collision.predicted_contact import simplified_mass
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.model.followers import FollowerMotion
@@ -236,7 +235,7 @@ def half_mass(model):
         if model.floating_base or model.placement_in_body(name)[0] > 0:
             total += float(link["mass"])
             carried += float(model.payloads[name].mass) if name in model.payloads else 0.0
-    return simplified_mass(total - carried, carried)
+    return 0.5 * (total - carried) + carried
 
 
 def finite(values):

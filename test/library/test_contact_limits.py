@@ -19,10 +19,6 @@ from accuracy import EPS, norm
 from coupling import NAMED, oracle_of
 from derivative_oracles import jacobian
 from described import PANDA, TALOS, UR5
-from diag_dynamics.collision.predicted_contact import (
-    reduced_mass,
-    simplified_mass,
-)
 from oracles import Oracle
 from robots import description, joint, link, random_robots, robot
 
@@ -98,7 +94,7 @@ def test_worst_point_of_every_link(one, worst_by):
             v = dyn.link_velocity(q, name, qd, r)[:3]
             m = dyn.reflected_mass(q, name, v, r)
             speed, energy = norm(v), 0.5 * m * v @ v
-            impedances = np.sqrt([reduced_mass(m, 3.0) * 2e4, m * 1e4])
+            impedances = np.sqrt([2e4 / (1.0 / m + 1.0 / 3.0), m * 1e4])
             forces = speed * impedances
             of_energy = math.sqrt(2.0 * 0.7 / m)
             speeds = of_energy, *([90.0, 120.0] / impedances)
@@ -304,14 +300,6 @@ def test_impact_with_a_free_mass():
 
 # --- The transient model and limits
 # ------------------------------------------------------------------------
-
-
-def test_masses_of_a_contact():
-    """A mass of inf is clamped; the simplified one is that of ISO/TS 15066."""
-    assert reduced_mass(4.0, 4.0) == 2.0
-    assert reduced_mass(4.0) == 4.0
-    assert reduced_mass(math.inf, 3.0) == 3.0
-    assert simplified_mass(18.0, 3.0) == 12.0
 
 
 LIMITS = """
