@@ -165,7 +165,7 @@ def test_efforts_move_at_their_rates(compensated):
     assert limits.ramp(np.full(N, 50.0), 1e-3) == pytest.approx(20.0 + 1e-3 * rate)
 
 
-def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **options):
+def released(robot, stiffness, period, away, start="gravity", seconds=1.0, rate=1e3, **options):
     """Return K [J] of a sampled loop released at rest and away from its set-point, and the last
     distance from it.
 
@@ -174,7 +174,7 @@ def released(robot, stiffness, period, away, start="gravity", seconds=1.0, **opt
     s, target = subject(robot), START[robot.id]
     law, plant = dd.JointRegulation(s.dyn, stiffness, 0.7), Sampled(s.oracle, target + away)
     law.require_stable(plant.q, period)
-    limits, energies = dd.Limits(s.dyn, effort_rate=1000.0, **options), []
+    limits, energies = dd.Limits(s.dyn, effort_rate=rate, **options), []
     if start == "command":
         command = law.command(plant.q, plant.qd, target)
         at_once = dd.Limits(s.dyn, effort_rate=1e9, **options)
@@ -278,19 +278,20 @@ WRISTS = np.array([0.0, 0.0, 0.0, 0.3, -0.3, 0.3])
 
 
 @pytest.mark.parametrize(
-    ("robot", "stiffness", "period", "away", "start", "bound"),
+    ("robot", "stiffness", "period", "away", "start", "rate", "bound"),
     [
-        (UR5, 300.0, 1e-3, WRISTS, "gravity", 0.255),
-        (UR5, 300.0, 1e-3, WRISTS, "command", 1.1),
-        (UR5, 200.0, 8e-3, 0.8, "command", 0.255),
-        (PANDA, 600.0, 4e-3, 0.8, "gravity", 0.255),
-        (Z1, 600.0, 1e-3, 0.3, "gravity", 0.255),
+        (UR5, 300.0, 1e-3, WRISTS, "gravity", 1e3, 0.255),
+        (UR5, 300.0, 1e-3, WRISTS, "command", 1e3, 1.1),
+        (UR5, 200.0, 8e-3, 0.8, "command", 1e3, 0.255),
+        (UR5, 100.0, 1e-3, 0.8, "gravity", 50.0, 0.255),  # 0.2 s of braking
+        (PANDA, 600.0, 4e-3, 0.8, "gravity", 1e3, 0.255),
+        (Z1, 600.0, 1e-3, 0.3, "gravity", 1e3, 0.255),
     ],
 )
-def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, start, bound):
+def test_a_rate_limit_keeps_the_energy_limit(robot, stiffness, period, away, start, rate, bound):
     """Efforts begin at gravity compensation, or at a command that cannot be removed in time."""
     seconds = shortened(1.0, 0.3)
-    energies, _ = released(robot, stiffness, period, away, start, seconds, energy_limit=0.25)
+    energies, _ = released(robot, stiffness, period, away, start, seconds, rate, energy_limit=0.25)
     assert 0.2 < energies.max() < bound and energies[-1] < 0.255
 
 
