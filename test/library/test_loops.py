@@ -261,6 +261,9 @@ def test_dynamics(name):
             np.abs(it.dynamics.forward_dynamics(q, qd, tau) - expected).max()
             <= 1e-11 * np.abs(expected).max()
         )
+        both = [it.oracle.at(q, qd + sign * tau)[1] for sign in (1.0, -1.0)]  # C_s is bilinear
+        actual = 4.0 * it.dynamics.coriolis_matrix_times(q, qd, tau)
+        assert np.abs(both[0] - both[1] - actual).max() <= 1e-11 * (np.abs(both) + np.abs(g)).max()
         wrench = {it.model.link_names[-1]: tau[[0] * 6], it.model.link_names[1]: qd[[0] * 6]}
         effort = it.oracle.effort_of(q, qd, wrench)
         actual = it.dynamics.inverse_dynamics(q, qd, 0.0 * qd, wrench, frame="world")
