@@ -484,7 +484,10 @@ def driven(joint):
 
 
 def test_driven_joint_is_independent():
-    assert dd.load_urdf(with_element(HINGE + driven("j3"))).followers == {
-        "j1": ("j3",),
-        "j2": ("j3",),
-    }
+    control = (
+        '<ros2_control><joint name="j1"/><joint name="j2"/>'
+        '<joint name="j3"><command_interface name="effort"/></joint></ros2_control>'
+    )
+    for element in (driven("j3"), control):
+        model = dd.load_urdf(with_element(HINGE + element))
+        assert model.followers == {"j1": ("j3",), "j2": ("j3",)}
