@@ -235,15 +235,15 @@ def test_efforts_of_a_joint_that_were_not_measured(analysed, motion, value, said
 
 
 def windows_by_numpy(model, t, q, qd, tau):
-    """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, and those of
-    the total rates.
+    """Return mean powers over windows at multiples of 0.1 s [W]: dK/dt, the residual, that of
+    gravity, and those of the total rates.
     """
     s = dd.DiagonalDynamics(model).evaluate(q, qd, np.nan_to_num(tau), friction=True)
     is_known = np.isfinite(tau).all(axis=1)
-    power = np.column_stack([s.effort_power - (s.nu * s.friction).sum(axis=1), s.nu * s.nu_dot])[
-        is_known
-    ]
-    t, K = t[is_known], np.column_stack([s.kinetic_energy, s.energy_share])[is_known]
+    gravity, friction = ((s.nu * x).sum(axis=1) for x in (s.gravity, s.friction))
+    power = np.column_stack([s.effort_power - friction, -gravity, s.nu * s.nu_dot])[is_known]
+    K = np.column_stack([s.kinetic_energy, 0.0 * gravity, s.energy_share])[is_known]
+    t = t[is_known]
     begins = np.flatnonzero(np.diff(np.floor(np.round(t * 1e9) / 1e8))) + 1
     result = []
     for first, last in pairwise(begins):
@@ -265,9 +265,10 @@ def test_explained_share_is_that_of_windows_by_numpy(analysed, ur5, motion, gaps
         t[1000:] += 0.7
         tau[1500:1600] = np.nan
     summary, *_ = analysed(t, q, qd, tau, parameters=LOOSE)
-    kinetic, residual, *joints = windows_by_numpy(ur5, t, q, qd, tau)
+    kinetic, residual, gravity, *joints = windows_by_numpy(ur5, t, q, qd, tau)
     assert summary["balance"]["windows"] == len(kinetic)
-    assert summary["explained"] == pytest.approx(1.0 - residual.var() / kinetic.var(), rel=1e-6)
+    for key, change in (("explained", kinetic), ("explained_with_potential", kinetic + gravity)):
+        assert summary[key] == pytest.approx(1.0 - residual.var() / change.var(), rel=1e-6)
     result = [
         summary["residual_power"],
         *(entry["residual_power"] for entry in summary["balance"]["joints"].values()),
