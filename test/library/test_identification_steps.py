@@ -480,3 +480,10 @@ def test_gains_of_the_file_are_applied_once(tmp_path):
     other = dd.read_recording(table, model, parameters={"effort_scale": ["*=0.1"]})
     np.testing.assert_allclose(other.tau, 0.1 * tau / gains, rtol=1e-12)
     assert main(["identify", *arguments, "--set", "effort_scale=*=2"]) == 2
+
+
+def test_gains_beneath_noise_are_unknown():
+    model, (t, q, qd, tau) = dd.load_urdf(desk_arm.URDF), desk_arm.motion(20.0)
+    tau[:, 2] += 6.0 * tau[:, 2].std() * np.random.default_rng(5).normal(size=len(t))
+    gains = dd.identify(desk_arm.recording(t, q, qd, tau), model, "gains").quality["effort_gain"]
+    assert [name for name, gain in gains.items() if gain] == ["lift"]
