@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
-from diag_dynamics.checks import not_negative, per_name, vector
+from diag_dynamics.checks import instance, not_negative, per_name, vector
 from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.control.effort_rate import EffortRate
 from diag_dynamics.control.laws import Command, Gain, actuated
@@ -122,6 +122,7 @@ class Limits:
     ) -> None:
         model = actuated(dynamics).model
         self._names, self._compensated = model.dof_names, compensated
+        margin = not_negative("margin", margin, "[rad, m]")
         limit = model.effort_limit if effort_limit is None else effort_limit
         expected = "a number > 0 [N m, N]"
         limit = per_name("effort_limit", limit, self._names, expected, lambda x: x > 0.0)
@@ -156,12 +157,12 @@ class Limits:
         self._held: list[Array] = []  # efforts since the last command of a law, at most two
         self.scale = 1.0
         self._rate.begin()
+        self.renew()
+
+    def renew(self) -> None:
+        """Fill the tank, and let the springs begin where the joints are, if there are such."""
         if self._springs:
             self._springs.begin()
-        self.fill_tank()
-
-    def fill_tank(self) -> None:
-        """Fill the tank, if there is one."""
         if self.tank:
             self.tank.fill()
 
@@ -191,7 +192,8 @@ class Limits:
         not_negative("period", period, "[s]")
         h = period or FIRST_PERIOD
         q, qd = vector("q", q, self._names), vector("qd", qd, self._names)
-        vector("command.tau", command.tau, self._names)
+        vector("command.tau", instance("command", command, Command).tau, self._names)
+        external = None if external is None else vector("external", external, self._names)
         g = vector("command.gravity_torque", command.gravity_torque, self._names)
         self._gravity = g
         if self._is_new:

@@ -40,6 +40,9 @@ STANDING = 0.003
 BRAKING = "braking before the mode begins"
 """Text of a start, and of a mode that waits for the arm to stand."""
 
+VOID = "the robot's position replaced the target: no valid joint state for longer than hold_time"
+"""Reason of targets that end with a gap of the states, also where their time goes back."""
+
 CHECK_EVERY, MAX_PERIODS = 8, 100
 """Numbers of states and of periods.
 
@@ -175,8 +178,9 @@ class ControlLoop:
 
         One without joint springs begins when the arm stands.
 
-        Efforts approach those of the new law at the effort rate, and the energy tank is filled. An
-        InputError names gains that are unstable at the rate of the states.
+        Efforts approach those of the new law at the effort rate, the energy tank is filled, and
+        springs at position limits begin where the joints are. An InputError names gains that are
+        unstable at the rate of the states.
         """
         chosen = self._mode_of(mode)
         if unstable := self._unstable(chosen):
@@ -187,7 +191,7 @@ class ControlLoop:
                 f"{self.supervisor.reason}."
             )
         self.supervisor.cause = ""
-        self.limits.fill_tank()
+        self.limits.renew()
         self.stop_trajectory(f"mode {mode} was requested")
         self._mode = chosen
         chosen.stop()
@@ -340,17 +344,20 @@ class ControlLoop:
         if supervisor.phase == RAMPING_DOWN:  # the arm may have been moved, perhaps by a person
             self._mode = self._braking
         is_start = supervisor.will_start or supervisor.starting
+        lost = ""
         if is_start or self._is_interrupted(before):
-            self._finish("no valid joint state for longer than hold_time")
+            lost = VOID if self._mode.begun and self._mode.targets else ""
+            self._finish(VOID)
             self._mode.stop()
             self._stopping = None
         if unstable := self._check_gains(before):
+            lost = unstable
             self._finish(unstable)
         waits = self.not_executed
         if not waits and supervisor.phase == HOLDING and supervisor.starting:
             waits = self._outside_limits(state.position)
         if waits:
-            return self.stand_by(now, waits)._replace(lost=unstable)
+            return self.stand_by(now, waits)._replace(lost=lost)
         self._scale_contact(now)
         external = self._observed(state)
         sent = self._start(before, external, now) if is_start else None
@@ -359,7 +366,7 @@ class ControlLoop:
             sent = self._follow(external, now)
         # After the command, because a law that fails must not prolong the hold.
         supervisor.valid(now, has_started)
-        return sent._replace(lost=unstable or sent.lost)
+        return sent._replace(lost=lost or sent.lost)
 
     def stand_by(self, now, reason):
         """Return gravity compensation with damping; the next state starts from it anew."""
@@ -395,7 +402,7 @@ class ControlLoop:
             if timeout or self._is_slow(SLOW):
                 return None
         sent = self._limited(command, external, now)
-        limits.fill_tank()  # which a sinking arm has drained
+        limits.renew()  # after a sinking arm has drained the tank and pressed on springs
         return sent
 
     def _is_slow(self, fraction):

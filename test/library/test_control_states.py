@@ -63,9 +63,9 @@ def strong():
 class Driven:
     """A loop that is driven by events; `sent` is the answer to the last one."""
 
-    def __init__(self, arm, compensated=False, mode=DAMPING, hold=HOLD):
+    def __init__(self, arm, compensated=False, mode=DAMPING, hold=HOLD, margin=0.0):
         values = {"hold_time": hold * 1e-3, "initial_mode": mode}
-        values |= {"effort_rate": [f"*={RATE}"], "limit_margin": 0.0}
+        values |= {"effort_rate": [f"*={RATE}"], "limit_margin": margin}
         self.loop, self.now, self.sent = control_loop(arm, compensated, **values), S, None
         self.machine, self.hold = 0.0, hold
         self.loop.supervisor._machine_time = lambda: self.machine
@@ -191,6 +191,23 @@ def test_a_start_takes_the_rate_of_efforts(strong):
     driver = Driven(strong, compensated=True)
     driver.step()
     assert driver.state == "ACTIVE"
+
+
+def test_no_spring_of_a_limit_delays_a_start_or_throws_the_arm(strong):
+    """In the margin springs begin with the mode, also where one has pressed on a standing joint."""
+    q = Q.copy()
+    q[1] = strong.upper[1] - 0.05
+    driver, cycles = Driven(strong, mode=TRACKING, margin=0.1), 0
+    while not cycles or driver.state == "STARTING":
+        driver.step(q)
+        cycles += 1
+    assert cycles < 1000
+    for _ in range(1000):
+        driver.step(q)
+    assert np.abs(driver.sent.demand - gravity_of(q)).max() > 100.0
+    driver.loop.switch(GRAVITY_COMPENSATION)
+    driver.step(q)
+    np.testing.assert_allclose(driver.sent.demand, gravity_of(q), atol=1e-9)
 
 
 def test_a_start_goes_on_after_a_hold(strong):
