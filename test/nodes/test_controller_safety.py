@@ -276,6 +276,8 @@ WRONG = {
     ),
     "no velocities": (NAMES, Q, (), "velocity is nan"),
     "far beyond limits": (NAMES, [*START_AT[:2], 40.0, *START_AT[3:]], REST, "'elbow_joint'"),
+    "too fast": (NAMES, Q, [*REST[:2], 20.0, *REST[3:]], "'elbow_joint'"),
+    "of another robot": (NAMES, REST, REST, "position jumped"),
 }
 
 
@@ -386,6 +388,7 @@ def test_a_clock_that_goes_back(damped, jump):
     status = damped.step()
     assert damped.now - begin < 0.1 * S
     assert not any(status.tracking_error)
+    assert "the robot's position replaced the target" in damped.process.output
     efforts = np.array([s.effort_command for s in damped.status.messages])
     assert np.isfinite(efforts).all()
     assert np.abs(np.diff(efforts, axis=0)).max(initial=0) <= 0.02 * EFFORT_RATE + 1e-9

@@ -90,10 +90,10 @@ A service that has not discovered its client yet drops the response.
 WATCHES = 4
 """Checks of the age of the last state within its largest age."""
 
-BEYOND_LIMITS = 0.5
-"""Plausible distance outside of limits [rad, m].
+PLAUSIBLE = {"beyond_limits": 0.5, "beyond_velocity": 3.0, "jump": 0.1}
+"""Plausible distance outside of limits, velocity as a multiple of its limit, and jump [rad, m].
 
-Springs would throw an arm with an encoder a turn off.
+Springs would throw an arm with an encoder a turn off; damping, one with a wrong velocity.
 """
 
 
@@ -287,9 +287,7 @@ class ControllerNode(ManagedNode):
         joints, order = command_order(values["command_joints"], model.dof_names)
         # A single state from the future would make all correct ones late, so none is accepted.
         age = values["max_state_age"]
-        options = Options(
-            timeouts={ALL: age}, max_age=age, refuse_foreign=True, beyond_limits=BEYOND_LIMITS
-        )
+        options = Options(timeouts={ALL: age}, max_age=age, refuse_foreign=True, **PLAUSIBLE)
         states = StateAssembler(joints_of(model), options, limit="max_state_age")
         points = bounded_points(model, description, values)
         states.forget()  # compiles its rules, or loads them from the cache
