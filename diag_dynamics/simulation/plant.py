@@ -15,8 +15,10 @@ from diag_dynamics.simulation.drives import Drives, Pushes, Sensors
 from diag_dynamics.simulation.simulation import CompliantLimits, Simulation, rest_position
 from diag_dynamics.text import distinct
 
-STIFFNESS, DAMPING = 25.0, 10.0
-"""Gains on errors of position [1/s²] and rate [1/s]: critically damped at 5 rad/s."""
+STIFFNESS, DAMPING = 625.0, 50.0
+"""Gains on errors of position [1/s²] and rate [1/s]: critically damped.
+
+So stiff that a push of the demo turns no joint faster than the monitor accepts."""
 
 RAMP = 1.0
 """Time in which the amplitude grows to half [s]."""
