@@ -7,7 +7,7 @@ import { el, say } from "./dom.js";
 import { clock, shortened } from "./format.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300];
-const SENTENCE = 110; // letters of the worst status: one line of a small screen
+const SENTENCE = 60; // letters of the worst status: beside a collision in one line of 1440 pixels
 
 export class Bar {
   constructor(app) {
