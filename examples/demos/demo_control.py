@@ -24,7 +24,7 @@ from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.nodes.controller.controller import ControllerNode
 from diag_dynamics.nodes.monitor.monitor import MonitorNode
 from diag_dynamics.nodes.simulator import SimulatorNode
-from diag_dynamics.nodes.support.runner import run
+from diag_dynamics.nodes.support import runner
 
 POSE = {f"panda_joint{k}": q for k, q in enumerate((0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8), 1)}
 POSE["panda_finger_joint1"] = 0.02
@@ -60,8 +60,9 @@ NODES = {
 class PushNode(Node):
     """Moves the arm to its pose, pushes it, and stores what controller and monitor publish."""
 
-    def __init__(self):
+    def __init__(self, picture):
         super().__init__("push")
+        self._picture = picture
         self.finished, self.commands, self.residuals = Future(), [], []
         self.begin = self.onset = self.end = None
         self._status, self._story = ControllerStatus(), self._tell_story()
@@ -89,7 +90,7 @@ class PushNode(Node):
         yield lambda: self._now() >= self.onset + PUSH
         self.end = self._push(0.0, "the push ends")
         yield lambda: self.residuals[-1][0] >= self.end + RETURN
-        self.finished.set_result(None)
+        self.finished.set_result(report(self, self._picture))  # the shutdown may hang
         yield lambda: False
 
     def _call(self, kind, name, request):
@@ -154,7 +155,7 @@ def summarize(node):
     pushed, quiet = (t >= node.onset) & (t <= node.end), r_t < node.onset
     detected, over = r_t[~quiet & (collision > 0)], r_t[(r_t > node.end) & (collision == 0)]
     if not (len(detected) and len(over)) or collision[quiet].any():
-        sys.exit("The push was not detected, or something else was.")
+        raise RuntimeError("the push was not detected, or something else was")
     delay, rest = 1e3 * (detected[0] - node.onset), 1e3 * (over[0] - node.end)
     print(
         f"push of {FORCE:g} N for {node.end - node.onset:.2f} s: collision after {delay:.0f} ms, ",
@@ -208,6 +209,14 @@ def draw(path, node, series):
     figure.savefig(path, dpi=120)
 
 
+def report(node, picture):
+    """Print the result and draw its picture; return whether all was as it should be."""
+    series, succeeded = summarize(node)
+    if picture:
+        draw(picture, node, series)
+    return succeeded
+
+
 def main(picture=None):
     """Run the demo; the status is 1 where the push was not detected or the kinetic energy not bounded."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -223,7 +232,7 @@ def main(picture=None):
                     ]
                 )
             )
-        nodes.append(PushNode())
+        nodes.append(PushNode(picture))
         return nodes[:]
 
     print(
@@ -231,13 +240,11 @@ def main(picture=None):
     )
     names = ["-r", f"__ns:={NAMESPACE}", "-r", "/clock:=clock"]
     logs = ["--log-level", "ERROR"]  # warnings of modes and collisions would repeat the story
-    status = run(make_nodes, ["demo_control", "--ros-args", *names, *logs])
+    runner.SHUTDOWN_TIMEOUT = 60.0  # [s], for several nodes on a busy machine
+    status = runner.run(make_nodes, ["demo_control", "--ros-args", *names, *logs])
     if status or not nodes[-1].finished.done():
         return status or 130
-    series, succeeded = summarize(nodes[-1])
-    if picture:
-        draw(picture, nodes[-1], series)
-    return 0 if succeeded else 1
+    return 0 if nodes[-1].finished.result() else 1
 
 
 if __name__ == "__main__":
