@@ -73,8 +73,10 @@ class EffortRate:
         if self._scale == 1.0:
             self.scaling_joint = None
             return command
-        tau = gravity + self._scale * (tau - gravity)
-        return command._replace(tau=tau, epsilon=self._scale * command.epsilon)
+        tau, friction = gravity + self._scale * (tau - gravity), command.friction
+        if friction is not None:
+            friction = self._scale * friction
+        return command._replace(tau=tau, epsilon=self._scale * command.epsilon, friction=friction)
 
     def towards(self, demand: Array, last: Array, period: float) -> Array:
         """Return the efforts nearest to a demand that are reached within a period [s]."""

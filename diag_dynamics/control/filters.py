@@ -201,9 +201,11 @@ class Limits:
         command = self._rate.scaled(command, period)
         if self._springs:
             command = self._springs.filter(q, qd, command, h)
-        unlimited = command
+        unlimited, outside = command, external
+        if command.friction is not None:
+            outside = -command.friction if external is None else external - command.friction
         if self.energy:
-            command = self.energy.filter(q, qd, command, h, external)
+            command = self.energy.filter(q, qd, command, h, outside)
         if self.tank:
             last = self._held[0] if self._held else None
             self.tank.measure(q, last, held=len(self._held) == 1)
@@ -211,7 +213,7 @@ class Limits:
             command = self.tank.filter(q, qd, command, h, external)
         slower = command
         if self.contact:
-            command = self.contact.filter(q, qd, command, h, external)
+            command = self.contact.filter(q, qd, command, h, outside)
         rows = np.empty((ROWS, len(g)))
         self.scale, brakes = deliver(
             self._dynamics.factors(q).l if self.energy else NO_FACTOR,
@@ -234,7 +236,7 @@ class Limits:
         return Limited(
             self._send(effort),
             demand,
-            command._replace(scale=self.scale, limited=at_limit),
+            command._replace(limited=at_limit),
             tuple(dict.fromkeys(limited)),
             brakes or slower is not unlimited,
             command is not slower,

@@ -69,7 +69,7 @@ class Command(NamedTuple):
     # dV/dt [W] by the law alone, for a target at rest: without filters, pushes and friction.
     lyapunov_rate: float
     error: Array | PoseError | None = None  # q_d − q of a joint-space target, or that of a pose
-    scale: float = 1.0  # factor of the effort limits on the part of tau that moves the robot
+    friction: Array | None = None  # working moments in epsilon that friction takes up [J^½/s]
     limited: tuple[str, ...] = ()  # degrees of freedom at their effort limits
 
 

@@ -384,7 +384,8 @@ class JointMode(Mode):
         effort = self.law.dynamics.friction_torque(velocity, q)
         effort += (1.0 - moving) * np.clip(self._spring(command.error), -bound, bound)
         added = self.law.dynamics.epsilon_from_tau(q, effort)
-        return command._replace(tau=command.tau + effort, epsilon=command.epsilon + added)
+        tau, epsilon = command.tau + effort, command.epsilon + added
+        return command._replace(tau=tau, epsilon=epsilon, friction=added)
 
 
 class TrackingMode(JointMode):

@@ -42,6 +42,21 @@ def test_each_joint_arrives(robot, q, link, rate, rotor):
     assert closed.loop.mode == REGULATION and closed.loop.shortfall == ""
 
 
+@pytest.mark.parametrize("friction", [0.0, 1.0])
+def test_an_energy_limit_does_not_keep_light_joints_from_their_friction(friction):
+    """Their compensation alone would exceed it within a cycle. It holds without that friction."""
+    robot, q, link = ARMS[3]
+    closed, largest = Closed(robot, q, link, 250, friction=friction, energy_limit=0.05), 0.0
+    closed.run(0.2)
+    closed.loop.take_set_point(goal_of(q))
+    for _ in range(40):
+        closed.run(0.1)
+        nu = closed.loop.dynamics.nu_from_qd(closed.plant.q, closed.plant.qd)
+        largest = max(largest, 0.5 * nu @ nu)
+    assert 0.01 < largest <= 1.02 * 0.05
+    assert np.abs(goal_of(q) - closed.plant.q).max() < 0.01
+
+
 @pytest.mark.parametrize(("robot", "q", "link", "rate"), CASES)
 def test_no_joint_with_a_load_ends_further_off_than_by_tracking(robot, q, link, rate):
     """The load of 2 kg is unknown. Distances below 1 mrad count as that."""

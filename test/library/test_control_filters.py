@@ -120,13 +120,13 @@ def test_saturation_scales_what_moves_and_not_what_holds():
         limits = dd.Limits(s.dyn, effort_limit=limit, effort_rate=1e12)
         effort, _, result, *_ = limits.filter(q, qd, command, PERIOD)
         g, rest = command.gravity_torque, command.tau - command.gravity_torque
-        assert (np.abs(effort) <= limit * (1.0 + 1e-15)).all() and 0.0 <= result.scale <= 1.0
+        assert (np.abs(effort) <= limit * (1.0 + 1e-15)).all() and 0.0 <= limits.scale <= 1.0
         np.testing.assert_allclose(
-            effort, g + result.scale * rest, atol=1e-11 * np.abs(command.tau).max()
+            effort, g + limits.scale * rest, atol=1e-11 * np.abs(command.tau).max()
         )
         driving += (qd @ (np.clip(command.tau, -limit, limit) - g)) * (qd @ rest) < 0.0
         at_limit = np.isclose(np.abs(effort), limit, rtol=1e-12)
-        if result.scale == 1.0:
+        if limits.scale == 1.0:
             assert not at_limit.any() and result.limited == ()
         else:
             acted += 1
