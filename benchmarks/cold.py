@@ -68,7 +68,7 @@ def starts():
     """All lines; those of nodes where there is a ROS 2."""
     urdf, arm = str(find_urdf("panda")), str(find_urdf(ARM))
     python = [sys.executable, "-c"]
-    humanoid = HUMANOID.format(str(find_urdf("talos")))
+    humanoid = HUMANOID.format(str(find_urdf("talos_full_v2")))
     lines = [
         Start("import, load, first `evaluate` of a UR5", [*python, FIRST.format(arm)], {}, 6.5),
         Start(
