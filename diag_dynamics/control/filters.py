@@ -153,7 +153,7 @@ class Limits:
         self.begin()
 
     def begin(self) -> None:
-        """Start from the last effort, with a full tank."""
+        """Start from the last effort, with a full tank and springs that begin at the joints."""
         self._held: list[Array] = []  # efforts since the last command of a law, at most two
         self.scale = 1.0
         self._rate.begin()

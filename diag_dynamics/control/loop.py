@@ -23,7 +23,7 @@ from diag_dynamics.control.limits import names_where
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE, REGULATION
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.references import at_rest
-from diag_dynamics.control.supervisor import ACTIVE, HOLDING, INACTIVE, RAMPING_DOWN, Supervisor
+from diag_dynamics.control.supervisor import ACTIVE, INACTIVE, RAMPING_DOWN, Supervisor
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.text import distinct
@@ -145,7 +145,9 @@ class ControlLoop:
         """Wait for the next valid state, which starts the initial mode."""
         self.supervisor.forget()
         self._mode, self.state, self.energy = self._initial_mode, None, 0.0
+        self._stands_by = False  # whether the last command came from stand_by
         self._origin = None  # stamp of the observer's first state [ns]
+        self._is_late = False  # whether the last period was longer than max_age
         self._periods = 0  # number of measured periods of states
         self._period = 0.0  # and their mean [s]
         self._braking = self.modes[DAMPING]  # mode of the start
@@ -216,7 +218,8 @@ class ControlLoop:
         Damping or gravity compensation replaces them. Return the reason.
         """
         gap = 0.0 if before is None else (self.state.newest - before.newest) * 1e-9
-        if gap <= 0.0:
+        was_late, self._is_late = self._is_late, gap > self.supervisor.max_age
+        if gap <= 0.0 or (self._is_late and not was_late):  # a single stall
             return ""
         self._periods += 1
         gap = min(gap, self.supervisor.max_age)  # a hold follows
@@ -346,7 +349,8 @@ class ControlLoop:
         is_start = supervisor.will_start or supervisor.starting
         lost = ""
         if is_start or self._is_interrupted(before):
-            lost = VOID if self._mode.begun and self._mode.targets else ""
+            is_void = self._mode.begun and self._mode.targets and not self._stands_by
+            lost = VOID if is_void else ""
             self._finish(VOID)
             self._mode.stop()
             self._stopping = None
@@ -354,10 +358,11 @@ class ControlLoop:
             lost = unstable
             self._finish(unstable)
         waits = self.not_executed
-        if not waits and supervisor.phase == HOLDING and supervisor.starting:
+        if not waits and self._stands_by:
             waits = self._outside_limits(state.position)
         if waits:
             return self.stand_by(now, waits)._replace(lost=lost)
+        self._stands_by = False
         self._scale_contact(now)
         external = self._observed(state)
         sent = self._start(before, external, now) if is_start else None
@@ -371,6 +376,7 @@ class ControlLoop:
     def stand_by(self, now, reason):
         """Return gravity compensation with damping; the next state starts from it anew."""
         self._finish(reason)
+        self._stands_by = True
         if self._observer:
             self._observer.reset()
         self._begin_efforts()
@@ -402,7 +408,8 @@ class ControlLoop:
             if timeout or self._is_slow(SLOW):
                 return None
         sent = self._limited(command, external, now)
-        limits.renew()  # after a sinking arm has drained the tank and pressed on springs
+        if self._carried_since is None:
+            limits.renew()  # a sinking arm has drained the tank and presses on springs
         return sent
 
     def _is_slow(self, fraction):
@@ -507,6 +514,7 @@ class ControlLoop:
         drive the robot.
         """
         self.supervisor.invalid(now, reason)
+        self._stands_by = False
         if self.supervisor.phase == INACTIVE:
             return None
         self.stop_trajectory(f"no valid joint state: {reason}")

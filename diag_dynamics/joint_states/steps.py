@@ -45,7 +45,8 @@ def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
     joint, slack = memory.joints[far], memory.shared[0].slack
     in_row, interleaved = _compare_candidate(memory, indices, position, velocity, stamp)
     moves = interleaved and _moves_alone(memory, indices, position, velocity)
-    if moves or (in_row >= STATES and not interleaved):
+    replaces = moves or (in_row >= STATES and not interleaved)
+    if replaces and not memory.shared[0].refuse_foreign:  # a controller goes on with its arm
         outcome.moved, outcome.moved_from, outcome.moved_to = far, joint.position, position[far]
         return codes.STATE
     elapsed = stamp - joint.stamp

@@ -75,7 +75,7 @@ def test_gains_that_the_rate_makes_unstable_are_refused(arm, mode, values, key, 
     """
     start = {"initial_mode": GRAVITY_COMPENSATION, "controlled_link": "tool0"}
     closed = Closed(arm, rate, **start, **values(1e6))
-    closed.go(9)
+    closed.go(10)
     with pytest.raises(
         InputError,
         match=rf"^mode {mode} is unstable: .*{key}.* is .*; expected .* at {max(rate, 50)} Hz",

@@ -132,8 +132,6 @@ def test_success_cancel_preemption_and_rejection(live):
     live.wait(lambda: loop.state and not loop.supervisor.starting, "the law in force again")
     assert not live.send(Q, ["wing", *NAMES[1:]]).accepted
     assert "joint_names has 'wing'" in live.node._record._last_refusal
-    assert not live.send(Q, goal_tolerance=[JointTolerance(name="wing")]).accepted
-    assert "goal_tolerance has 'wing'" in live.node._record._last_refusal
     close = JointTolerance(name=NAMES[2], position=1e-7)
     beyond = live.send(Q + 0.01, seconds=60.0, path_tolerance=[close])
     result = live.result_of(beyond.get_result_async(), "the end beyond a tolerance")

@@ -602,8 +602,6 @@ class ControllerNode(ManagedNode):
         other_count = self.count_publishers(topic) - 1
         if not receivers:
             problems.append(f"{topic} has no subscriber")
-        elif state == NOT_LOADED:
-            problems.append(f"controller '{self._activity.name}' is {NOT_LOADED}")
         elif self._controller in self._receivers():
             if "not compared" in self._order_known:
                 problems.append(f"the order of joints is {self._order_known}")

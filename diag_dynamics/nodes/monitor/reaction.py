@@ -61,7 +61,8 @@ class Reaction:
         soon as there is one, while the alarm lasts.
         """
         alarm = watch.contact if self._on_contact else watch.collision
-        late = self._is_missed and alarm.on and self._client.service_is_ready()
+        self._is_missed = self._is_missed and alarm.on
+        late = self._is_missed and self._client.service_is_ready()
         if late or (alarm.starts and self._client):
             self._call(received)
         if not (watch.seen.valid and watch.is_judged):
