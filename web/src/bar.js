@@ -35,9 +35,7 @@ export class Bar {
       this.notes,
       this.worst,
       this.notice,
-      el("span", { class: "spring" }),
-      (this.look = button("◐", "light or dark theme (t)", () => app.theme.next())),
-      button("?", "keyboard shortcuts (?)", () => app.keys.help()),
+      el("span", { class: "tools end" }, (this.look = button("◐", "light or dark theme (t)", () => app.theme.next())), button("?", "keyboard shortcuts (?)", () => app.keys.help())),
     );
     this.go = button("", "", () => app.toggle());
     this.time = el("span", { class: "time" });
