@@ -7,6 +7,7 @@ import argparse
 import math
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def main():
     names = (
         ["/"]
         if len(chosen.robots) == 1
-        else [f"/{robot}_{k}" for k, robot in enumerate(chosen.robots)]
+        else [f"/{Path(robot).stem}_{k}" for k, robot in enumerate(chosen.robots)]
     )
     robots = zip(chosen.robots, names, strict=True)
     streams = [make_stream(find_urdf(robot), chosen.rate, name) for robot, name in robots]
