@@ -41,7 +41,9 @@ def while_unconfigured(specs):
 
 
 def nearest(name, names):
-    """Return the name that has most in common with an unknown one in any order, or None."""
+    """Return the name that is spelled like an unknown one, or has words like it, or None."""
+    if matches := get_close_matches(name, names, n=1, cutoff=0.85):
+        return matches[0]
     by_words = {_words(name): name for name in names}
     matches = get_close_matches(_words(name), by_words, n=1, cutoff=0.65)
     return by_words[matches[0]] if matches else None
