@@ -45,8 +45,9 @@ def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
     joint, slack = memory.joints[far], memory.shared[0].slack
     in_row, interleaved = _compare_candidate(memory, indices, position, velocity, stamp)
     moves = interleaved and _moves_alone(memory, indices, position, velocity)
-    replaces = moves or (in_row >= STATES and not interleaved)
-    if replaces and not memory.shared[0].refuse_foreign:  # a controller goes on with its arm
+    if memory.shared[0].refuse_foreign:  # a controller goes on with its arm
+        moves = False
+    if moves or (in_row >= STATES and not interleaved):
         outcome.moved, outcome.moved_from, outcome.moved_to = far, joint.position, position[far]
         return codes.STATE
     elapsed = stamp - joint.stamp

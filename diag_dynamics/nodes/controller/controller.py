@@ -90,10 +90,11 @@ A service that has not discovered its client yet drops the response.
 WATCHES = 4
 """Checks of the age of the last state within its largest age."""
 
-PLAUSIBLE = {"beyond_limits": 0.5, "beyond_velocity": 3.0, "jump": 0.1}
+PLAUSIBLE = {"beyond_limits": 0.5, "beyond_velocity": 5.0, "jump": 0.1}
 """Plausible distance outside of limits, velocity as a multiple of its limit, and jump [rad, m].
 
-Springs would throw an arm with an encoder a turn off; damping, one with a wrong velocity.
+Springs would throw an arm with an encoder a turn off; damping, one with a wrong velocity. A pushed
+arm may exceed three times its limit, and has to be braked.
 """
 
 
