@@ -309,9 +309,12 @@ def check_reaction(arm):
         reports.wait_for(
             lambda report: report.entries["reaction"].message.endswith(": ready"), "reaction"
         )
-        reports.wait_for(
-            lambda report: report.entries["external torque"].message == "no collision", "torque"
-        )
+
+        def judges(report):
+            status = report.entries.get("external torque")
+            return status and status.message == "no collision"
+
+        reports.wait_for(judges, "a judgement")
         arm.move(VELOCITY)
         states = States(arm.peer).begin()
         arm.push(push)
