@@ -123,9 +123,9 @@ def test_states_without_a_result():
     for without in (valid, valid & (np.arange(len(stamps)) != 150)):
         assert len(detect(THRESHOLDS, stamps, r, torque, without)[0]) == 2
     stamps, r, torque = columns(200.0, [(1.0, 1.4, 0, 11.0), (119.0, 119.3, 0, 30.0)])
-    kept = between(stamps, 0.0, 1.4) | between(stamps, 119.0, 120.0)
-    for valid in (kept, kept[kept]):  # a pause with states that have no result, or with none
-        rows = (column if valid is kept else column[kept] for column in (stamps, r, torque))
+    judged = between(stamps, 0.0, 1.4) | between(stamps, 119.0, 120.0)
+    for valid in (judged, judged[judged]):  # a pause with states that have no result, or with none
+        rows = (column if valid is judged else column[judged] for column in (stamps, r, torque))
         assert spans(detect(THRESHOLDS, *rows, valid)[0]) == [(1.0, 1.39), (119.0, 119.29)]
 
 

@@ -73,7 +73,7 @@ def test_objects_with_such_errors_are_copied_and_completed(dyn):
     assert not {"rnea", "nle"} & {*dir(dyn), *dir(dyn.model), *dir(dd)}
     assert getattr(dyn, "rnea", None) is None
     with pytest.raises(AttributeError, match=r"dyn\.coriolis_torque \+ dyn\.gravity_torque"):
-        dyn.nle  # noqa: B018
+        dyn.nle  # noqa: B018  # the access itself raises
     with pytest.raises(AttributeError, match="has no attribute 'factr'") as caught:
         dyn.factr  # noqa: B018  # the access itself raises
     assert caught.value.name == "factr" and caught.value.obj is dyn

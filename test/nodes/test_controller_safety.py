@@ -298,6 +298,17 @@ def test_wrong_states(damped, wrong):
     assert damped.settle(Q, MOVING).phase == ACTIVE
 
 
+def test_another_arm_in_turns(damped):
+    """It never takes the place of this one, which rests while the other moves."""
+    damped.settle(Q, REST)
+    for k in range(6):
+        damped.tick()
+        damped.publish(np.full(6, 0.01 * k), np.full(6, 2.0))
+        before = damped.now
+        damped.step(Q, REST)
+        assert damped.now - before == PERIOD
+
+
 def test_wrong_states_only(damped):
     """Nothing but NaN: after hold_time the efforts go to zero though messages come."""
     wrong = [np.nan, *START_AT[1:]]
