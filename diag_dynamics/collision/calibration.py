@@ -17,7 +17,7 @@ import numpy as np
 from diag_dynamics.arrays import Array, IntArray
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import positive
-from diag_dynamics.collision.detector import NORM, TOTAL, Detector, Judged, Thresholds
+from diag_dynamics.collision.detector import NORM, SECOND, TOTAL, Detector, Judged, Thresholds
 from diag_dynamics.collision.residuals import (
     Residuals,
     Rows,
@@ -271,6 +271,8 @@ def _calibrate_rows(
         parts=parts,
     )
     warnings = _warnings(result, alarm_time / duration)
+    if upper is None and (text := held_out.describe_largest()):
+        warnings.append(text)
     ratios = np.where(limits < math.inf, limits, 0.0) / rows.values.max(axis=0, initial=1e-300)
     if upper is None and ratios.max() > MAX_RATIO:
         name = (*names, TOTAL, NORM)[int(np.argmax(ratios))]
@@ -292,7 +294,7 @@ class _HeldOut:
         rate: float,
         template: Thresholds,
     ) -> None:
-        self._names, self._template, self._rate = names, template, rate
+        self._rows, self._names, self._template, self._rate = rows, names, template, rate
         self._parts, self._limits = [], []
         for k in range(int(numbers.max()) + 1):
             inside = numbers == k
@@ -313,6 +315,22 @@ class _HeldOut:
             part, self._names, _thresholds(self._names, self._template, factor * self._limits[k])
         )
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
+
+    def describe_largest(self) -> str:
+        """Return which part has the largest values; empty without an alarm by the largest factor."""
+        ratios = [part.values / limits for part, limits in zip(self._parts, self._limits)]
+        k = int(np.argmax([ratio.max() for ratio in ratios]))
+        largest = ratios[k].max()
+        if largest <= FACTORS[-1]:
+            return ""
+        row, detector = np.unravel_index(np.argmax(ratios[k]), ratios[k].shape)
+        number, stamp = self._parts[k].recording[row], self._parts[k].stamps[row]
+        begin = self._rows.stamps[self._rows.recording == number][0]
+        return (
+            f"may contain contact: {(stamp - begin) / SECOND:.4g} s after the begin of recording "
+            f"{number} there is {largest:.3g} times the threshold of "
+            f"'{(*self._names, TOTAL, NORM)[detector]}' from the other parts"
+        )
 
     def _chosen(self, without: int | None = None) -> int:
         """Return the number of the first factor with the allowed alarms, or at most one."""

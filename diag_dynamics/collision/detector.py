@@ -106,8 +106,8 @@ class Detector:
 
     An alarm is on while any detector is active. A detector becomes active above its threshold and
     releases below `release` of it. A rise within `hold_off` after the alarm of an event belongs to
-    that event, and prolongs no hold-off. A rise by a whole threshold within an alarm, at least
-    0.3 s after its begin, is a further event.
+    that event, and prolongs no hold-off. A rise within an alarm, at least 0.3 s after its begin, is
+    a further event if it exceeds its threshold and, relative to thresholds, what was there before.
 
     Once an alarm has been on for `standing`, an offset follows m r and r with a time constant of
     `standing` / 2, and afterwards decreasing torques. The test statistic is min(|x|, |x − offset|):

@@ -22,7 +22,7 @@ more."""
 RISE_TIME = 300_000_000
 """Time after the begin of an event within which a rise belongs to it [ns]."""
 
-FLOOR_TIME = 1e9
+FLOOR_TIME = 0.5e9
 """Time constant with which the floor of a value follows a larger value [ns]."""
 
 MAX_GAP = 1_000_000_000
@@ -120,16 +120,22 @@ def judge_states(
 
 @nk.kernel
 def _follow_floor(stamp, elapsed, values, limits, begins, floor, memory):
-    """Return whether a value has risen by its threshold above its floor within an alarm.
+    """Return whether a value has risen far enough above its floor within an alarm.
 
-    The floor follows smaller values at once and larger ones slowly; until an event is old, all.
+    That is by its threshold, times the largest ratio of a floor to its threshold if that exceeds 1:
+    a strong push lasts and spreads to other joints without being several. The floor follows smaller
+    values at once and larger ones slowly; until an event is old, all.
     """
-    rises = False
     if begins:
         memory[EVENT] = stamp
     is_new = stamp - memory[EVENT] <= RISE_TIME
+    ratio = 1.0
     for k in range(len(values)):
-        rises |= not is_new and values[k] - floor[k] > limits[k]
+        if floor[k] > ratio * limits[k]:
+            ratio = floor[k] / limits[k]
+    rises = False
+    for k in range(len(values)):
+        rises |= not is_new and values[k] - floor[k] > ratio * limits[k]
         pace = 1.0 if is_new or values[k] < floor[k] else -math.expm1(-elapsed / FLOOR_TIME)
         floor[k] += pace * (values[k] - floor[k])
     if rises:

@@ -166,27 +166,31 @@ def test_a_push_upon_a_standing_torque_is_an_alarm():
 
 def test_a_push_within_an_alarm_is_a_further_event():
     """A rise by a whole threshold is one, also at another joint; a smaller rise, and the first one,
-    is none.
+    is none. Of a strong push neither its own rise nor that of another joint is.
     """
     pushes = [
         (1.0, 2.5, 0, 11.0),
         (1.2, 1.25, 0, 25.0),  # belongs to the begin
         (1.6, 1.65, 0, 19.0),  # a rise by 8 of 10
-        (2.0, 2.1, 0, 22.0),
-        (2.3, 2.4, 1, 5.5),
+        (2.0, 2.1, 0, 22.5),
+        (2.3, 2.4, 1, 6.0),
     ]
     stamps, r, torque = columns(4.0, pushes)
     alarms, on = detect(dd.Thresholds(JOINTS), stamps, r, torque)
     assert spans(alarms) == [(1.0, 1.99), (2.0, 2.49)]
     assert np.array_equal(on, between(stamps, 1.0, 2.5))
     torque[between(stamps, 2.3, 2.4), 1] = 0.0
-    torque[between(stamps, 2.35, 2.45), 1] = 5.5  # a whole threshold, 0.35 s after the last event
+    torque[between(stamps, 2.35, 2.45), 1] = 6.0  # a whole threshold, 0.35 s after the last event
     alarms, _ = detect(dd.Thresholds(JOINTS), stamps, r, torque)
     assert [alarm.joints for alarm in alarms] == [
         ("shoulder",),
         ("shoulder",),
         ("shoulder", "elbow"),
     ]
+    push = between(stamps, 1.0, 3.0)
+    torque[push, :2] = 200.0 * np.sin(0.5 * np.pi * (1e-9 * stamps[push, None] - 1.0))
+    torque[push, 1] *= 0.1
+    assert len(detect(dd.Thresholds(JOINTS), stamps, r, torque)[0]) == 1
     ramp = between(stamps, 1.0, 3.9)
     torque[:] = 0.0
     torque[ramp, 0] = 10.5 + 3.0 * (1e-9 * stamps[ramp] - 1.0)  # no jump
@@ -451,7 +455,10 @@ def test_warnings_of_the_recording():
     assert any(
         "too short" in text and "3/min" in text and "180 s" in text for text in result.warnings
     )
-    assert not calibrate(*noise(np.random.default_rng(3), 200)).warnings
+    stamps, r, torque = noise(np.random.default_rng(3), 200)
+    assert not calibrate(stamps, r, torque).warnings
+    torque[12_345, 1] = 10.0 * torque.max()
+    assert any("contact: 123." in text for text in calibrate(stamps, r, torque).warnings)
     with pytest.raises(InputError, match="too few"):
         calibrate(*noise(np.random.default_rng(3), 0.5))
     stamps, r, torque = noise(np.random.default_rng(4), 300)
