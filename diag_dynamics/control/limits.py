@@ -38,6 +38,9 @@ RETREAT = 0.2
 AIM = 0.99
 """Commanded fraction of the allowed contact speeds; the rest covers the error of a cycle."""
 
+PREDICTIONS = 2
+"""Predictions of the end of a cycle, the second one with the efforts that the first one changed."""
+
 PASSES = 8
 """Maximum number of points that are slowed one by one before all of the robot is."""
 
@@ -232,8 +235,9 @@ class ContactLimiter:
     An impulse along the motion itself, ŵ = ℓJᵀv/|ℓJᵀv|, would turn the point towards its lighter
     directions: with more than 45° between v and JM⁻¹Jᵀv its energy along the motion rises while ν
     along ŵ falls. The filter slows the worst point first, at most `PASSES` of them, each by a
-    contact evaluation and three sweeps, and then all of ν. It only removes power. External forces
-    come on top, unless an estimate of them is passed on.
+    contact evaluation and three sweeps, and then all of ν. A second prediction with these efforts
+    corrects them. It only removes power. External forces come on top, unless an estimate of them is
+    passed on.
 
     At least one of the points has a limit. The rate is α > 0 [1/s], of the approach to a limit and
     of the return from above.
@@ -295,14 +299,19 @@ class ContactLimiter:
         tau = command.tau
         if external is not None:
             tau = tau + dynamics.tau_from_epsilon(q, vector("external", external, names))
-        ahead, then = end_of_cycle(dynamics, q, qd, tau, h)
         allowed = now + min(self.rate * h, 1.0) * ((AIM * self._scale) ** 2 - now)
-        change = self._slowed(ahead, then, allowed) - then
+        change = np.zeros(len(q))
+        for _ in range(PREDICTIONS):
+            then, qd_then = end_of_cycle(dynamics, q, qd, tau, h)
+            impulse = dynamics.nu_from_qd(q, self._slowed(then, qd_then, allowed) - qd_then)
+            if not impulse.any():
+                break
+            change += impulse / h
+            tau = tau + dynamics.tau_from_epsilon(q, impulse / h)
         if not change.any():
             return command
-        epsilon = dynamics.nu_from_qd(q, change) / h
-        tau = command.tau + dynamics.tau_from_epsilon(q, epsilon)
-        return command._replace(tau=tau, epsilon=command.epsilon + epsilon)
+        tau = command.tau + dynamics.tau_from_epsilon(q, change)
+        return command._replace(tau=tau, epsilon=command.epsilon + change)
 
     def _slowed(self, q: Array, qd: Array, allowed: Array) -> Array:
         """Return rates at which no entry exceeds its allowed B."""
