@@ -110,7 +110,7 @@ def test_echo_prints_a_field(left, panda):
         left.peer.wait_until(ended, "the end of echo")
         assert echo.wait() == 0
     K = left.topics["kinetic_energy"].messages[-1].total
-    assert float(echo.output.split()[0]) == pytest.approx(K, rel=1e-6)
+    assert float(echo.output.split()[-1]) == pytest.approx(K, rel=1e-6)
 
 
 def test_echo_names_the_fields(left):

@@ -448,6 +448,7 @@ def test_read_as_rclpy_reads(kind, make):
     for k in range(count):
         raw = serialize_message(make(rng))
         raw = mutated(raw, rng) if k % 50 else raw
+        raw = raw[:2] + bytes(2) + raw[4:]  # options, from which Kilted takes the padding
         try:
             expected = plain(deserialize_message(raw, kind))
         except Exception:

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 import diag_dynamics as dd
 from bags import MCAP, Message, description, serialized, write_rosbag2
@@ -158,21 +157,6 @@ def test_commands_run(page, words, files, monkeypatch, capsys):
     output = capsys.readouterr()
     assert status in (0, 1), output.err
     assert output.out.strip() or output.err.strip()
-
-
-def test_maps_are_read(tmp_path, monkeypatch):
-    """Read a file without a header by the map of docs/recordings.md."""
-    monkeypatch.syspath_prepend(str(DOCS / "figures"))
-    from rods import model
-
-    monkeypatch.chdir(tmp_path)
-    blocks = blocks_of(DOCS / "recordings.md")
-    numbers, _ = [
-        yaml.safe_load(block.code) for block in blocks if block.how == "columns of a table"
-    ]
-    np.savetxt("numbers.csv", np.c_[np.arange(50) * 0.01, np.zeros((50, 9))], delimiter=",")
-    recording = dd.read_recording("numbers.csv", model(), columns=numbers)
-    assert recording.q.shape == (50, 3)
 
 
 # --- The tutorial ---
