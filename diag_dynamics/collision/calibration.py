@@ -318,11 +318,13 @@ class _HeldOut:
 
     def describe_largest(self) -> str:
         """Return which part has the largest values; empty without an alarm by the largest factor."""
-        ratios = [part.values / limits for part, limits in zip(self._parts, self._limits)]
-        k = int(np.argmax([ratio.max() for ratio in ratios]))
-        largest = ratios[k].max()
+        parts = zip(self._parts, self._limits, strict=True)
+        ratios = [part.values / limits for part, limits in parts]
+        maxima = np.array([ratio.max() for ratio in ratios])
+        largest = maxima.max(initial=0.0)
         if largest <= FACTORS[-1]:
             return ""
+        k = int(np.argmax(maxima))
         row, detector = np.unravel_index(np.argmax(ratios[k]), ratios[k].shape)
         number, stamp = self._parts[k].recording[row], self._parts[k].stamps[row]
         begin = self._rows.stamps[self._rows.recording == number][0]
