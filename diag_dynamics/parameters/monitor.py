@@ -438,9 +438,9 @@ def observation_of(values):
     _check_contact_order(collision, contact)
     if (collision.limits or contact.limits) and not gain:
         raise InputError(
-            "parameter external_torque.gain is 0; expected a number above 0 because "
+            "parameter external_torque.gain is 0; expected that of the calibration because "
             "collision.threshold or contact.threshold is set. A file of diag-dynamics calibrate "
-            "without it is cut: calibrate again."
+            "without it is cut."
         )
     if not gain:
         return None

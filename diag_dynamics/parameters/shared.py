@@ -50,7 +50,7 @@ PARAMETERS = fixed(_FIXED) | {
         [""],
         "Payloads, each as link=mass, link=mass x y z, "
         "or link=mass x y z ixx iyy izz ixy ixz iyz in link axes [kg, m, kg m^2]; "
-        "unknown links are ignored.",
+        "unknown links are ignored with a warning at the start, and rejected later.",
     ),
 }
 """Specs by name."""

@@ -326,6 +326,7 @@ class Analysis:
         contacts = (
             self._describe_unobserved(),
             self._describe_unknown_contacts(quality["without_effort"]),
+            f"Collisions are doubtful: {text}." if text and alarms else "",
         )
         return {
             "robot": self.model.name,
