@@ -26,10 +26,13 @@ class BaseParameters:
     """
 
     def __init__(self, layout):
-        self._layout, regressors, rng = layout, layout.regressors, np.random.default_rng(0)
+        self._layout = layout
+        regressors = layout.regressors
+        rng = np.random.default_rng(0)
         positions = rng.uniform(-REACH, REACH, (STATES, layout.model.nq))
         rows = regressors.evaluate(positions, RATES * rng.normal(size=(STATES, layout.model.nv)))
-        count, free = PARAMETERS * len(layout.bodies), np.flatnonzero(layout.inertial)
+        count = PARAMETERS * len(layout.bodies)
+        free = np.flatnonzero(layout.inertial)
         Y = np.zeros((2, STATES, len(regressors.rows), layout.size))
         for k, (part, columns) in enumerate(zip(regressors.rows, regressors.columns, strict=True)):
             Y[:, :, k, columns] = np.array(rows)[:, :, part][:, :, :-1]
@@ -58,8 +61,10 @@ class BaseParameters:
         block, None unless inertias are `free`; `from_data` is that of the data alone, with friction
         unknown, and None if they do not show it.
         """
-        layout, E = self._layout, self.matrix
-        robot, start = fit.x[: layout.robot], layout.known[: layout.robot]
+        layout = self._layout
+        E = self.matrix
+        robot = fit.x[: layout.robot]
+        start = layout.known[: layout.robot]
         noise = np.einsum(
             "ij,jk,ik->i", E, fit.certainty.covariance[: layout.robot, : layout.robot], E
         )
@@ -85,16 +90,15 @@ class BaseParameters:
 
     def _deviations(self, sums, x, free):
         """Return standard deviations from the data alone, with friction unknown; 0 if unknown."""
-        layout, count = self._layout, PARAMETERS * len(self._layout.bodies)
+        layout = self._layout
+        count = PARAMETERS * len(self._layout.bodies)
         variance = np.maximum(layout.mean_squares([(sums, True)], x), 1e-300)
         A, _ = layout.regressors.weighted(sums, variance)
         placed = self._placed[:, self.kept]
         resisting = count + np.flatnonzero(free[count : layout.robot])
-        inner, across, friction = (
-            placed.T @ A[:count, :count] @ placed,
-            placed.T @ A[:count, resisting],
-            A[np.ix_(resisting, resisting)],
-        )
+        inner = placed.T @ A[:count, :count] @ placed
+        across = placed.T @ A[:count, resisting]
+        friction = A[np.ix_(resisting, resisting)]
         units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
         inner = inner - across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
         values, axes = np.linalg.eigh(inner * units[:, None] * units)
@@ -109,7 +113,8 @@ def _link_axes(layout):
 
     Both are block by block.
     """
-    count, symbols = PARAMETERS * len(layout.bodies), []
+    count = PARAMETERS * len(layout.bodies)
+    symbols = []
     placed = np.zeros((count, count))
     for k, body in enumerate(layout.bodies.tolist()):
         link = layout.model.link_names[layout.model.bodies["link"][body]]

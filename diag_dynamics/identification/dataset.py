@@ -104,7 +104,9 @@ class Dataset:
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES, in_torque=True):
         self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
-        self.delay, self.findings, self.name = 0.0, [], name
+        self.delay = 0.0
+        self.findings = []
+        self.name = name
         self.known = np.ones(model.nv, dtype=bool)
         self._max_implausible = MAX_IMPLAUSIBLE if in_torque else 1.0
         try:
@@ -176,7 +178,8 @@ class Dataset:
         if abs(delay) > np.median(
             np.concatenate([np.diff(segment.t) for segment in self.segments])
         ):
-            size, late = f"{abs(delay) * 1e3:.1f} ms", "later" if delay > 0.0 else "earlier"
+            size = f"{abs(delay) * 1e3:.1f} ms"
+            late = "later" if delay > 0.0 else "earlier"
             quantity = {"velocity": "velocities", "effort": "efforts"}[column]
             text = f"{quantity} are {size} {late} than positions; the delay was removed"
             self.findings.append(Finding(f"{column} delay", 1, text))
@@ -209,8 +212,12 @@ class Dataset:
 
         InputError if they have more than a number of values.
         """
-        limit, parts, count = max_values // (model.nq + 2 * model.nv), [], 0
-        findings, estimated, efforts = [], 0, EffortRange(model)
+        limit = max_values // (model.nq + 2 * model.nv)
+        parts = []
+        count = 0
+        findings = []
+        estimated = 0
+        efforts = EffortRange(model)
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
         for piece in _pieces(name, recording):
             if piece.model.dof_names != model.dof_names:
@@ -219,7 +226,9 @@ class Dataset:
                     f"{name} is of robot '{robot}', whose degrees of freedom are not those of the "
                     "model."
                 )
-            states, self._counts, findings = piece.states, piece.counts, piece.findings
+            states = piece.states
+            self._counts = piece.counts
+            findings = piece.findings
             name = self.name = name if piece.path is None else f"'{piece.path}'"
             if len(piece) and not count:
                 self.origin |= {

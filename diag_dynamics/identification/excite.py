@@ -85,7 +85,8 @@ class Excitation(NamedTuple):
         approach : float
             Time to the first point [s].
         """
-        points, names = [], ("positions", "velocities", "accelerations")
+        points = []
+        names = "positions", "velocities", "accelerations"
         for t, *values in zip(
             self.time, self.position, self.velocity, self.acceleration, strict=True
         ):
@@ -179,7 +180,8 @@ def excite(
         positive(name, value, unit)
     for name, value in (("velocity", velocity), ("effort", effort)):
         number(name, value, "a number within 0 … 1", lambda x: 0.0 < x <= 1.0)
-    cycles, least = round(duration / period), 2.0 * HARMONICS / period
+    cycles = round(duration / period)
+    least = 2.0 * HARMONICS / period
     if cycles < 1 or abs(cycles * period - duration) > 1e-9 * duration:
         raise InputError(
             f"duration is {duration:.15g} s; expected a whole number of periods of {period:.15g} s."
@@ -215,8 +217,11 @@ def _find_limits(model, moving, velocities, positions):
 
     They are the model's, arguments within them, or arguments where the model has none.
     """
-    names, texts = np.array(model.dof_names), []
-    velocity, lower, upper = model.velocity_limit.copy(), model.lower.copy(), model.upper.copy()
+    names = np.array(model.dof_names)
+    texts = []
+    velocity = model.velocity_limit.copy()
+    lower = model.lower.copy()
+    upper = model.upper.copy()
     slow = moving & ~((velocity > 0.0) & (velocity <= MAX_VELOCITY))
     widest = np.maximum(np.abs(lower), np.abs(upper))
     unbounded = (
@@ -224,7 +229,9 @@ def _find_limits(model, moving, velocities, positions):
         & ~np.isin(names, model.continuous_joints)
         & ~((widest <= MAX_POSITION) & (lower < upper))
     )
-    velocity[slow], lower[unbounded], upper[unbounded] = np.inf, -np.inf, np.inf
+    velocity[slow] = np.inf
+    lower[unbounded] = -np.inf
+    upper[unbounded] = np.inf
     velocities = {name: (0.0, largest) for name, largest in velocities.items()}
     limits = (velocities, np.zeros(model.nv), velocity, slow), (positions, lower, upper, unbounded)
     for (kind, lack), (bounds, low, high, missing) in zip(LACKS.items(), limits, strict=True):
@@ -268,13 +275,16 @@ def _search(series, rng, trials, progress):
 
     Random genes come first, then steps from the best ones, wider after a success.
     """
-    best, value, width = None, np.inf, 0.3
+    best = None
+    value = np.inf
+    width = 0.3
     for trial in range(trials):
         random = best is None or trial < min(RANDOM_TRIALS, trials // 2)
         genes = series.random_genes(rng) if random else best + width * rng.normal(size=best.shape)
         condition = series.condition(genes)
         if condition < value:
-            best, value = genes, condition
+            best = genes
+            value = condition
         if not random:
             width = max(width * (1.5 if best is genes else 0.93), 1e-3)
         if progress:
@@ -295,18 +305,17 @@ class _Series:
     """
 
     def __init__(self, model, moving, limits, period, time):
-        self._model, self._dynamics, self._time, self._moving = (
-            model,
-            DiagonalDynamics(model),
-            time,
-            moving,
-        )
+        self._model = model
+        self._dynamics = DiagonalDynamics(model)
+        self._time = time
+        self._moving = moving
         self._fastest, self._low, self._high, effort = limits
         self._limit = effort * model.effort_bound
         w = 2.0 * np.pi / period * np.arange(1, HARMONICS + 1)
         # Velocities a cos wt + b sin wt and their slopes begin at zero: two coefficients fewer.
         constraints = np.zeros((2, 2 * HARMONICS))
-        constraints[0, :HARMONICS], constraints[1, HARMONICS:] = 1.0, w
+        constraints[0, :HARMONICS] = 1.0
+        constraints[1, HARMONICS:] = w
         free = np.linalg.svd(constraints)[2][2:].T
         self._bases = _bases(time, w, free)
         self._dense = _bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False), w, free)[
@@ -341,14 +350,14 @@ class _Series:
 
     def motion(self, genes):
         """Return positions, velocities, accelerations and efforts with friction, (T, nv) each."""
-        shape, place, part = (
-            genes[:, :-2].T,
-            0.5 + 0.5 * np.tanh(genes[:, -2]),
-            0.75 + 0.25 * np.tanh(genes[:, -1]),
-        )
+        shape = genes[:, :-2].T
+        place = 0.5 + 0.5 * np.tanh(genes[:, -2])
+        part = 0.75 + 0.25 * np.tanh(genes[:, -1])
         # Limits hold between points, too.
         position, velocity = (base @ shape for base in self._dense)
-        low, travel, span = position.min(axis=0), np.ptp(position, axis=0), self._high - self._low
+        low = position.min(axis=0)
+        travel = np.ptp(position, axis=0)
+        span = self._high - self._low
         fastest = abs(velocity).max(axis=0)
         scale = np.minimum(
             span / np.maximum(travel, 1e-12), self._fastest / np.maximum(fastest, 1e-12)
@@ -378,6 +387,7 @@ class _Series:
 
 def _bases(time, w, free):
     """Return bases of position, velocity and acceleration of the free coefficients."""
-    sine, cosine = np.sin(np.outer(time, w)), np.cos(np.outer(time, w))
+    sine = np.sin(np.outer(time, w))
+    cosine = np.cos(np.outer(time, w))
     columns = (sine / w, -cosine / w), (cosine, sine), (-sine * w, cosine * w)
     return [np.hstack(pair) @ free for pair in columns]

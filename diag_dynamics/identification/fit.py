@@ -65,7 +65,9 @@ class Fit:
     """Unknowns `x` at the minimum, and their certainty, which cross-validation does not require."""
 
     def __init__(self, x, free=None, find_certainty=None):
-        self.x, self._free, self._find_certainty = x, free, find_certainty
+        self.x = x
+        self._free = free
+        self._find_certainty = find_certainty
 
     @cached_property
     def certainty(self):
@@ -88,8 +90,12 @@ class Layout:
     """
 
     def __init__(self, model, regressors, payload=None):
-        self.model, self.payload, self.bodies = model, payload, regressors.bodies
-        self.regressors, self.own, self.without_rotors = regressors, regressors.own, False
+        self.model = model
+        self.payload = payload
+        self.bodies = regressors.bodies
+        self.regressors = regressors
+        self.own = regressors.own
+        self.without_rotors = False
         self.robot = regressors.size
         self.size = self.robot + (PARAMETERS if payload else 0)
         if payload:
@@ -97,16 +103,15 @@ class Layout:
             units = [inertias.moved(unit, payload.placement) for unit in np.eye(PARAMETERS)]
             # Its product with the payload's parameters is added to those of the body.
             self._placed = np.transpose(units)
-        self.known, (self.positive, self.inertial) = (
-            np.zeros(self.size),
-            np.zeros((2, self.size), dtype=bool),
-        )
+        self.known = np.zeros(self.size)
+        self.positive, self.inertial = np.zeros((2, self.size), dtype=bool)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
         self.motors = [regressors.of_motors([motor]) for motor in range(len(model.couplings))]
         for places, coupling in zip(self.motors, model.couplings.values(), strict=True):
-            self.known[places], self.positive[places] = (coupling.damping, coupling.friction), True
+            self.known[places] = coupling.damping, coupling.friction
+            self.positive[places] = True
         for name, column in COLUMNS.items():
             self.known[self.own(column)] = getattr(model, name)
             self.positive[self.own(column)] = column != OFFSET
@@ -125,7 +130,8 @@ class Layout:
 
         A reference fits the carrier along, but the model keeps its own unless it is `free`.
         """
-        payload, place = x[self.robot :], self._carrier
+        payload = x[self.robot :]
+        place = self._carrier
         whole = np.where(free, x, self.known)[place] + self._placed @ payload
         if whole[0] <= 0.0 or inertias.is_physical(whole):
             return payload
@@ -137,7 +143,8 @@ class Layout:
 
         Residuals are those of :meth:`Regressors.residual_squares`.
         """
-        alone, carrying = x[: self.robot], x[: self.robot].copy()
+        alone = x[: self.robot]
+        carrying = x[: self.robot].copy()
         if self.payload:
             carrying[self._carrier] += self._placed @ x[self.robot :]
         return sum(
@@ -168,14 +175,16 @@ class Layout:
 
     def weighted(self, rows, variance):
         """Return A and b over all rows, b by degree of freedom."""
-        A, robot = np.zeros((self.size, self.size)), slice(self.robot)
+        A = np.zeros((self.size, self.size))
+        robot = slice(self.robot)
         b = np.zeros((self.size, self.model.nv))
         for sums, loaded in rows:
             square, right = self.regressors.weighted(sums, variance)
             A[robot, robot] += square
             b[robot] += right
             if loaded and self.payload:
-                carried, across = slice(self.robot, None), square[:, self._carrier] @ self._placed
+                carried = slice(self.robot, None)
+                across = square[:, self._carrier] @ self._placed
                 A[robot, carried] += across
                 A[carried, robot] += across.T
                 A[carried, carried] += self._placed.T @ across[self._carrier]
@@ -207,12 +216,14 @@ def fit_rows(layout, rows, free, weight, similar=None):
 
 
 def _fit(layout, rows, free, weight, base, similar=None):
-    index, x = np.flatnonzero(free), layout.known.copy()
+    index = np.flatnonzero(free)
+    x = layout.known.copy()
     if not len(index):
         return Fit(x)
     start, bodies = _start(layout, free, weight, base)
     bodies = [body._replace(first=int(np.searchsorted(index, body.first))) for body in bodies]
-    fixed, positive = np.where(free, 0.0, layout.known), np.flatnonzero(layout.positive[index])
+    fixed = np.where(free, 0.0, layout.known)
+    positive = np.flatnonzero(layout.positive[index])
     variance = np.maximum(layout.mean_squares(rows, np.zeros(layout.size)), 1e-12)
     if similar:
         start = similar.x
@@ -223,7 +234,8 @@ def _fit(layout, rows, free, weight, base, similar=None):
         problem = Problem(A[np.ix_(index, index)], right, bodies, positive)
         near = turn > 0 or similar is not None
         x[index], hessian = solve(problem, x[index] if turn else start[index], near)
-        before, variance = variance, layout.variance(rows, x)
+        before = variance
+        variance = layout.variance(rows, x)
         falls = np.any(variance <= FALLING * before)
         if np.all(np.abs(variance / before - 1.0) < CONVERGED) or (turn >= ROUNDS and not falls):
             break
@@ -243,7 +255,8 @@ def _fit(layout, rows, free, weight, base, similar=None):
 
 def _start(layout, free, weight, base):
     """Return all unknowns at the start, and the bodies to fit; `base` carries the payload."""
-    start, bodies = np.where(layout.positive, START, layout.known), []
+    start = np.where(layout.positive, START, layout.known)
+    bodies = []
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             bodies.append(Body(layout.block(k).start, *_prior(layout.model, body, weight)))
@@ -269,7 +282,8 @@ def _prior(model, body, weight):
 
     Payloads are those of the model.
     """
-    whole, carried = inertias.parameters_of_record(model.bodies[body]), np.zeros(PARAMETERS)
+    whole = inertias.parameters_of_record(model.bodies[body])
+    carried = np.zeros(PARAMETERS)
     for link, payload in model.payloads.items():
         of_link, placement = model.placement_in_body(link)
         if of_link == body:
@@ -347,7 +361,8 @@ def solve(problem, start, near=False):
 
 def _minimize(function, x, quadratic, goal, steps):
     """Return x where the squared Newton decrement is below a goal, and the Hessian."""
-    before, (value, gradient, hessian) = np.inf, function(x)
+    before = np.inf
+    value, gradient, hessian = function(x)
     for _ in range(steps):
         squared, direction = _newton_step(gradient, hessian)
         # A whole step squares the decrement near the minimum; if not, only rounding is left.
@@ -359,7 +374,8 @@ def _minimize(function, x, quadratic, goal, steps):
                 break
         else:
             return x, hessian
-        x, before = x + length * direction, squared if length == 1.0 else np.inf
+        x = x + length * direction
+        before = squared if length == 1.0 else np.inf
         value, gradient, hessian = reached
     raise ConvergenceError(f"The identification did not converge within {steps} Newton steps.")
 
@@ -369,7 +385,9 @@ def _evaluate(A, b, logs, scale, x):
 
     The value is infinite outside of the cones.
     """
-    k, weight, weights = logs.positive, scale * POSITIVE_WEIGHT, scale * logs.weights
+    k = logs.positive
+    weight = scale * POSITIVE_WEIGHT
+    weights = scale * logs.weights
     J = np.tensordot(x[logs.places], inertias.BASIS, 1) + logs.fixed
     try:
         diagonals = np.diagonal(np.linalg.cholesky(J), axis1=1, axis2=2)
@@ -379,7 +397,8 @@ def _evaluate(A, b, logs, scale, x):
         return np.inf, None, None
     value = x @ (0.5 * A @ x - b) - weight * np.log(x[k]).sum()
     value -= 2.0 * weights @ np.log(diagonals).sum(axis=1)
-    gradient, hessian = A @ x - b, A.copy()
+    gradient = A @ x - b
+    hessian = A.copy()
     gradient[k] -= weight / x[k]
     hessian[k, k] += weight / x[k] ** 2
     inverse = np.linalg.inv(J)

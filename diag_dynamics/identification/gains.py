@@ -63,7 +63,8 @@ def _products(model, dataset, link, mass):
     These are the torque with the payload at the link's origin, what moving it by 1 m along each
     axis adds, and the effort.
     """
-    relation, products = EffortRelation(model, [link]), 0.0
+    relation = EffortRelation(model, [link])
+    products = 0.0
     for part in dataset.portions():
         columns, tau = relation.columns(*part.columns)
         columns = np.concatenate([columns, tau.T[..., None]], axis=-1)
@@ -98,7 +99,8 @@ def correct_gains(model, data):
 
     Their deviations are those of the jackknife.
     """
-    layout, whole = Layout(model, data.regressors), data.fitted
+    layout = Layout(model, data.regressors)
+    whole = data.fitted
     slope = _slopes(layout, whole)
     left_out = np.array([_slopes(layout, whole - block) for block in data.blocks])
     gains = data.gains[0] / slope
@@ -119,7 +121,8 @@ def _slopes(layout, sums):
         is_inertial = np.isin(columns, np.flatnonzero(layout.inertial))
         torque = np.where(is_inertial, layout.known[columns], 0.0)
         rows = np.vstack([torque, np.eye(len(columns))[-len(OWN) :]])
-        inner, right = rows @ products[:-1, :-1] @ rows.T, rows @ products[:-1, -1]
+        inner = rows @ products[:-1, :-1] @ rows.T
+        right = rows @ products[:-1, -1]
         scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
         solution = np.linalg.lstsq(inner * scale[:, None] * scale, scale * right, rcond=1e-9)[0]
         slope = scale[0] * solution[0]

@@ -139,7 +139,8 @@ def identify(
             "gains contain the weight of the payload. Give a reference without it, or its mass "
             "(payload:LINK=MASS)"
         )
-    last, free = selection.fit_all(), selection.free(selection.taken)
+    last = selection.fit_all()
+    free = selection.free(selection.taken)
     quality, curves = quality_of(model, selection, data, last)
     if "inertias" not in selection.taken:  # fitted along to a reference, but not asked for
         free &= ~selection.layout.inertial
@@ -198,7 +199,8 @@ class FitData:
 
     def _find_gains(self, model, masses):
         """Multiply efforts by gains; an unknown payload leaves these to references."""
-        self._carrying, mass = model, next(iter(masses.values()), None)
+        self._carrying = model
+        mass = next(iter(masses.values()), None)
         if mass is not None:
             payload = self.loaded, self._references, *masses, mass
             self._carrying = with_known_payload(model, *payload)
@@ -235,7 +237,8 @@ class FitData:
 
     def beginnings(self):
         """Return names and beginnings [s] of recordings on the time axis of all blocks."""
-        begin, names = 0.0, []
+        begin = 0.0
+        names = []
         for dataset in sorted(self.loaded, key=lambda one: one.key):
             names.append((dataset.name, begin))
             begin += float(dataset.duration)
@@ -251,9 +254,11 @@ class FitData:
 
     def _cut_blocks(self, segments):
         """Return normal equations and segments of blocks, given all segments."""
-        duration, elapsed = sum(segment.duration for segment, _ in segments), 0.0
+        duration = sum(segment.duration for segment, _ in segments)
+        elapsed = 0.0
         count = int(np.clip(duration // MIN_BLOCK, MIN_BLOCKS, MAX_BLOCKS))
-        blocks, parts = [0.0] * count, [[] for _ in range(count)]
+        blocks = [0.0] * count
+        parts = [[] for _ in range(count)]
         for segment, measured in segments:
             since = elapsed + segment.t - segment.t[0]
             number = np.minimum(since * count / duration, count - 1).astype(int)
@@ -280,14 +285,16 @@ def check_motion(model, datasets, slides):
     Findings are on the other joints. An offset requires the first, friction the second, and what
     depends on acceleration or load the third.
     """
-    unit, times = np.where(slides, PRISMATIC, 1.0), np.zeros((2, model.nv))
+    unit = np.where(slides, PRISMATIC, 1.0)
+    times = np.zeros((2, model.nv))
     segments = [segment for dataset in datasets for segment in dataset.segments]
     for t, states in segments:
         step = np.diff(t, prepend=t[0])
         times += [step @ (sign * states.velocity > MOVING * unit) for sign in (1.0, -1.0)]
     low = np.min([states.position.min(axis=0) for _, states in segments], axis=0)
     moved = np.max([states.position.max(axis=0) for _, states in segments], axis=0) - low
-    each_way, findings = (times >= EACH_WAY).all(axis=0), []
+    each_way = (times >= EACH_WAY).all(axis=0)
+    findings = []
     for k in np.flatnonzero(~each_way):
         metre = "m" if slides[k] else "rad"
         text = (

@@ -52,7 +52,8 @@ def moved(parameters, placement):
 
 def about_centre(parameters):
     """Return mass, centre of mass and 3x3 inertia about it."""
-    mass, rotational = float(parameters[0]), parameters[4:][SQUARE]
+    mass = float(parameters[0])
+    rotational = parameters[4:][SQUARE]
     if mass == 0.0:
         return 0.0, np.zeros(3), rotational
     c = parameters[1:4] / mass

@@ -54,15 +54,15 @@ def validate(models, parts):
     A block is pairs of a segment and of the joints that have efforts there. Then rows of curves:
     time, measured effort, the model's and the error of each joint.
     """
-    model, elapsed, curves = models[0], 0.0, [np.empty((0, 1 + 3 * models[0].nv))]
+    model = models[0]
+    elapsed = 0.0
+    curves = [np.empty((0, 1 + 3 * models[0].nv))]
     size = -(-sum(len(segment.t) for block in parts for segment, _ in block) // MAX_STEPS)
-    sums, balance, errors, observed, energies = (
-        WindowSums(model.nv),
-        Balance(model.dof_names),
-        [],
-        [],
-        [],
-    )
+    sums = WindowSums(model.nv)
+    balance = Balance(model.dof_names)
+    errors = []
+    observed = []
+    energies = []
     for fitted, block in zip(models, parts, strict=True):
         dynamics = DiagonalDynamics(fitted)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
@@ -117,8 +117,10 @@ def _downsample(t, columns, size):
 
 def quality_of(model, selection, data, last):
     """Return the quality of what was selected, and Curves; `last` is the fit to all rows."""
-    layout, names = selection.layout, model.dof_names
-    free, count = selection.free(selection.taken), len(data.blocks)
+    layout = selection.layout
+    names = model.dof_names
+    free = selection.free(selection.taken)
+    count = len(data.blocks)
     (before, first), (after, then) = (validate([model] * count, data.parts),) * 2
     if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
@@ -216,7 +218,8 @@ def _factors(names, relations):
 
 def _warn_of_reach(model, carrier, payload):
     """Return a warning of a payload's centre beyond the reach of the arm to its link."""
-    reach, body = np.linalg.norm(carrier.placement[:3, 3]), carrier.body
+    reach = np.linalg.norm(carrier.placement[:3, 3])
+    body = carrier.body
     while body > 0:
         reach += np.linalg.norm(model.bodies["translation"][body])
         body = int(model.bodies["parent"][body])
@@ -236,7 +239,8 @@ def _warn_of_payloads(selection, data, fit):
     if len(data.loaded) == 1:
         return []
     masses, deviations = np.transpose(selection.payload_by_recording(fit))
-    lightest, heaviest = int(np.argmin(masses)), int(np.argmax(masses))
+    lightest = int(np.argmin(masses))
+    heaviest = int(np.argmax(masses))
     allowed = ERRORS * np.hypot(deviations[lightest], deviations[heaviest])
     if masses[heaviest] - masses[lightest] <= allowed:
         return []
@@ -251,7 +255,8 @@ def _warn_of_payloads(selection, data, fit):
 
 
 def _warnings(quality, without_reference, nothing):
-    warnings, payload = [], quality["payload"]
+    warnings = []
+    payload = quality["payload"]
     if payload:
         warnings.append(f"payload of {payload['link']}: {payload['inertia_known']}")
     if payload and without_reference:
@@ -276,7 +281,8 @@ def _warnings(quality, without_reference, nothing):
                 f"{step} of {', '.join(joints)}: the model's values are kept, because fitted ones "
                 f"do not reduce the cross-validation residual by {GAIN:.0%}"
             )
-    share, total = quality["explained"], quality["explained_total"][1]
+    share = quality["explained"]
+    total = quality["explained_total"][1]
     if None not in share and share[1] < share[0]:
         warnings.append(
             f"variance explained of dK/dt decreased from {share[0]:.2f} to {share[1]:.2f}"

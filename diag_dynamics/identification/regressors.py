@@ -51,7 +51,8 @@ class Regressors:
     """
 
     def __init__(self, model, also=()):
-        bodies, nv = model.bodies, model.nv
+        bodies = model.bodies
+        nv = model.nv
         self.bodies = np.union1d(
             np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, dtype=int)
         )
@@ -64,7 +65,9 @@ class Regressors:
             while body > 0:
                 moved[bodies["dof"][body], number] = True
                 body = int(bodies["parent"][body])
-        self.columns, self.rows, end = [], [], 0
+        self.columns = []
+        self.rows = []
+        end = 0
         self._first = np.full((nv, len(bodies)), -1.0)
         for k in range(nv):
             numbers = np.flatnonzero(moved[k])
@@ -76,7 +79,8 @@ class Regressors:
             self._first[k, self.bodies[numbers]] = end + PARAMETERS * np.arange(len(numbers))
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
-        self.load_of, self._friction_velocity = None, model.friction_velocity
+        self.load_of = None
+        self._friction_velocity = model.friction_velocity
         self._workspace = model.new_workspace()
         self._directions = np.zeros((len(bodies), len(bodies), 12))
 
@@ -95,7 +99,8 @@ class Regressors:
         Both have rows of all degrees of freedom, (T, R), that are zero beside inertias.
         """
         momentum, bias = np.empty((2, len(q), self.rows[-1].stop))
-        q, qd = np.ascontiguousarray(q), np.ascontiguousarray(qd)
+        q = np.ascontiguousarray(q)
+        qd = np.ascontiguousarray(qd)
         fill_regressors(self._workspace.robot, q, qd, self._first, self._directions, momentum, bias)
         return momentum, bias
 
@@ -107,19 +112,19 @@ class Regressors:
         momentum begins at its first value, other filters at 0. The weight is min(1, λΔ/2), as rows
         that are closer than the filter's memory say the same.
         """
-        first_own, state = np.array([row.stop - len(OWN) - 1 for row in self.rows]), None
+        first_own = np.array([row.stop - len(OWN) - 1 for row in self.rows])
+        state = None
         for first in range(0, len(t) - 1, SIZE):
             part = slice(first, first + SIZE + 1)
-            rates, time = qd[part], RATE * t[part]
+            rates = qd[part]
+            time = RATE * t[part]
             momentum, y = self.evaluate(q[part], rates)
             momentum *= RATE
             momentum[:, first_own + ROTOR] = RATE * rates
             y -= momentum
-            y[:, first_own + DAMPING], y[:, first_own + OFFSET], y[:, first_own + len(OWN)] = (
-                rates,
-                1.0,
-                tau[part],
-            )
+            y[:, first_own + DAMPING] = rates
+            y[:, first_own + OFFSET] = 1.0
+            y[:, first_own + len(OWN)] = tau[part]
             v0 = self._friction_velocity
             y[:, first_own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
             if self.load_of:
@@ -139,17 +144,21 @@ class Regressors:
 
     def _fill_motors(self, y, rates):
         """Write rates and directions of coupled motors, times ratios, into rows of their joints."""
-        v0, rates = self._friction_velocity, rates @ self._motor_rates.T
+        v0 = self._friction_velocity
+        rates = rates @ self._motor_rates.T
         turned = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
         for k, motors in enumerate(self._motors):
             first = self.rows[k].stop - 1 - len(OWN) - 2 * len(motors)
             for column, motor in enumerate(motors):
-                ratio, at = self._motor_rates[motor, k], first + 2 * column
-                y[:, at], y[:, at + 1] = ratio * rates[:, motor], ratio * turned[:, motor]
+                ratio = self._motor_rates[motor, k]
+                at = first + 2 * column
+                y[:, at] = ratio * rates[:, motor]
+                y[:, at + 1] = ratio * turned[:, motor]
 
     def sum_rows(self, rows, weights):
         """Return the normal equations of rows."""
-        rows, sums = rows * np.sqrt(weights)[:, None], np.empty(len(self.rows) + 1, dtype=object)
+        rows = rows * np.sqrt(weights)[:, None]
+        sums = np.empty(len(self.rows) + 1, dtype=object)
         for k, part in enumerate(self.rows):
             few = np.array_split(rows[:, part], len(rows) // PRODUCT + 1)
             sums[k] = sum(some.T @ some for some in few)
@@ -183,7 +192,8 @@ class Regressors:
 
         b is by degree of freedom, (size, nv).
         """
-        A, b = np.zeros((self.size, self.size)), np.zeros((self.size, len(self.rows)))
+        A = np.zeros((self.size, self.size))
+        b = np.zeros((self.size, len(self.rows)))
         for k, (columns, product) in enumerate(zip(self.columns, sums[:-1], strict=True)):
             A[np.ix_(columns, columns)] += product[:-1, :-1] / variance[k]
             b[columns, k] = product[:-1, -1] / variance[k]
@@ -202,8 +212,10 @@ def propagate_directions(bodies, gravity, q, qd, work, directions):
     """
     propagate_motions(bodies, len(bodies) - 1, gravity, q, qd, work)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
-        X, V = records.placement_of(w), records.motion_of(w.V)
+        body = bodies[i]
+        w = work[i]
+        X = records.placement_of(w)
+        V = records.motion_of(w.V)
         a = body.parent
         while a > 0:
             for half in range(0, 12, 6):
@@ -243,19 +255,16 @@ def fill_regressors(robot, Q, QD, first, directions, momentum, bias):
         for i in range(1, len(bodies)):
             if first[bodies[i].dof, i] < 0.0:
                 continue
-            V, up = records.motion_of(work[i].V), records.motion_of(work[i].acceleration)
+            V = records.motion_of(work[i].V)
+            up = records.motion_of(work[i].acceleration)
             a = i
             while a > 0:
                 at = int(first[bodies[a].dof, i])
-                S, turning = (
-                    records.motion_of(directions[i, a]),
-                    records.motion_of(directions[i, a, 6:]),
-                )
-                momentum_row, gravity_of, kinetic = (
-                    coefficients(S, V),
-                    coefficients(S, up),
-                    coefficients(turning, V),
-                )
+                S = records.motion_of(directions[i, a])
+                turning = records.motion_of(directions[i, a, 6:])
+                momentum_row = coefficients(S, V)
+                gravity_of = coefficients(S, up)
+                kinetic = coefficients(turning, V)
                 for j in range(PARAMETERS):
                     momentum[t, at + j] += momentum_row[j]
                     bias[t, at + j] += gravity_of[j] - kinetic[j]
@@ -273,6 +282,7 @@ def low_pass(time, y, w):
         step = time[t] - time[t - 1]
         decay = math.exp(-step)
         mean = -math.expm1(-step) / step
-        old, new = mean - decay, 1.0 - mean
+        old = mean - decay
+        new = 1.0 - mean
         for j in range(y.shape[1]):
             w[t, j] = decay * w[t - 1, j] + old * y[t - 1, j] + new * y[t, j]

@@ -64,7 +64,8 @@ def _time_axis(t):
 
 def _draw_joint(identification, k, slides):
     """Return drawings of a joint's efforts and errors, and its error by the range of its effort."""
-    curves, name = identification.curves, identification.model.dof_names[k]
+    curves = identification.curves
+    name = identification.model.dof_names[k]
     error = identification.quality["torque_rms"][name][1]
     measured = curves.measured[:, k]
     extent = np.nanmax(measured, initial=-np.inf) - np.nanmin(measured, initial=np.inf)
@@ -79,17 +80,21 @@ def _draw_joint(identification, k, slides):
 
 def _draw(curves, k, *names):
     """Return the paths of a joint's curves, the last one on top, and their range with zero."""
-    t, values = curves.t, np.array([getattr(curves, name)[:, k] for name in names])
-    low, high = float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
+    t = curves.t
+    values = np.array([getattr(curves, name)[:, k] for name in names])
+    low = float(np.nanmin(values, initial=0.0))
+    high = float(np.nanmax(values, initial=0.0))
     scale = HEIGHT / (high - low or 1.0)
-    x, y = WIDTH * t / np.nanmax(t, initial=1e-9), scale * (high - values)
+    x = WIDTH * t / np.nanmax(t, initial=1e-9)
+    y = scale * (high - values)
     paths = {name: _path(x, row) for name, row in zip(names, y, strict=True)}
     return {"paths": paths, "low": low, "high": high, "zero": round(scale * high, 1)}
 
 
 def _path(x, y):
     """Return the path of a curve, which is interrupted where it is NaN."""
-    begins, parts = True, []
+    begins = True
+    parts = []
     for point in zip(x.round(1).tolist(), y.round(1).tolist(), strict=True):
         is_finite = all(np.isfinite(point))
         if is_finite:
@@ -100,7 +105,8 @@ def _path(x, y):
 
 def _parameters(identification, k, name):
     """Return value, half of its interval and whether it was fitted of each parameter of a joint."""
-    fitted, cells = identification.parameters.joints.get(name), {}
+    fitted = identification.parameters.joints.get(name)
+    cells = {}
     deviations = identification.quality["deviations"].get(name, {})
     for key in COLUMNS:
         value = float(getattr(identification.model, key)[k])

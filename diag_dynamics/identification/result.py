@@ -42,7 +42,10 @@ class Identification:
     def __init__(
         self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None
     ) -> None:
-        self.model, self.parameters, self.quality, self.curves = model, parameters, quality, curves
+        self.model = model
+        self.parameters = parameters
+        self.quality = quality
+        self.curves = curves
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the parameters into a YAML file.
@@ -71,7 +74,9 @@ def parameters_of(layout, x, free, origin=None):
 
     They include omitted rotors and all couplings.
     """
-    model, links, payloads = layout.model, {}, {}
+    model = layout.model
+    links = {}
+    payloads = {}
     if layout.payload:
         payloads[layout.payload.link] = Payload(*inertias.about_centre(layout.payload_of(x, free)))
     for k, body in enumerate(layout.bodies.tolist()):
@@ -99,7 +104,8 @@ def _joints(layout, x, free):
 
     Friction of a mimic joint is in that of its source joint.
     """
-    joints, mimics = {}, layout.model.mimics
+    joints = {}
+    mimics = layout.model.mimics
     for k, name in enumerate(layout.model.dof_names):
         numbers = layout.fitted_of(k, x, free)
         if layout.without_rotors:
@@ -131,12 +137,16 @@ def deviations_of(layout, free, fit, fits):
 
 def _split_body(model, body, whole):
     """Return inertias of a body's links, given the body's."""
-    links, names, parts, places = {}, [], [], []
+    links = {}
+    names = []
+    parts = []
+    places = []
     for record in model.links[model.links["body"] == body]:
         link = model.link_names[record["index"]]
         _, placement = model.placement_in_body(link)
         carried = _carried(model.payloads.get(link), placement)
-        bare, whole = inertias.parameters_of_record(record) - carried, whole - carried
+        bare = inertias.parameters_of_record(record) - carried
+        whole = whole - carried
         if bare[0] > 0.0:
             names.append(link)
             parts.append(inertias.floored(bare))
@@ -160,7 +170,8 @@ def _carried(payload, placement):
 def require_masses(model, payloads):
     """Reject payloads that leave their links a negative mass, which a URDF cannot have."""
     for record in model.links:
-        link, mass = model.link_names[record["index"]], float(record["mass"])
+        link = model.link_names[record["index"]]
+        mass = float(record["mass"])
         if mass < 0.0 and link in payloads:
             raise InputError(
                 f"payload of '{link}' is {payloads[link].mass:.3g} kg, which leaves {mass:.3g} kg; "
@@ -174,7 +185,8 @@ def payload_certainty(layout, fit, fits):
     Variances are those of the fits without each block in turn (jackknife), and those by priors and
     gains.
     """
-    x, prior = fit.x[layout.robot :], fit.certainty.by_gains[layout.robot :, layout.robot :]
+    x = fit.x[layout.robot :]
+    prior = fit.certainty.by_gains[layout.robot :, layout.robot :]
     steps = np.diag(1e-6 * np.maximum(np.abs(x), 1e-3))
     slopes = np.array([(_numbers(x + step) - _numbers(x)) / step.sum() for step in steps])
     by_gains = np.maximum(np.einsum("ji,jk,ki->i", slopes, prior, slopes), 0.0)

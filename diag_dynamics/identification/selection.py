@@ -96,8 +96,12 @@ class Selection:
     """
 
     def __init__(self, model, steps, payload, data):
-        self._model, self._payload, self._data = model, payload, data
-        self.layout, self.warnings, self.taken = Layout(model, data.regressors, payload), [], []
+        self._model = model
+        self._payload = payload
+        self._data = data
+        self.layout = Layout(model, data.regressors, payload)
+        self.warnings = []
+        self.taken = []
         self.asks_for_joints = bool(steps)
         self._weight = WEIGHT if data.duration >= SHORT else SHORT_WEIGHT
         self._moving = {
@@ -137,10 +141,8 @@ class Selection:
 
         `joints` of a step replace those that were chosen.
         """
-        chosen, free = (
-            self._own | joints,
-            self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None),
-        )
+        chosen = self._own | joints
+        free = self.layout.inertial & ("inertias" in steps or self._data.unloaded is not None)
         free[self.layout.robot :] = True
         for step, columns in BY_JOINT.items():
             for column in columns if step in steps else ():
@@ -173,8 +175,10 @@ class Selection:
 
         Other unknowns are as in a fit.
         """
-        layout, mass = copy.copy(self.layout), self.layout.robot
-        layout.known, masses = fit.x, []
+        layout = copy.copy(self.layout)
+        mass = self.layout.robot
+        layout.known = fit.x
+        masses = []
         free = np.arange(layout.size) >= mass
         for sums in self._data.sum_recordings():
             fit = fit_rows(layout, [(sums, True)], free, self._weight)
@@ -227,8 +231,10 @@ class Selection:
     def _choose_rotors(self, steps):
         """Omit the model's rotor inertias if efforts do not contain them, as of torque sensors."""
         free = self.free(["friction"] if "friction" in steps else [])
-        unknowns, columns = self.layout.known, self.layout.own(ROTOR)
-        rotors, scores = unknowns[columns], []
+        unknowns = self.layout.known
+        columns = self.layout.own(ROTOR)
+        rotors = unknowns[columns]
+        scores = []
         for armature in (0.0, rotors):
             unknowns[columns] = armature
             scores.append(self._score_of(self.cross_validate(free)[1]))
@@ -248,7 +254,8 @@ class Selection:
         After it try those again that a larger error has hidden.
         """
         self.fits, self.squares = self.cross_validate(self.free([]))
-        self.ladder, refused = [self._rung([], self.squares, True)], {}
+        self.ladder = [self._rung([], self.squares, True)]
+        refused = {}
         ahead = list(steps)
         while ahead:
             step = ahead.pop(0)
@@ -295,10 +302,8 @@ class Selection:
         """
         if step == "gears":
             self._update_load()
-        again, steps = (
-            step in self.taken,
-            [earlier for earlier in STEPS if earlier in self.taken or earlier == step],
-        )
+        again = step in self.taken
+        steps = [earlier for earlier in STEPS if earlier in self.taken or earlier == step]
         candidates = (
             self._moving[step] & ~(self._own[step] & again)
             if step in BY_JOINT
@@ -306,7 +311,8 @@ class Selection:
         )
         joints = {step: self._moving[step]} if step in BY_JOINT else {}
         result = self.cross_validate(self.free(steps, **joints))
-        without, residuals = self.residuals(self.squares), self.residuals(result[1])
+        without = self.residuals(self.squares)
+        residuals = self.residuals(result[1])
         gains = np.where(
             candidates,
             1.0 - np.hypot(residuals, self._floor) / np.hypot(without, self._floor),
@@ -329,7 +335,9 @@ class Selection:
         if better or not again:
             self.ladder.append(self._rung(steps, result[1], better))
         if better:
-            self.taken, (self.fits, self.squares), self._own = steps, result, self._own | joints
+            self.taken = steps
+            self.fits, self.squares = result
+            self._own = self._own | joints
             return ""
         change = (
             f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint (expected "

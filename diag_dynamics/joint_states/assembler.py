@@ -75,23 +75,34 @@ class StateAssembler:
     """
 
     def __init__(self, joints, options, base=None, map_name=None, labels=None, limit="max_age"):
-        self._joints, self._base, self._map_name, self._limit = joints, base, map_name or str, limit
+        self._joints = joints
+        self._base = base
+        self._map_name = map_name or str
+        self._limit = limit
         self.followers = Followers(
             joints.names, joints.mimics, 0.0, joints.continuous, joints.motion
         )
-        self.joint_names, self.names = joints.names, (*joints.names, *self.followers.names)
+        self.joint_names = joints.names
+        self.names = (*joints.names, *self.followers.names)
         loops = (
             [loop_title(joints.motion.model, k) for k in range(len(joints.motion.model.loops))]
             if joints.motion
             else ()
         )
         self._labels = (*(labels or (f"joint '{name}'" for name in self.names)), *loops)
-        self.counts, self.stuck, self.last_foreign, self.last_texts = Counter(), Counter(), (), {}
-        self._layouts, self.arrived = Layouts(), {}
-        self._lists, self._alternating = set(), set()
-        count, follower_count = len(joints.names), len(self.followers.names)
+        self.counts = Counter()
+        self.stuck = Counter()
+        self.last_foreign = ()
+        self.last_texts = {}
+        self._layouts = Layouts()
+        self.arrived = {}
+        self._lists = set()
+        self._alternating = set()
+        count = len(joints.names)
+        follower_count = len(self.followers.names)
         self._memory = memory.Memory.create(count, follower_count)
-        self._shared, self._own = self._memory.shared[0], self._memory.joints
+        self._shared = self._memory.shared[0]
+        self._own = self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
         self._shared["needs_base"] = base is not None
         self._own["other_stamp"] = -1
@@ -107,7 +118,8 @@ class StateAssembler:
 
     def _follow(self):
         """Write how followers depend on joints: mimic joints, then those with changing ratios."""
-        followers, count = self.followers, len(self.followers.leaders)
+        followers = self.followers
+        count = len(self.followers.leaders)
         _write(
             self._memory.followers[:count],
             source=followers.leaders,
@@ -115,9 +127,11 @@ class StateAssembler:
             offset=followers.offsets,
         )
         if followers.motion:
-            model, self._ratios = followers.motion.model, followers.motion.memory()
+            model = followers.motion.model
+            self._ratios = followers.motion.memory()
             sizes = {"bodies": len(model.bodies), "nq": model.nq, "nv": model.nv}
-            robot, ratios = followers.motion.workspace.robot, self._ratios.ctypes.data
+            robot = followers.motion.workspace.robot
+            ratios = self._ratios.ctypes.data
             _write(self._shared, robot=robot, follow=positions.address, ratios=ratios, **sizes)
             self._memory.followers["body"][count:] = [
                 model.first_body(name) for name in followers.names[count:]
@@ -135,7 +149,9 @@ class StateAssembler:
     def configure(self, options):
         """Use other options from now on; InputError if they name a joint that is not there."""
         efforts, ages = self.check_options(options)
-        count, joints, followers = len(self._own), self._own, self.followers
+        count = len(self._own)
+        joints = self._own
+        followers = self.followers
         limits = joint_limits(self._joints, options)
         _write(joints, factor=efforts.factors[:count], span=ages[:count], **limits)
         _write(
@@ -163,7 +179,8 @@ class StateAssembler:
             _write(joints, estimated=0, estimate_known=0)
         if not options.jump:
             _write(joints, other_stamp=-1)
-        self.efforts, self.followers.tolerance = efforts, options.mimic_tolerance
+        self.efforts = efforts
+        self.followers.tolerance = options.mimic_tolerance
         if self._base:
             self._base.configure(options)
 
@@ -383,9 +400,11 @@ class StateAssembler:
         rows = [layout.row for layout in layouts]
         batch = memory.Batch.create(len(now), rows, self._memory, max(widths, default=0))
         messages = batch.messages
-        messages["now"], messages["layout"] = now, memory.UNREADABLE
+        messages["now"] = now
+        messages["layout"] = memory.UNREADABLE
         for k, (part, width) in enumerate(zip(parts, widths, strict=True)):
-            messages["sec"][part.rows], messages["nanosec"][part.rows] = part.sec, part.nanosec
+            messages["sec"][part.rows] = part.sec
+            messages["nanosec"][part.rows] = part.nanosec
             messages["layout"][part.rows] = k
             batch.numbers[part.rows, :width] = np.hstack(
                 [part.position, part.velocity, part.effort]
@@ -402,7 +421,8 @@ class StateAssembler:
         """Return the layout of messages with one list of names, and lengths of the fields."""
         layout = self._layouts.get((names, lengths))
         if layout is None:
-            begins, numbers = np.cumsum([0, *lengths[:2]]), np.zeros((1, sum(lengths)))
+            begins = np.cumsum([0, *lengths[:2]])
+            numbers = np.zeros((1, sum(lengths)))
             layout = self._make_layout(names, lengths, begins, numbers)
             self._layouts.keep(
                 (names, lengths), layout, sum(NAME_BYTES + len(name) for name in names)
@@ -448,10 +468,8 @@ class StateAssembler:
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:
-            name, (first, second) = (
-                self._labels[outcome["moved"]],
-                outcome[["moved_from", "moved_to"]],
-            )
+            name = self._labels[outcome["moved"]]
+            first, second = outcome[["moved_from", "moved_to"]]
             return codes.STEP.format(name=name, first=first, second=second)
         if event == codes.DISAGREES:
             positions, expected = (self._memory.followers[field] for field in ("own", "expected"))

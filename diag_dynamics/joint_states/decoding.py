@@ -43,7 +43,8 @@ class JointStates(NamedTuple):
 
     def select(self, mask):
         """Return the messages of a mask."""
-        names, columns = self.names, (column[mask] for column in self[2:])
+        names = self.names
+        columns = (column[mask] for column in self[2:])
         return JointStates(self.rows[mask], names, *columns)
 
 
@@ -129,7 +130,8 @@ class Decoder:
 
         Message k is ``data[at[k] : at[k] + size[k]]``.
         """
-        parts, errors = [], {}
+        parts = []
+        errors = {}
         for length in np.unique(size[chosen]).tolist():
             rows = chosen[size[chosen] == length]
             raw = (
@@ -161,14 +163,16 @@ class Decoder:
                 places = self.find_places(raw[0].tobytes() if raw.size else b"")
             except ValueError as error:
                 errors[int(rows[0])] = f"joint_states: {error}"
-                raw, rows = raw[1:], rows[1:]
+                raw = raw[1:]
+                rows = rows[1:]
                 continue
             alike = (raw[:, places.fixed] == places.text).all(axis=1)
             if alike.all():
                 parts.append(places.read(raw, rows))
                 return
             parts.append(places.read(raw[alike], rows[alike]))
-            raw, rows = raw[~alike], rows[~alike]
+            raw = raw[~alike]
+            rows = rows[~alike]
 
 
 def find_places(raw):

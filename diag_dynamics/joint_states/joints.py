@@ -99,7 +99,8 @@ def joints_of(model):
         )
         raise UnsupportedError(f"{text} Omit flexible_links.")
     names = single_joints(model)
-    at, dof = places(names, model.coordinate_names), places(names, model.dof_names)
+    at = places(names, model.coordinate_names)
+    dof = places(names, model.dof_names)
     return Joints(
         names,
         model.mimics,
@@ -187,10 +188,8 @@ class LinkPositions:
             for n, j in model.flexible_joints.items()
             if (j.position, j.effort) == ("motor", "spring")
         }
-        self._at, self._dofs = (
-            places(flexible, model.coordinate_names),
-            places(flexible, model.dof_names),
-        )
+        self._at = places(flexible, model.coordinate_names)
+        self._dofs = places(flexible, model.dof_names)
         self._stiffness = np.array([joint.stiffness for joint in flexible.values()])
         self._damping = np.array([joint.damping for joint in flexible.values()])
         self.has_any = bool(flexible)
@@ -216,7 +215,8 @@ class LinkPositions:
             / self._stiffness
         )
         self._last = int(stamp[-1]), torque[-1]
-        position, velocity = position.copy(), velocity.copy()
+        position = position.copy()
+        velocity = velocity.copy()
         position[:, self._at] -= np.nan_to_num(
             torque / self._stiffness - self._damping * rate / self._stiffness
         )

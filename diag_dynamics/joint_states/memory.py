@@ -151,7 +151,8 @@ class Batch(NamedTuple):
     @classmethod
     def create(cls, count, layouts, memory, width=0):
         """Return a batch of a number of messages with `width` numbers each."""
-        messages, outcome = np.zeros(count, MESSAGE), np.zeros(count, OUTCOME)
+        messages = np.zeros(count, MESSAGE)
+        outcome = np.zeros(count, OUTCOME)
         rows = np.array(layouts, np.int64).reshape(len(layouts), row_length(memory))
         states = np.empty((3, count, len(memory.joints)))
         return cls(rows, messages, np.zeros((count, width)), outcome, states)
@@ -164,7 +165,8 @@ def row_length(memory):
 
 def layout_row(memory, error, places, begins):
     """Return a row of Batch.layouts; `places` has the place in a message by joint or follower."""
-    count, row = len(memory.joints), np.zeros(row_length(memory), np.int64)
+    count = len(memory.joints)
+    row = np.zeros(row_length(memory), np.int64)
     joints = [index for index in places if index < count]
     indices = joints + [index for index in places if index >= count]
     row[:HEAD] = error, len(joints), len(indices), *begins

@@ -57,10 +57,15 @@ class OdometryBase:
                 "odom: child_frame_id is empty, "
                 f"expected '{self._model.root_link}' or a link on it",
             )
-        pose, twist = message.pose.pose, message.twist.twist
-        p, o, v, w = pose.position, pose.orientation, twist.linear, twist.angular
-        place, turn = (p.x, p.y, p.z), (o.x, o.y, o.z, o.w)
-        motion = (v.x, v.y, v.z, w.x, w.y, w.z)
+        pose = message.pose.pose
+        twist = message.twist.twist
+        p = pose.position
+        o = pose.orientation
+        v = twist.linear
+        w = twist.angular
+        place = p.x, p.y, p.z
+        turn = o.x, o.y, o.z, o.w
+        motion = v.x, v.y, v.z, w.x, w.y, w.z
         try:
             position, velocity = base_state(
                 self._model, link, place, turn, motion, self.twist_in_header
@@ -83,7 +88,9 @@ class OdometryBase:
         if isinstance(result, Rejected):
             raise RejectedError(*result)
         state = result.state
-        self.position, self.velocity, self.stamp = position, velocity, state.newest
+        self.position = position
+        self.velocity = velocity
+        self.stamp = state.newest
         self.unstamped = state.stamp_is_receive_time
 
 
@@ -104,10 +111,13 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
         )
     attached = model.placement_in_root(link)
     R = rotations.from_quaternion(*map(float, quaternion))
-    linear, angular = np.asarray(twist[:3], dtype=float), np.asarray(twist[3:], dtype=float)
+    linear = np.asarray(twist[:3], dtype=float)
+    angular = np.asarray(twist[3:], dtype=float)
     if twist_in_world:
-        linear, angular = R.T @ linear, R.T @ angular
-    turn, offset = attached[:3, :3], attached[:3, 3]
+        linear = R.T @ linear
+        angular = R.T @ angular
+    turn = attached[:3, :3]
+    offset = attached[:3, 3]
     angular = turn @ angular
     linear = turn @ linear - np.cross(angular, offset)
     root = R @ turn.T

@@ -74,7 +74,8 @@ def judge_messages(shared, joints, followers, scratch, layouts, messages, number
         layout = messages[k].layout
         if layout == FORGET:
             _forget(memory)
-            shared[0].stuck_last, shared[0].stuck_kind = -1, 0
+            shared[0].stuck_last = -1
+            shared[0].stuck_kind = 0
             continue
         if layout < 0:
             record.code = codes.MALFORMED
@@ -99,18 +100,23 @@ def _clear(outcome):
 @large_kernel
 def _judge(memory, batch, k, layout):
     """Judge one message and return the code of what comes of it."""
-    message, outcome = batch.messages[k], batch.outcome[k]
-    names, row = len(memory.joints) + len(memory.followers), memory.scratch[VALUES]
+    message = batch.messages[k]
+    outcome = batch.outcome[k]
+    names = len(memory.joints) + len(memory.followers)
+    row = memory.scratch[VALUES]
     indices = layout[HEAD : HEAD + layout[JOINT_COUNT]]
     follower_indices = layout[HEAD + layout[JOINT_COUNT] : HEAD + layout[COUNT]]
     _spread(batch.numbers[k], layout, names, row)
-    position, velocity, effort = row[:names], row[names : 2 * names], row[2 * names : 3 * names]
+    position = row[:names]
+    velocity = row[names : 2 * names]
+    effort = row[2 * names : 3 * names]
     if layout[ERROR] == codes.DUPLICATE_NAME:
         return codes.DUPLICATE_NAME
     if len(indices) == 0 and len(follower_indices) == 0:
         return codes.FOREIGN
     if message.sec < 0 or message.nanosec >= SECOND:
-        outcome.first, outcome.second = message.sec, message.nanosec
+        outcome.first = message.sec
+        outcome.second = message.nanosec
         return codes.MALFORMED_STAMP
     stamp = message.sec * SECOND + message.nanosec
     unstamped = int(stamp == 0)
@@ -184,28 +190,30 @@ def _judge_values(memory, indices, position, velocity, outcome):
     """Return the code of positions or velocities that are missing or out of bounds."""
     for j in indices:
         if not np.isfinite(position[j]):
-            outcome.joint, outcome.first = j, position[j]
+            outcome.joint = j
+            outcome.first = position[j]
             return codes.NO_POSITION
     for j in indices:
         rules = memory.joints[j]
         if position[j] < rules.lower or position[j] > rules.upper:
-            outcome.joint, outcome.first, outcome.second, outcome.third = (
-                j,
-                position[j],
-                rules.lower,
-                rules.upper,
-            )
+            outcome.joint = j
+            outcome.first = position[j]
+            outcome.second = rules.lower
+            outcome.third = rules.upper
             return codes.POSITION_BOUND
     for j in indices:
         fastest = memory.joints[j].fastest
         if np.isfinite(velocity[j]) and abs(velocity[j]) > fastest:
-            outcome.joint, outcome.first, outcome.second = j, velocity[j], fastest
+            outcome.joint = j
+            outcome.first = velocity[j]
+            outcome.second = fastest
             return codes.VELOCITY_BOUND
     for j in indices:
         if not np.isfinite(velocity[j]) and not (
             memory.shared[0].estimate and np.isnan(velocity[j])
         ):
-            outcome.joint, outcome.first = j, velocity[j]
+            outcome.joint = j
+            outcome.first = velocity[j]
             return codes.NO_VELOCITY
     return codes.STATE
 
@@ -216,7 +224,9 @@ def _judge_stamp(memory, indices, follower_indices, stamp, unstamped, now, outco
 
     The source is the one with an earlier stamp, or −1.
     """
-    span, last, source = float(SECOND), -1, -1
+    span = float(SECOND)
+    last = -1
+    source = -1
     if len(indices):
         named = indices[0]
         for j in indices:
@@ -226,7 +236,8 @@ def _judge_stamp(memory, indices, follower_indices, stamp, unstamped, now, outco
                 and memory.joints[j].unstamped == unstamped
                 and memory.joints[j].stamp > last
             ):
-                last, named = memory.joints[j].stamp, j
+                last = memory.joints[j].stamp
+                named = j
         outcome.joint = named
         if np.isfinite(memory.joints[named].span):
             span = max(float(SECOND), memory.joints[named].span)
@@ -252,7 +263,8 @@ def _judge_clock(memory, stamp, now, outcome):
 
     It is STATE if all stamps have been so for PATIENCE.
     """
-    shared, apart = memory.shared[0], now - stamp
+    shared = memory.shared[0]
+    apart = now - stamp
     if abs(apart) <= shared.max_age or (shared.in_step != 1 and not shared.refuse_foreign):
         return codes.STATE
     if (
@@ -260,10 +272,13 @@ def _judge_clock(memory, stamp, now, outcome):
         or abs(apart - shared.refused_apart) > shared.max_age
         or now < shared.refused_at
     ):
-        shared.refused, shared.refused_at, shared.refused_apart = 1, now, apart
+        shared.refused = 1
+        shared.refused_at = now
+        shared.refused_apart = apart
     if not shared.refuse_foreign and now - shared.refused_at >= PATIENCE:
         return codes.STATE
-    outcome.first, outcome.second = apart * 1e-9, shared.max_age * 1e-9
+    outcome.first = apart * 1e-9
+    outcome.second = shared.max_age * 1e-9
     if shared.in_step != 1:
         return codes.FOREIGN_TIME
     return codes.CLOCK_BEHIND if apart > 0 else codes.CLOCK_AHEAD
@@ -275,10 +290,15 @@ def _judge_late(source, stamp, last, span, outcome):
 
     It is STATE if its source continues from it, because time has restarted.
     """
-    first, before, count = source.late_first, source.late_last, source.late_count
+    first = source.late_first
+    before = source.late_last
+    count = source.late_count
     if count == 0 or not 0 <= stamp - before <= span:
-        first, count = stamp, 0
-    source.late_first, source.late_last, source.late_count = first, stamp, count + 1
+        first = stamp
+        count = 0
+    source.late_first = first
+    source.late_last = stamp
+    source.late_count = count + 1
     outcome.first = (last - stamp) * 1e-9
     if last - stamp <= span:
         return codes.LATE if count + 1 < LATE_COUNT or stamp - first < LATE_TIME else codes.STATE
@@ -295,14 +315,16 @@ def _accept_stamp(memory, source, anew, stamp, unstamped, now):
     elif source >= 0:
         memory.joints[source].late_count = 0
     if shared.max_age == 0:
-        shared.in_step, shared.refused = -1, 0
+        shared.in_step = -1
+        shared.refused = 0
     elif now and not unstamped:
         shared.apart = now - stamp
         apart = abs(shared.apart)
         # A stamp of another clock must come within half of the bound before the bound holds for it.
         # At the bound itself it would be accepted and rejected by turns.
         within = apart <= shared.max_age and (shared.in_step != 0 or 2 * apart <= shared.max_age)
-        shared.in_step, shared.refused = int(within), 0
+        shared.in_step = int(within)
+        shared.refused = 0
 
 
 @kernel
@@ -330,19 +352,21 @@ def _estimate(memory, indices, position, velocity, stamp, unstamped, outcome):
             continue
         quotient = abs(_estimate_step(joint, position[j]) / (elapsed / 1e9))
         if np.isnan(velocity[j]) and quotient > MAX_VELOCITY:
-            outcome.joint, outcome.first, outcome.second = j, position[j], MAX_VELOCITY
+            outcome.joint = j
+            outcome.first = position[j]
+            outcome.second = MAX_VELOCITY
             return codes.FAST_STEP
     for j in indices:
         joint = memory.joints[j]
         elapsed = stamp - joint.estimate_stamp
         if not _continues(memory, j, elapsed, unstamped, outcome):
-            joint.estimate_since, joint.estimate_sum, joint.estimate_weight = stamp, 0.0, 0.0
+            joint.estimate_since = stamp
+            joint.estimate_sum = 0.0
+            joint.estimate_weight = 0.0
             joint.estimate_period = LONGEST / PERIODS
-            joint.estimate_position, joint.estimate_stamp, joint.estimate_known = (
-                position[j],
-                stamp,
-                1,
-            )
+            joint.estimate_position = position[j]
+            joint.estimate_stamp = stamp
+            joint.estimate_known = 1
         elif elapsed > 0:
             dt = elapsed / 1e9
             stays = math.exp(-dt / shared.filter_time) if shared.filter_time > 0.0 else 0.0
@@ -350,7 +374,8 @@ def _estimate(memory, indices, position, velocity, stamp, unstamped, outcome):
             joint.estimate_sum = stays * joint.estimate_sum + (1.0 - stays) * quotient
             joint.estimate_weight = stays * joint.estimate_weight + (1.0 - stays)
             joint.estimate_period = elapsed
-            joint.estimate_position, joint.estimate_stamp = position[j], stamp
+            joint.estimate_position = position[j]
+            joint.estimate_stamp = stamp
         joint.estimated = int(np.isnan(velocity[j]))
         if joint.estimated:
             ready = (
@@ -364,7 +389,8 @@ def _estimate(memory, indices, position, velocity, stamp, unstamped, outcome):
 @kernel
 def _continues(memory, j, elapsed, unstamped, outcome):
     """Whether an estimate goes on: no restart, no other clock, no jump, no pause."""
-    joint, moved = memory.joints[j], outcome.moved >= 0 and memory.scratch[FAR, j] > 0.0
+    joint = memory.joints[j]
+    moved = outcome.moved >= 0 and memory.scratch[FAR, j] > 0.0
     if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
         return False
     longest = joint.span if np.isfinite(joint.span) else 0.0
@@ -386,9 +412,14 @@ def _store_joints(memory, indices, position, velocity, effort, stamp, unstamped)
         joint = memory.joints[j]
         torque = effort[j] * joint.factor
         if abs(torque) > joint.strongest:
-            torque, implausible = np.nan, True
-        joint.position, joint.velocity, joint.effort = position[j], velocity[j], torque
-        joint.stamp, joint.unstamped, joint.known = stamp, unstamped, 1
+            torque = np.nan
+            implausible = True
+        joint.position = position[j]
+        joint.velocity = velocity[j]
+        joint.effort = torque
+        joint.stamp = stamp
+        joint.unstamped = unstamped
+        joint.known = 1
     return implausible
 
 
@@ -403,9 +434,12 @@ def _store_followers(memory, indices, position, velocity, effort, stamp, outcome
         follower = memory.followers[j - len(memory.joints)]
         torque = effort[j] * follower.factor
         if abs(torque) > MAX_EFFORT:
-            torque, implausible = np.nan, True
-        follower.position, follower.velocity = position[j], velocity[j]
-        follower.effort, follower.stamp = torque, stamp
+            torque = np.nan
+            implausible = True
+        follower.position = position[j]
+        follower.velocity = velocity[j]
+        follower.effort = torque
+        follower.stamp = stamp
         source = memory.joints[follower.source]
         is_stale = not source.known or abs(source.stamp - stamp) > source.span
         if follower.body or is_stale or not np.isfinite(position[j]):  # bodies: see _close_loops
@@ -418,7 +452,8 @@ def _store_followers(memory, indices, position, velocity, effort, stamp, outcome
 @kernel
 def _compare_follower(memory, follower, expected, outcome):
     """Store the positions of a follower that disagree; forget those of an earlier message."""
-    distance, tolerance = abs(follower.position - expected), memory.shared[0].tolerance
+    distance = abs(follower.position - expected)
+    tolerance = memory.shared[0].tolerance
     distance = abs(_wrap_angle(distance)) if follower.turns else distance
     if tolerance == 0.0 or not distance > tolerance:
         return
@@ -426,32 +461,41 @@ def _compare_follower(memory, follower, expected, outcome):
         outcome.events |= codes.DISAGREES
         for f in range(len(memory.followers)):
             memory.followers[f].own = np.nan
-    follower.own, follower.expected = follower.position, expected
+    follower.own = follower.position
+    follower.expected = expected
 
 
 @kernel
 def _assemble(memory, batch, k):
     """Make up the state of all joints; return its code."""
-    outcome, joints = batch.outcome[k], memory.joints
-    newest, oldest = joints[0].stamp, joints[0].stamp
+    outcome = batch.outcome[k]
+    joints = memory.joints
+    newest = joints[0].stamp
+    oldest = joints[0].stamp
     for j in range(len(joints)):
         if not joints[j].known:
             return codes.INCOMPLETE
-        newest, oldest = max(newest, joints[j].stamp), min(oldest, joints[j].stamp)
+        newest = max(newest, joints[j].stamp)
+        oldest = min(oldest, joints[j].stamp)
     for j in range(len(joints)):
         if newest - joints[j].stamp > joints[j].span:
-            outcome.joint, outcome.first = j, joints[j].span * 1e-9
+            outcome.joint = j
+            outcome.first = joints[j].span * 1e-9
             return codes.STALE_JOINT
     if memory.shared[0].estimate:
         for j in range(len(joints)):
             if np.isnan(joints[j].velocity):
                 return codes.AWAITING_VELOCITY
-    outcome.newest, outcome.oldest, outcome.with_effort = newest, oldest, 1
+    outcome.newest = newest
+    outcome.oldest = oldest
+    outcome.with_effort = 1
     for j in range(len(joints)):
         if not np.isfinite(joints[j].velocity):
-            outcome.joint, outcome.first = j, joints[j].velocity
+            outcome.joint = j
+            outcome.first = joints[j].velocity
             return codes.NO_VELOCITY
-        batch.states[0, k, j], batch.states[1, k, j] = joints[j].position, joints[j].velocity
+        batch.states[0, k, j] = joints[j].position
+        batch.states[1, k, j] = joints[j].velocity
         batch.states[2, k, j] = joints[j].effort
         outcome.received |= joints[j].unstamped
         outcome.estimated |= joints[j].estimated
@@ -480,7 +524,9 @@ def _close_loops(memory, position, effort, outcome):
 
     Return the code of an open loop. Positions are compared with those of the same stamp.
     """
-    shared, n, q = memory.shared[0], len(position), memory.scratch[VALUES]
+    shared = memory.shared[0]
+    n = len(position)
+    q = memory.scratch[VALUES]
     for j in range(n):
         q[shared.nq - n + j] = position[j]
     status = call_address(shared.follow, (shared.robot, address_of(q), shared.ratios, 0))
@@ -489,7 +535,8 @@ def _close_loops(memory, position, effort, outcome):
         return codes.OPEN_LOOP
     table = _matrix_at(shared.ratios, (shared.bodies, 1 + 2 * shared.nv))
     for f in range(len(memory.followers)):
-        follower, row = memory.followers[f], table[memory.followers[f].body]
+        follower = memory.followers[f]
+        row = table[memory.followers[f].body]
         if follower.body == 0:
             continue
         for j in range(n):
@@ -509,11 +556,10 @@ def _complete_by_base(shared, outcome):
         return codes.BEFORE_ODOMETRY
     apart = abs(outcome.newest - shared.base_stamp)
     if apart > ODOM_TIMEOUT:
-        outcome.first, outcome.second = apart * 1e-9, ODOM_TIMEOUT * 1e-9
+        outcome.first = apart * 1e-9
+        outcome.second = ODOM_TIMEOUT * 1e-9
         return codes.STALE_ODOMETRY
-    outcome.newest, outcome.oldest = (
-        max(outcome.newest, shared.base_stamp),
-        min(outcome.oldest, shared.base_stamp),
-    )
+    outcome.newest = max(outcome.newest, shared.base_stamp)
+    outcome.oldest = min(outcome.oldest, shared.base_stamp)
     outcome.received |= shared.base_unstamped
     return codes.STATE

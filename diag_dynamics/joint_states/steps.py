@@ -42,26 +42,29 @@ def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
     far = _mark_far_joints(memory, indices, position, velocity, stamp, unstamped)
     if far < 0:
         return codes.STATE
-    joint, slack = memory.joints[far], memory.shared[0].slack
+    joint = memory.joints[far]
+    slack = memory.shared[0].slack
     in_row, interleaved = _compare_candidate(memory, indices, position, velocity, stamp)
     moves = interleaved and _moves_alone(memory, indices, position, velocity)
     if memory.shared[0].refuse_foreign:  # a controller goes on with its arm
         moves = False
     if moves or (in_row >= STATES and not interleaved):
-        outcome.moved, outcome.moved_from, outcome.moved_to = far, joint.position, position[far]
+        outcome.moved = far
+        outcome.moved_from = joint.position
+        outcome.moved_to = position[far]
         return codes.STATE
     elapsed = stamp - joint.stamp
-    outcome.joint, outcome.first, outcome.second, outcome.third = (
-        far,
-        joint.position,
-        position[far],
-        elapsed * 1e-9,
-    )
+    outcome.joint = far
+    outcome.first = joint.position
+    outcome.second = position[far]
+    outcome.third = elapsed * 1e-9
     outcome.fourth = _largest_step(joint, slack, velocity[far], joint.velocity, elapsed)
-    outcome.fifth, outcome.sixth = joint.velocity, velocity[far]
+    outcome.fifth = joint.velocity
+    outcome.sixth = velocity[far]
     for j in indices:
         _store_candidate(memory.joints[j], position[j], velocity[j], stamp)
-        memory.joints[j].other_count, memory.joints[j].interleaved = in_row, interleaved
+        memory.joints[j].other_count = in_row
+        memory.joints[j].interleaved = interleaved
     return codes.INTERLEAVED if interleaved else codes.JUMP
 
 
@@ -83,8 +86,10 @@ def _mark_far_joints(memory, indices, position, velocity, stamp, unstamped):
     first = -1
     for k in range(len(indices) - 1, -1, -1):
         j = indices[k]
-        joint, elapsed = memory.joints[j], stamp - memory.joints[j].stamp
-        step, slack = _step(joint, position[j], joint.position), memory.shared[0].slack
+        joint = memory.joints[j]
+        elapsed = stamp - memory.joints[j].stamp
+        step = _step(joint, position[j], joint.position)
+        slack = memory.shared[0].slack
         far = step > _largest_step(joint, slack, velocity[j], joint.velocity, elapsed)
         far = far and joint.known == 1 and joint.unstamped == unstamped
         far = far and elapsed * 1e-9 <= joint.lasting
@@ -119,9 +124,12 @@ def _largest_step(joint, slack, velocity, before, elapsed):
 @kernel
 def _compare_candidate(memory, indices, position, velocity, stamp):
     """Return the messages in a row of the candidate, and whether sources are interleaved."""
-    slack, in_row, interleaved = memory.shared[0].slack, STATES, False
+    slack = memory.shared[0].slack
+    in_row = STATES
+    interleaved = False
     for j in indices:
-        joint, elapsed = memory.joints[j], stamp - memory.joints[j].other_stamp
+        joint = memory.joints[j]
+        elapsed = stamp - memory.joints[j].other_stamp
         if memory.scratch[FAR, j] > 0.0:
             largest = _largest_step(joint, slack, velocity[j], joint.other_velocity, elapsed)
             elsewhere = _step(joint, position[j], joint.other_position) > largest
@@ -135,7 +143,8 @@ def _compare_candidate(memory, indices, position, velocity, stamp):
 @kernel
 def _moves_alone(memory, indices, position, velocity):
     """Whether a message has moved on from the candidate while the state in force rests."""
-    moves, elsewhere = False, False
+    moves = False
+    elsewhere = False
     for j in indices:
         joint = memory.joints[j]
         if abs(joint.velocity) > 0.0:  # NaN is no motion of the state in force
@@ -147,7 +156,9 @@ def _moves_alone(memory, indices, position, velocity):
 
 @kernel
 def _store_candidate(joint, position, velocity, stamp):
-    joint.other_position, joint.other_velocity, joint.other_stamp = position, velocity, stamp
+    joint.other_position = position
+    joint.other_velocity = velocity
+    joint.other_stamp = stamp
 
 
 # --- Stuck sensors
@@ -180,7 +191,8 @@ def watch_stuck_sensors(memory, position, velocity, stamp, outcome):
     last = shared.stuck_last
     if last < 0 or stamp < last or stamp // shared.stuck_step != last // shared.stuck_step:
         _compare_states(memory, position, velocity, stamp)
-        outcome.stuck_kind, outcome.stuck_joint = shared.stuck_kind, shared.stuck_joint
+        outcome.stuck_kind = shared.stuck_kind
+        outcome.stuck_joint = shared.stuck_joint
         outcome.stuck_more = shared.stuck_more
 
 
@@ -188,16 +200,24 @@ def watch_stuck_sensors(memory, position, velocity, stamp, outcome):
 def _compare_states(memory, position, velocity, stamp):
     """Compare a state with earlier ones, and store the first joint that is stuck."""
     shared = memory.shared[0]
-    last, timeout, period = shared.stuck_last, shared.stuck_timeout, SAMPLES * shared.stuck_step
+    last = shared.stuck_last
+    timeout = shared.stuck_timeout
+    period = SAMPLES * shared.stuck_step
     restarts = last < 0 or not 0 <= stamp - last <= timeout
     ends = not restarts and stamp // period != last // period
-    still, slides, first_still, first_sliding = 0, 0, 0, 0
+    still = 0
+    slides = 0
+    first_still = 0
+    first_sliding = 0
     for j in range(len(memory.joints)):
-        joint, x = memory.joints[j], position[j]
-        fast, zero = abs(velocity[j]) >= MOVING, velocity[j] == 0.0
+        joint = memory.joints[j]
+        x = position[j]
+        fast = abs(velocity[j]) >= MOVING
+        zero = velocity[j] == 0.0
         if restarts:
             joint.still_since = joint.zero_since = stamp
-            joint.zero_position, joint.slides = x, 0
+            joint.zero_position = x
+            joint.slides = 0
         else:
             if not (fast and joint.still_fast and x == joint.still_position):
                 joint.still_since = stamp
@@ -207,18 +227,23 @@ def _compare_states(memory, position, velocity, stamp):
             elif not zero:
                 joint.slides = 0
             if over or not zero:
-                joint.zero_since, joint.zero_position = stamp, x
-        joint.still_position, joint.still_fast = x, int(fast)
+                joint.zero_since = stamp
+                joint.zero_position = x
+        joint.still_position = x
+        joint.still_fast = int(fast)
         if stamp - joint.still_since >= timeout:
             first_still = first_still if still else j
             still += 1
         if joint.slides:
             first_sliding = first_sliding if slides else j
             slides += 1
-    shared.stuck_last, shared.stuck_kind = stamp, codes.STATE
+    shared.stuck_last = stamp
+    shared.stuck_kind = codes.STATE
     if still:
-        shared.stuck_kind, shared.stuck_joint = codes.STUCK_STILL, first_still
+        shared.stuck_kind = codes.STUCK_STILL
+        shared.stuck_joint = first_still
         shared.stuck_more = still - 1
     elif slides:
-        shared.stuck_kind, shared.stuck_joint = codes.STUCK_SLIDES, first_sliding
+        shared.stuck_kind = codes.STUCK_SLIDES
+        shared.stuck_joint = first_sliding
         shared.stuck_more = slides - 1

@@ -58,7 +58,8 @@ class Peaks:
         each, at, _ = self.entries.setdefault(quantity, start)
         largest = column_maxima(values)
         for k in np.flatnonzero(largest > each):
-            each[k], at[k] = largest[k], stamps[np.argmax(values[:, k] == largest[k])]
+            each[k] = largest[k]
+            at[k] = stamps[np.argmax(values[:, k] == largest[k])]
 
     def largest(self):
         """Return the largest value of each quantity, its first stamp [ns], and its name or None."""
@@ -74,8 +75,12 @@ class ContactExposure:
     """Compare predicted contact at ContactPoints with their limits, batch by batch."""
 
     def __init__(self, points):
-        self._above, self._any_above, self._duration = np.zeros(len(points.names)), 0.0, 0.0
-        self._names, self._last, self._worst = points.names, None, []
+        self._above = np.zeros(len(points.names))
+        self._any_above = 0.0
+        self._duration = 0.0
+        self._names = points.names
+        self._last = None
+        self._worst = []
 
     def add_states(self, stamps, contact):
         """Add states: stamps [ns] and PredictedContact."""
@@ -91,7 +96,8 @@ class ContactExposure:
 
     def _keep_worst(self, stamps, contact, usage):
         """Keep the worst moments that are apart, of those before and of these states."""
-        before, self._worst = self._worst, []
+        before = self._worst
+        self._worst = []
         largest = np.append([moment["usage"] for moment in before], usage.max(axis=1, initial=0.0))
         at = np.append(np.array([moment["at"] for moment in before], dtype=np.int64), stamps)
         while len(self._worst) < MOMENTS and largest.max() > 0.0:
@@ -134,14 +140,21 @@ class Analysis:
     """
 
     def __init__(self, reading, *, gain=25.0, threads=None):
-        model, settings, values = reading.model, reading.settings, reading.settings.values
-        names, observation = model.dof_names, settings.observation
+        model = reading.model
+        settings = reading.settings
+        values = settings.values
+        names = model.dof_names
+        observation = settings.observation
         collision = contact = Thresholds()
         self._covariance = None
         if observation:
-            gain, collision, contact = observation.gain, observation.collision, observation.contact
+            gain = observation.gain
+            collision = observation.collision
+            contact = observation.contact
             self._covariance = observation.covariance_of(names)
-        self.reading, self.model, self.gain = reading, model, gain
+        self.reading = reading
+        self.model = model
+        self.gain = gain
         self._threads = threads
         # parameters without which no collision is reported
         self._missing = tuple(settings.unjudged_without)
@@ -159,13 +172,18 @@ class Analysis:
         points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
         self._exposure = ContactExposure(self._points) if self._points else None
-        self._balance, self._quality, self._peaks = Balance(names), Quality(model), Peaks()
-        self._efforts, self._motion = EffortRange(model), MotionSample(model)
+        self._balance = Balance(names)
+        self._quality = Quality(model)
+        self._peaks = Peaks()
+        self._efforts = EffortRange(model)
+        self._motion = MotionSample(model)
         self._unavailable = np.isin(names, reading.intake.assembler.unavailable_efforts)
         # Joints without an external torque at some observed state
         self._unobserved = np.zeros(model.nv, dtype=bool)
         # Number of states, number with a residual, and sum of K [J]
-        self.states, self._observed, self._kinetic = 0, 0, 0.0
+        self.states = 0
+        self._observed = 0
+        self._kinetic = 0.0
 
     def run(self, outputs=(), progress=None):
         """Analyse all states, write them to outputs, and return the summary.
@@ -214,13 +232,15 @@ class Analysis:
         if not len(states):
             return None
         observed = self._observer.observe_batch(states)
-        valid, torque = observed.valid, observed.external_torque
+        valid = observed.valid
+        torque = observed.external_torque
         self._unobserved |= np.isnan(torque[valid]).any(axis=0)
         motion = states.stamp, states.position, states.velocity
         lowered = self._zone.lower(*motion, observed.residual, torque, states.jumped)
         # components that an unknown effort changes have no alarm
         columns = states.stamp, *map(np.nan_to_num, lowered), valid, states.jumped
-        strength, judged = np.linalg.norm(np.nan_to_num(observed.residual), axis=1), []
+        strength = np.linalg.norm(np.nan_to_num(observed.residual), axis=1)
+        judged = []
         for detector, alarms in zip(
             self._detectors, (self._collisions, self._contacts), strict=True
         ):
@@ -254,7 +274,9 @@ class Analysis:
         unknown = self._unavailable
         if not unknown.any() or unknown.all() or len(states) < 2:
             return states, s
-        q, rates, steps = states.position, states.velocity, np.gradient(states.stamp / SECOND)
+        q = states.position
+        rates = states.velocity
+        steps = np.gradient(states.stamp / SECOND)
         options = {"threads": self._threads, "friction": self.model.has_friction}
         with np.errstate(all="ignore"):
             changes = np.gradient(rates, axis=0) / steps[:, None]
@@ -266,7 +288,8 @@ class Analysis:
         return replace(states, effort=effort, effort_known=is_known), s
 
     def _add_figures(self, states, s, observed):
-        names, energy = self.model.dof_names, s.kinetic_energy
+        names = self.model.dof_names
+        energy = s.kinetic_energy
         self.states += len(states)
         self._observed += int(observed.valid.sum())
         self._kinetic += float(energy.sum())
@@ -309,11 +332,14 @@ class Analysis:
     # --- Summary ---
 
     def _summarize(self):
-        time, names = self.reading.time, np.array(self.model.dof_names)
-        counts, alarms = dict(sorted(self.reading.counts.items())), self._collisions.alarms
+        time = self.reading.time
+        names = np.array(self.model.dof_names)
+        counts = dict(sorted(self.reading.counts.items()))
+        alarms = self._collisions.alarms
         quality, warnings = self._quality.report()
         quality["longest_gap_at"] = time(quality["longest_gap_at"])
-        largest, balance = self._peaks.largest(), self._balance
+        largest = self._peaks.largest()
+        balance = self._balance
         shares, _, _ = self._peaks.entries["energy_share"]
         energy, at, _ = largest["kinetic_energy"]
         unmeasured = self._efforts.unmeasured(word_for_missing(self.reading.counts))
@@ -392,7 +418,9 @@ class Analysis:
 
     def _describe_unknown_contacts(self, without_effort):
         """Return why collisions are unknown; or an empty text."""
-        states, unknown, missing = self.states, self.states - self._observed, self._missing
+        states = self.states
+        unknown = states - self._observed
+        missing = self._missing
         if not self._observed:
             why = "the observer has no result at any state"
             if without_effort == states:

@@ -53,8 +53,10 @@ class Bag:
     """
 
     def __init__(self, path):
-        self.path, self.connections = Path(path), []
-        self._damage, self._folders = DamageLog(), []  # temporary folders are deleted with the bag
+        self.path = Path(path)
+        self.connections = []
+        self._damage = DamageLog()
+        self._folders = []  # temporary ones, which are deleted with the bag
         self.unread = self._damage.unread
         paths = _find_files(self.path, self._damage) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(path, str(path)) for path in paths]
@@ -67,7 +69,8 @@ class Bag:
 
         They contain at least those between two log times [ns].
         """
-        failed, connections = Counter(), set(connections)
+        failed = Counter()
+        connections = set(connections)
 
         def read_file(file, places, conversions):
             convert = partial(
@@ -124,7 +127,8 @@ class Bag:
 
     def _map_connections(self, file):
         """Return the places of connections in `connections`, and conversions by connection."""
-        places, conversions = [], {}
+        places = []
+        conversions = {}
         for k, connection in enumerate(file.connections):
             connection = connection._replace(type=_normalize_type(connection.type))
             if connection.encoding in ROS1:
@@ -141,11 +145,13 @@ def _convert(messages, conversions, places, failed):
     """Return Messages in CDR with connections of the bag; `failed` counts those of another type."""
     if messages is None:
         return None
-    view, first = memoryview(messages.data), int(messages.at[0])
+    view = memoryview(messages.data)
+    first = int(messages.at[0])
     is_compressed = view[first : first + 4] == ZSTD  # all messages of a file, or none
     if not conversions and not is_compressed:
         return messages._replace(connection=places[messages.connection])
-    rows, columns = [], (column.tolist() for column in messages[1:])
+    rows = []
+    columns = (column.tolist() for column in messages[1:])
     for k, at, size, time in zip(*columns, strict=True):
         raw = view[at : at + size]
         try:
@@ -199,9 +205,13 @@ class SqliteFile:
     """A SQLite file. The journal of a killed recorder is read in a copy: no file changes."""
 
     def __init__(self, path, name, damage):
-        self._path, self._lose = Path(path).absolute(), partial(damage.add_damage, name)
+        self._path = Path(path).absolute()
+        self._lose = partial(damage.add_damage, name)
         self._advice = f"`sqlite3 {name} .recover` may find more"
-        self.connections, self._topics, self.start, self._copy = [], {}, None, None
+        self.connections = []
+        self._topics = {}
+        self.start = None
+        self._copy = None
         journals = [Path(f"{self._path}{end}") for end in ("-wal", "-journal")]
         if journals := [file for file in journals if file.is_file() and file.stat().st_size]:
             self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
@@ -229,7 +239,9 @@ class SqliteFile:
 
     def _read_rows(self, topics):
         """Yield (connection, log time, content) of each message."""
-        marks, lost, time = ", ".join("?" * len(topics)), 0, None
+        marks = ", ".join("?" * len(topics))
+        lost = 0
+        time = None
         query = (
             "SELECT topic_id, timestamp, data FROM messages "
             f"WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
@@ -248,9 +260,11 @@ class SqliteFile:
 
     def _open(self):
         """Return a connection to the database."""
-        path, options = self._path, "?mode=ro&immutable=1"
+        path = self._path
+        options = "?mode=ro&immutable=1"
         if self._copy:
-            path, options = f"{self._copy.name}/{self._path.name}", ""
+            path = f"{self._copy.name}/{self._path.name}"
+            options = ""
         database = sqlite3.connect(
             f"file:{quote(str(path))}{options}", uri=True, check_same_thread=False
         )
@@ -262,9 +276,11 @@ class Ros1File:
     """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
 
     def __init__(self, path, name, damage):
-        self._path, self._lose = Path(path), partial(damage.add_damage, name)
+        self._path = Path(path)
+        self._lose = partial(damage.add_damage, name)
         self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
-        self.connections, self.start = [], None
+        self.connections = []
+        self.start = None
         try:
             with self._open() as reader:
                 for entry in reader.connections:
@@ -284,7 +300,8 @@ class Ros1File:
 
     def _read_rows(self, connections):
         """Yield (connection, log time, content) of each message."""
-        time, count = 0, 0
+        time = 0
+        count = 0
         with self._open() as reader:
             chosen = {entry.id: k for k, entry in enumerate(reader.connections) if k in connections}
             entries = [entry for entry in reader.connections if entry.id in chosen]
@@ -302,7 +319,8 @@ class Ros1File:
 
 def _find_files(folder, damage):
     """Return the bags of a folder in the order of their names; report those that are missing."""
-    names, listed = _find_bags(folder), _read_metadata(folder)
+    names = _find_bags(folder)
+    listed = _read_metadata(folder)
     if not names:
         inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
         meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""

@@ -52,15 +52,19 @@ class WindowSums:
 
     def __init__(self, count, friction=False):
         self._friction = friction
-        self._chain, self._integrals = SampleChain(MAX_GAP), WindowIntegrals(WINDOW)
+        self._chain = SampleChain(MAX_GAP)
+        self._integrals = WindowIntegrals(WINDOW)
         # Stamp, powers and ½ν² of the last sample.
         self._last = 0, np.zeros(3 + count), np.zeros(count)
 
     def integrate_states(self, states, s):
         """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
-        rows, (stamp, power, share) = samples.rows, self._last
-        nu, epsilon, gravity = s.nu[rows], s.epsilon[rows], s.gravity[rows]
+        rows = samples.rows
+        stamp, power, share = self._last
+        nu = s.nu[rows]
+        epsilon = s.epsilon[rows]
+        gravity = s.gravity[rows]
         friction = s.friction[rows] if self._friction else np.zeros_like(nu)
         forces = epsilon, gravity, friction
         powers = [np.einsum("tk,tk->t", nu, force) for force in forces]
@@ -74,7 +78,8 @@ class WindowSums:
         follows = np.append(False, samples.interval > 0.0)
         begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, shares)
         span = ((end - begin) / SECOND)[:, None]
-        gained, work = gained / span, work / span
+        gained = gained / span
+        work = work / span
         return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained - work[:, 3:])
 
 
@@ -82,7 +87,8 @@ class Balance:
     """Balance of power over all windows; `moved` is whether the robot has moved."""
 
     def __init__(self, names):
-        self._names, self.moved = tuple(names), True
+        self._names = tuple(names)
+        self.moved = True
         empty = np.zeros((2, 0), dtype=np.int64)
         self._parts = [Windows(*empty, *np.zeros((4, 0)), np.zeros((0, len(names))))]
 
@@ -122,7 +128,8 @@ class Balance:
         """
         if not collisions or self.explained is None:
             return False
-        windows, margin = self.windows, round(AROUND * SECOND)
+        windows = self.windows
+        margin = round(AROUND * SECOND)
         touched = np.zeros(self.count, dtype=bool)
         for alarm in collisions:
             touched |= (windows.end > alarm.start - margin) & (windows.begin < alarm.end + margin)
@@ -163,7 +170,8 @@ class Balance:
 
     def _judgement(self, fault):
         """Return the judgement in words, with the likely fault of the efforts."""
-        explained, total = self.explained, self.explained_total
+        explained = self.explained
+        total = self.explained_total
         if self.count < MIN_WINDOWS:
             return (
                 f"{self.count} windows of {WINDOW:g} s have efforts and no gap above {MAX_GAP:g} "

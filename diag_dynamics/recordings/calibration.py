@@ -83,8 +83,10 @@ def calibrate(
         friction = dynamics.model.has_friction
     positive("false_alarms", false_alarms, "[1/s]")
     template = Thresholds({}, release, hold_off, standing, stiction)
-    residuals, efforts = Residuals(len(names), max_gap), EffortRange(dynamics.model)
-    zone, faults = DeadZone(dynamics, stiction, gain), {}
+    residuals = Residuals(len(names), max_gap)
+    efforts = EffortRange(dynamics.model)
+    zone = DeadZone(dynamics, stiction, gain)
+    faults = {}
     totals: Counter[str] = Counter()
     for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         motion = MotionSample(dynamics.model)
@@ -97,11 +99,17 @@ def calibrate(
             max_gap=max_gap,
             threads=threads,
         )
-        states, with_efforts, counts, findings, path = 0, False, {}, [], None
+        states = 0
+        with_efforts = False
+        counts = {}
+        findings = []
+        path = None
         for piece in [recording] if isinstance(recording, Recording) else recording:
             require_same_robot(dynamics, piece)
-            states, with_efforts = states + len(piece), with_efforts or piece.tau is not None
-            counts, findings = piece.counts, piece.findings  # of all pieces until here
+            states = states + len(piece)
+            with_efforts = with_efforts or piece.tau is not None
+            counts = piece.counts  # these and the findings are of all pieces until here
+            findings = piece.findings
             path = piece.path
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
             motion.add_states(piece.states)
@@ -117,7 +125,8 @@ def calibrate(
         if not with_efforts:
             require_efforts(states > 0, counts)
         if fault := motion.fault():
-            name, certain = f"'{path}': " if path else "", "may be" if fault.light else "are"
+            name = f"'{path}': " if path else ""
+            certain = "may be" if fault.light else "are"
             faults[f"{name}{fault.text}: thresholds {certain} wrong"] = True
     if not efforts.states:
         raise InputError("recordings is empty; expected at least one.")

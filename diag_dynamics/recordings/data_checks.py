@@ -96,7 +96,8 @@ class EffortRange:
     """
 
     def __init__(self, model):
-        self._names, self.states = model.dof_names, 0
+        self._names = model.dof_names
+        self.states = 0
         scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
         self._unscaled = np.isnan(np.array(scales, dtype=float))
         self._low = np.full((2, model.nv), np.inf)
@@ -134,7 +135,8 @@ class EffortRange:
 
         `missing` is that of missing ones.
         """
-        words, names = self._words(missing), np.array(self._names)
+        words = self._words(missing)
+        names = np.array(self._names)
         return {word: names[words == word].tolist() for word in dict.fromkeys(words) if word}
 
     def unmeasured(self, missing="missing"):
@@ -146,7 +148,8 @@ class EffortRange:
 
     def _words(self, missing="missing"):
         """Return the word for the unknown effort of each joint, empty for a measured one."""
-        low, high = self._low[0], self._high[0]
+        low = self._low[0]
+        high = self._high[0]
         is_missing = ~np.isfinite(low)
         is_zero = np.maximum(np.abs(low), np.abs(high)) < ZERO
         conditions = [is_missing & self._unscaled, is_missing, is_zero, self._constant()]
@@ -155,7 +158,8 @@ class EffortRange:
 
     def _constant(self):
         """Return which joints moved while their efforts were constant or missing, bool (n,)."""
-        (low, lowest), (high, highest) = self._low, self._high
+        low, lowest = self._low
+        high, highest = self._high
         with np.errstate(invalid="ignore"):
             return (highest - lowest > TRAVEL) & (
                 high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high))
@@ -190,7 +194,8 @@ def remaining(products, signals, rest):
 
     Kept columns are rows of (k, m), the others rows of (r, m).
     """
-    inner, across = rest @ products @ rest.T, rest @ products @ signals.T
+    inner = rest @ products @ rest.T
+    across = rest @ products @ signals.T
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(inner, axis1=-2, axis2=-1), 1e-300))[..., None]
     inverse = np.linalg.pinv(
         inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True
@@ -273,7 +278,8 @@ class Relation(NamedTuple):
 
     def wrong(self):
         """Return which joints are unrelated, or have a factor beyond limits and errors, bool."""
-        (low, high), margin = self.limits(), ERRORS * self.error + self.model_error
+        low, high = self.limits()
+        margin = ERRORS * self.error + self.model_error
         return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
 
     def doubtful(self):
@@ -301,7 +307,9 @@ class EffortRelation:
     """
 
     def __init__(self, model, links=()):
-        self._model, self._dynamics, self._links = model, DiagonalDynamics(model), tuple(links)
+        self._model = model
+        self._dynamics = DiagonalDynamics(model)
+        self._links = tuple(links)
         self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
         self._loaded = [
             DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
@@ -310,7 +318,9 @@ class EffortRelation:
         ]
         self._turning = turning_dofs(model)
         size = COLUMNS + len(self._loaded) + model.nv
-        self._rows, self._length, self._blocks = 0, BLOCK, np.zeros((0, model.nv, size, size))
+        self._rows = 0
+        self._length = BLOCK
+        self._blocks = np.zeros((0, model.nv, size, size))
         self._low, self._high = np.full((2, model.nv), [[np.inf], [-np.inf]])
 
     def columns(self, t, q, qd, tau):
@@ -356,11 +366,15 @@ class EffortRelation:
 
         A joint that stands has no factor, because stiction may carry any torque.
         """
-        model, count = self._model, max(self._rows, 1)
-        whole, columns = self._blocks.sum(axis=0), np.eye(self._blocks.shape[-1])
+        model = self._model
+        count = max(self._rows, 1)
+        whole = self._blocks.sum(axis=0)
+        columns = np.eye(self._blocks.shape[-1])
         samples = np.concatenate([whole[None], whole - self._blocks])
-        pull, inertia = columns[GRAVITY], columns[INERTIAL]
-        rest, offset = columns[DAMPING:COLUMNS], columns[[OFFSET]]
+        pull = columns[GRAVITY]
+        inertia = columns[INERTIAL]
+        rest = columns[DAMPING:COLUMNS]
+        offset = columns[[OFFSET]]
         signals = np.delete(columns, np.arange(DAMPING, COLUMNS), axis=0)
         moved = self._high - self._low > PUSHED
         hypotheses = [
@@ -462,12 +476,15 @@ class Hypotheses:
     """
 
     def __init__(self, model, links, products, square):
-        self._model, self._links = model, links
-        self._joints, count = np.arange(model.nv), -model.nv
+        self._model = model
+        self._links = links
+        self._joints = np.arange(model.nv)
+        count = -model.nv
         self._tiny = np.maximum(MODEL_ERROR**2 * largest_of_kind(model, square), 1e-300)
         self._weight = np.where(square > 0.0, 1.0 / (square + self._tiny), 0.0)
         self._is_alone = np.count_nonzero(self._weight) < min(2, model.nv)
-        self._inner, self._across = products[..., :count, :count], products[..., :count, count:]
+        self._inner = products[..., :count, :count]
+        self._across = products[..., :count, count:]
         self._own = self._across[0, self._joints, :, self._joints]
         self._efforts = np.diagonal(products[..., count:, count:], axis1=-2, axis2=-1)
         self._whole = np.maximum(
@@ -479,10 +496,8 @@ class Hypotheses:
         self.plain = 1.0 * (np.arange(len(self._own[0])) <= INERTIAL)
         self._misfit = self._left(self.plain)
         self.base, self._spread = self._with_best_payload()
-        loads, reach = (
-            self.base[INERTIAL + 1 :],
-            np.linalg.norm(model.bodies["translation"], axis=1).sum(),
-        )
+        loads = self.base[INERTIAL + 1 :]
+        reach = np.linalg.norm(model.bodies["translation"], axis=1).sum()
         masses = loads.reshape(-1, len(CENTRES))
         moment = np.linalg.norm(masses @ CENTRES, axis=1).sum()
         is_possible = np.abs(masses.sum(axis=1)).sum() <= model.total_mass
@@ -538,7 +553,8 @@ class Hypotheses:
         """
         if self._is_alone:
             return ""
-        slight, loaded = SLIGHT * min(1.0, self._misfit[0]), self._left(self.base)[0]
+        slight = SLIGHT * min(1.0, self._misfit[0])
+        loaded = self._left(self.base)[0]
         accepted = [
             (left[0], text)
             for left, text in filter(None, hypotheses)
@@ -573,7 +589,8 @@ class Hypotheses:
         places = slice(k * len(CENTRES), (k + 1) * len(CENTRES))
         spread = self._spread[places, places].sum()
         error = np.sqrt(spread * (ALIKE * (left[0] + slight) - left[0]))
-        mass, link = abs(masses[k]), self._links[k]
+        mass = abs(masses[k])
+        link = self._links[k]
         if error > mass:
             return ""
         carries, lacks = ("robot", "model") if masses[k] > 0.0 else ("model", "robot")
@@ -589,10 +606,12 @@ class Hypotheses:
         factor = float(self._weight @ self._own @ self.plain / max(square, 1e-300))
         if factor == 0.0 or LIMITS[0] < factor < LIMITS[1]:
             return None
-        left, nothing = self._left(factor * self.plain), self.nothing()[0]
+        left = self._left(factor * self.plain)
+        nothing = self.nothing()[0]
         if not self._is_below(left, MAX_LEFT * nothing):
             return None
-        sign, payload = " and the opposite sign" if factor < 0.0 else "", self.payload()
+        sign = " and the opposite sign" if factor < 0.0 else ""
+        payload = self.payload()
         if LIMITS[0] < -factor < LIMITS[1]:
             return left, SIGN
         return left, (
@@ -624,7 +643,8 @@ class Hypotheses:
         if not len(moved):
             return None
         names = np.array(self._model.dof_names)
-        joints, columns = ", ".join(names[moved]), ", ".join(names[order[moved]])
+        joints = ", ".join(names[moved])
+        columns = ", ".join(names[order[moved]])
         return self._left(self.plain, order), (
             f"efforts seem to be exchanged: those of {joints} are in the columns of {columns} "
             "(order of the joints)"
@@ -635,7 +655,8 @@ class MotionSample:
     """Keep the first states with efforts in motion of a model, and judge their efforts."""
 
     def __init__(self, model):
-        self._model, self._parts = model, [States.empty(model.nq, model.nv)]
+        self._model = model
+        self._parts = [States.empty(model.nq, model.nv)]
         self._remaining = (
             0 if model.floating_base or model.nq != model.nv or not model.nv else MAX_STATES
         )
@@ -655,10 +676,8 @@ class MotionSample:
 
         Return None if nothing is wrong, or nothing can be said.
         """
-        compared, states = (
-            EffortRelation(self._model, end_links(self._model)),
-            States.concatenate(self._parts),
-        )
+        compared = EffortRelation(self._model, end_links(self._model))
+        states = States.concatenate(self._parts)
         steps = np.diff(states.stamp)
         bounds = np.flatnonzero((steps < 0) | (steps > MAX_GAP * SECOND) | states.jumped[1:]) + 1
         is_later = np.append(True, steps > 0)
@@ -687,7 +706,9 @@ def find_fault(relation: Relation) -> Fault | None:
     """Return the fault of efforts; None if nothing is wrong."""
     if text := relation.hypotheses.fault():
         return Fault(text)
-    torque, factor, wrong = relation.torque, relation.factor, relation.wrong()
+    torque = relation.torque
+    factor = relation.factor
+    wrong = relation.wrong()
     right = relation.judged() & ~wrong
     turned = (
         (factor >= OTHER_SIGN[0])
@@ -720,16 +741,12 @@ def _describe_joints(relation, chosen):
 
 def _describe_joint(relation, k):
     """Return the fault of the effort of joint number k, and what to do about it."""
-    name, factor, error = (
-        relation.model.dof_names[k],
-        relation.factor[k],
-        ERRORS * relation.error[k],
-    )
+    name = relation.model.dof_names[k]
+    factor = relation.factor[k]
+    error = ERRORS * relation.error[k]
     low, high = relation.limits()[:, k]
-    begin, text = (
-        f"the effort of joint '{name}'",
-        f"{factor:.3g} ± {error:.2g} times the model torque",
-    )
+    begin = f"the effort of joint '{name}'"
+    text = f"{factor:.3g} ± {error:.2g} times the model torque"
     if abs(factor) <= error:
         text = f"{begin} does not follow the motion: it is {text}"
         return text, ". Check that it is measured at its joint"

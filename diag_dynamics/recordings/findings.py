@@ -100,7 +100,8 @@ def collect_findings(intake, source):
             "messages must have radians (REP 103)"
         )
     if SECOND_SOURCE in first:
-        accepted, rejections = counts["published"], counts[SECOND_SOURCE]
+        accepted = counts["published"]
+        rejections = counts[SECOND_SOURCE]
         first[SECOND_SOURCE] += f" ({accepted} states accepted, {rejections} messages rejected)"
     causes = dict.fromkeys(rejection.cause for rejection in intake.rejections)
     names = {IMPLAUSIBLE: DEGREES} if in_degrees else {}
@@ -126,14 +127,16 @@ def require_plausible(findings):
 def _name_texts(intake, counts):
     """Return texts on missing joints, and on messages of other joints, by the name of a count."""
     assembler = intake.assembler
-    missing, joints = assembler.missing, assembler.joint_names
+    missing = assembler.missing
+    joints = assembler.joint_names
     incomplete = "messages before all joints had arrived"
     if not missing:
         foreign = f"{listed(assembler.last_foreign)}; the robot has {listed(joints)}"
         return {"incomplete": incomplete, "foreign": f"messages of other joints: {foreign}"}
     advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
     map_name, entries = (intake.names.map_name, intake.names.entries) if intake.names else (str, ())
-    unknown, nothing = assembler.unknown_names(), len(missing) == len(joints)
+    unknown = assembler.unknown_names()
+    nothing = len(missing) == len(joints)
     present = set(assembler.names).intersection(map(map_name, assembler.arrived))
     lacking = [] if nothing else missing
     if entries := propose_map(unknown, missing, present, entries):

@@ -66,7 +66,8 @@ def analyse_fleet(
         about["columns"] = Path(reading["columns"]).read_text(encoding="utf-8", errors="replace")
     robot = hashlib.sha256(pickle.dumps(model)).hexdigest()
     about |= {"model": robot, "version": diag_dynamics.__version__}
-    out, rows = Path(out).expanduser().resolve(), {}
+    out = Path(out).expanduser().resolve()
+    rows = {}
     out.mkdir(parents=True, exist_ok=True)
     jobs = [_make_job(path, out, about) for path in _find_recordings(patterns, out)]
     for row in _run(jobs, reading | {"model": model}, gain, scheduler):
@@ -87,7 +88,8 @@ class _Job(NamedTuple):
 
 def _find_recordings(patterns, out):
     """Return the paths that match, except those in the folder of the outputs."""
-    paths, is_single = {}, isinstance(patterns, str | os.PathLike)
+    paths = {}
+    is_single = isinstance(patterns, str | os.PathLike)
     for pattern in map(os.fspath, [patterns] if is_single else patterns):
         pattern = os.path.expanduser(pattern)
         names = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern, recursive=True))
@@ -108,7 +110,8 @@ def _make_job(path, out, about):
 
 def _run(jobs, options, gain, scheduler):
     """Yield the row of each recording when its task has ended."""
-    distributed, workers = import_module("distributed"), min(cores(), len(jobs))
+    distributed = import_module("distributed")
+    workers = min(cores(), len(jobs))
     local = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
     with distributed.Client(scheduler, **({} if scheduler else local)) as client:
         futures = client.map(_analyse, jobs, options=options, gain=gain, retries=2, pure=False)
@@ -145,7 +148,8 @@ def _remove_outputs(job):
 
 
 def _format_csv(rows):
-    text, names = io.StringIO(), dict.fromkeys(name for row in rows for name in row)
+    text = io.StringIO()
+    names = dict.fromkeys(name for row in rows for name in row)
     writer = csv.DictWriter(text, names, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)

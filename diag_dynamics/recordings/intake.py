@@ -71,14 +71,18 @@ class Intake:
 
     def __init__(self, model, settings, names=None):
         values = settings.values
-        self.names, self._model, self._dynamics = names, model, DiagonalDynamics(model)
-        map_name, self._mapped = self._map_name if names else None, {}
+        self.names = names
+        self._model = model
+        self._dynamics = DiagonalDynamics(model)
+        map_name = self._map_name if names else None
+        self._mapped = {}
         self._joints = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}
         self._base = None
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
         self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
-        self._counts, self.rejections = Counter(), []
+        self._counts = Counter()
+        self.rejections = []
         self._links = LinkPositions(model)
         self._moved = False  # whether positions jumped since the last state
         self._nothing = States.empty(model.nq, model.nv)
@@ -104,7 +108,9 @@ class Intake:
 
     def read(self, batch):
         """Return the States that a batch of messages makes."""
-        parts, begin, place = [self._nothing], 0, np.arange(len(batch.log_time))
+        parts = [self._nothing]
+        begin = 0
+        place = np.arange(len(batch.log_time))
         for k in [*sorted(batch.odometry), len(place)]:
             if k > begin:
                 parts.append(self._read_joints(batch.select((place >= begin) & (place < k))))
@@ -115,7 +121,8 @@ class Intake:
 
     def _read_joints(self, batch):
         """Return the States of a batch without odometry."""
-        now, parts = batch.log_time, batch.parts
+        now = batch.log_time
+        parts = batch.parts
         self._counts["received"] += len(now)
         assembled = self.assembler.assemble(parts, now)
         code = assembled.outcome["code"]

@@ -80,7 +80,9 @@ def propose_map(names, missing, present, entries):
 
     One prefix in place of another explains them. Joints that are present keep their names.
     """
-    names, joints, candidates = names[:MAX_NAMES], missing[:MAX_NAMES], {}
+    names = names[:MAX_NAMES]
+    joints = missing[:MAX_NAMES]
+    candidates = {}
     entries = [entry for entry in entries if entry[1] not in missing]
     for old, new in sorted({_split_prefixes(*pair) for pair in product(names, joints)}):
         ends = [name[len(old) :] for name in names if name.startswith(old) and name != old]

@@ -68,8 +68,11 @@ class McapFile:
     """An MCAP file. Without a summary it is read up to the first damage between records."""
 
     def __init__(self, path, name, damage):
-        self._path, self._lose = path, partial(damage.add_damage, name)
-        self._channels, self._schemas, self._parts = {}, {}, []
+        self._path = path
+        self._lose = partial(damage.add_damage, name)
+        self._channels = {}
+        self._schemas = {}
+        self._parts = []
         with open(path, "rb") as file:
             self._size = file.seek(0, 2)
             with suppress(Exception):  # of damaged bytes, which the library does not check
@@ -105,14 +108,16 @@ class McapFile:
             return
         file.seek(0)
         summary = SeekingReader(file, record_size_limit=MAX_SIZE).get_summary()
-        indexes, channels = summary.chunk_indexes, summary.channels
+        indexes = summary.chunk_indexes
+        channels = summary.channels
         chunks = summary.statistics.chunk_count if summary.statistics else len(indexes)
         schemas = {channel.schema_id for channel in channels.values()}
         used = set().union(*(index.message_index_offsets for index in indexes))
         is_declared = channels and used <= channels.keys() and schemas <= {0, *summary.schemas}
         if chunks != len(indexes) or not is_declared:
             return
-        self._channels, self._schemas = channels, summary.schemas
+        self._channels = channels
+        self._schemas = summary.schemas
         for index in indexes:
             offsets = frozenset(index.message_index_offsets)
             # Indexes are 15 bytes a channel, and 16 a message.
@@ -124,7 +129,9 @@ class McapFile:
     def _scan(self, file):
         """Read channels and parts from all records."""
         file.seek(0)
-        at, stop, begin = len(MAGIC), self._size, file.read(len(MAGIC))
+        at = len(MAGIC)
+        stop = self._size
+        begin = file.read(len(MAGIC))
         chunks = 0  # less those that statistics count
         if not begin:
             self._lose("byte 0", "the file is empty")
@@ -173,7 +180,8 @@ class McapFile:
                 self._lose(str(part), text)
         if len(starts):
             heads = _read_heads(content, starts)
-            times, channels = heads["time"], frozenset(heads["channel"].tolist())
+            times = heads["time"]
+            channels = frozenset(heads["channel"].tolist())
             size = part.size if part.is_chunk else end
             span = int(times.min()), int(times.max())
             self._parts.append(Part(part.at, size, part.is_chunk, *span, channels))
@@ -213,7 +221,8 @@ class McapFile:
             return None
         starts, _, end = _find_records(content)
         heads = _read_heads(content, starts)
-        place, is_late = places[heads["channel"]], heads["time"] > LAST_TIME
+        place = places[heads["channel"]]
+        is_late = heads["time"] > LAST_TIME
         for count, kind in (
             (len(content) - end, f"bytes are lost from byte {end} of its records on"),
             ((place == UNDECLARED).sum(), "messages are of undeclared channels"),
@@ -229,7 +238,10 @@ class McapFile:
 
 def _find_records(content):
     """Return first bytes of messages, (kind, content) of declarations, and the end of records."""
-    starts, declarations, at, stop = [], [], 0, len(content)
+    starts = []
+    declarations = []
+    at = 0
+    stop = len(content)
     while at + 9 <= stop:
         opcode, size = _RECORD.unpack_from(content, at)
         end = at + 9 + size
@@ -269,10 +281,12 @@ def _read_chunk(raw, size):
     if len(raw) < 9 or _RECORD.unpack_from(raw) != (CHUNK, size - 9):
         raise DamageError("the bytes are not a chunk")
     chunk = Chunk.read(ReadDataStream(BytesIO(raw[9:])))
-    name, length = chunk.compression, chunk.uncompressed_size
+    name = chunk.compression
+    length = chunk.uncompressed_size
     if name not in COMPRESSIONS:
         raise DamageError(f"compression is '{name}'; expected zstd, lz4 or none")
-    library, sizes = require(COMPRESSIONS[name], REASON), (-1, length)
+    library = require(COMPRESSIONS[name], REASON)
+    sizes = -1, length
     if length > MAX_SIZE or (
         name == "zstd" and library.frame_content_size(chunk.data) not in sizes
     ):
@@ -302,7 +316,8 @@ def _decompress(chunk):
 
 def _decompress_begin(library, chunk):
     """Return the records of a chunk before the first byte that is missing."""
-    data, length = chunk.data, chunk.uncompressed_size
+    data = chunk.data
+    length = chunk.uncompressed_size
     if data.endswith(UNWRITTEN):
         data = data.rstrip(b"\0")
     if chunk.compression == "zstd":

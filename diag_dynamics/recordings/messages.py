@@ -60,9 +60,12 @@ class Messages(NamedTuple):
         """Return the messages of several in log-time order; no copy if there is one."""
         if len(pieces) == 1:
             return pieces[0]
-        data, columns, offset = [], [], 0
+        data = []
+        columns = []
+        offset = 0
         for data_of_all, connection, at, size, log_time in pieces:
-            first, last = int(at.min()), int((at + size).max())
+            first = int(at.min())
+            last = int((at + size).max())
             data.append(data_of_all[first:last])
             columns.append((connection, at + (offset - first), size, log_time))
             offset += last - first

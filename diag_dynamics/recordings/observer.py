@@ -54,7 +54,8 @@ class Observed(NamedTuple):
     dynamics: DiagonalDynamics
 
     def __repr__(self) -> str:
-        name, valid = self.dynamics.model.name, int(self.valid.sum())
+        name = self.dynamics.model.name
+        valid = int(self.valid.sum())
         return f"<Observed '{name}': {len(self.t)} states, {valid} valid>"
 
     def wrench(
@@ -179,15 +180,19 @@ class Observer:
     """Observe states batch by batch; arguments are those of :func:`observe`."""
 
     def __init__(self, dynamics, gain, *, friction, max_gap=0.1, threads=None):
-        names, count = dynamics.model.dof_names, dynamics.model.nv
+        names = dynamics.model.dof_names
+        count = dynamics.model.nv
         gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
-        self._dynamics, self._friction, self._threads = dynamics, friction, threads
+        self._dynamics = dynamics
+        self._friction = friction
+        self._threads = threads
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
         self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
         self._sample = np.zeros((4, count))
         # residual, external torque, norm and whether they are valid, of the last sample
         self._last = [*np.zeros((2, 1, count)), np.zeros(1), np.zeros(1, dtype=bool)]
-        self._efforts, self._influence = EffortRange(dynamics.model), None
+        self._efforts = EffortRange(dynamics.model)
+        self._influence = None
 
     def observe_states(self, states):
         """Observe states; yield stamps [ns] and :class:`ObservedStates` of batches.
@@ -216,12 +221,16 @@ class Observer:
 
     def _observe_samples(self, samples, states):
         """Return residual, external torque, norm, and whether they are valid, of the samples."""
-        rows, interval, threads = samples.rows, samples.interval, {"threads": self._threads}
-        q, rates = states.position[rows], states.velocity[rows]
+        rows = samples.rows
+        interval = samples.interval
+        threads = {"threads": self._threads}
+        q = states.position[rows]
+        rates = states.velocity[rows]
         momentum, rate = self._dynamics.momentum(q, rates, **threads)
         friction = self._dynamics.friction_torque(rates, q) if self._friction else 0.0
         terms = np.ascontiguousarray(momentum), friction - rate, states.effort[rows]
-        torque, norm = np.empty_like(terms[1]), np.empty(len(interval))
+        torque = np.empty_like(terms[1])
+        norm = np.empty(len(interval))
         observe_samples(self._gain, interval, *terms, self._sample, torque, norm)
         valid = (interval > 0.0) & np.isfinite(norm) & np.isfinite(torque).any(axis=1)
         torque[~valid] = 0.0

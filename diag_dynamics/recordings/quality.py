@@ -47,20 +47,26 @@ class Quality:
 
     def __init__(self, model):
         skip = 6 if model.floating_base else 0  # a floating base is left out
-        self._model, self._joints = model, model.dof_names[skip:]
+        self._model = model
+        self._joints = model.dof_names[skip:]
         count = len(self._joints)
-        self._q, self._v = slice(model.nq - count, None), slice(skip, None)
+        self._q = slice(model.nq - count, None)
+        self._v = slice(skip, None)
         self._continuous = np.array(
             [name in model.continuous_joints for name in self._joints], dtype=bool
         )
-        self._windows, self._last = WindowIntegrals(WINDOW), None
+        self._windows = WindowIntegrals(WINDOW)
+        self._last = None
         self._relation = VelocityRelation(count)
         self._intervals = Counter()  # numbers of intervals by their lengths [RESOLUTION]
         self._sample = []
         self._longest = 0.0, None
         counts = "repeated_states", "repeated_stamps", "without_effort"
-        self._counts, self._count = dict.fromkeys(counts, 0), 0
-        self._elapsed, self.begin, self.end = 0, None, None
+        self._counts = dict.fromkeys(counts, 0)
+        self._count = 0
+        self._elapsed = 0
+        self.begin = None
+        self.end = None
 
     @property
     def duration(self):
@@ -70,10 +76,8 @@ class Quality:
     def add_states(self, states):
         """Add states."""
         self._counts["without_effort"] += int(np.count_nonzero(~states.effort_known))
-        self.begin, self.end = (
-            states.stamp[0] if self.begin is None else self.begin,
-            states.stamp[-1],
-        )
+        self.begin = states.stamp[0] if self.begin is None else self.begin
+        self.end = states.stamp[-1]
         if self._count < SAMPLE:
             self._sample.append(states[: SAMPLE - self._count])
         self._count += len(states)
@@ -99,11 +103,9 @@ class Quality:
 
     def _compare(self, states):
         """Compare neighbours, and positions with velocities over windows."""
-        stamps, velocity, effort = (
-            states.stamp,
-            states.velocity[:, self._v],
-            states.effort[:, self._v],
-        )
+        stamps = states.stamp
+        velocity = states.velocity[:, self._v]
+        effort = states.effort[:, self._v]
         elapsed = np.diff(stamps) / SECOND
         steps = np.zeros((len(stamps), 2, len(self._joints)))  # Δq and ∫q̇dt
         steps[1:, 0] = position_changes(states.position[:, self._q], self._continuous)
@@ -173,7 +175,9 @@ class Quality:
         The median is None if less than half of the joints in motion show a delay.
         """
         relation = self._relation
-        error, delay, left = relation.error, relation.delay, relation.error_without_delay
+        error = relation.error
+        delay = relation.delay
+        left = relation.error_without_delay
         shows = np.isfinite(error) & np.isfinite(delay) & (left < MAX_ERROR_LEFT * error)
         is_common = shows.any() and 2 * shows.sum() >= np.isfinite(error).sum()
         rows = zip(*(map(_known, column) for column in (error, delay, left)), strict=True)
@@ -184,12 +188,11 @@ class Quality:
 
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
-        rate, delay = report["rate"] or np.inf, report["velocity_delay"] or 0.0
-        same_state, same_stamp, many = (
-            report["repeated_states"],
-            report["repeated_stamps"],
-            MANY * self._count,
-        )
+        rate = report["rate"] or np.inf
+        delay = report["velocity_delay"] or 0.0
+        same_state = report["repeated_states"]
+        same_stamp = report["repeated_stamps"]
+        many = MANY * self._count
         warnings = {
             f"states are {1.0 / rate:.3g} s apart; power balance and external torque need "
             "intervals of at most "
@@ -204,7 +207,8 @@ class Quality:
                 f"{error:.0%}"
             )
             warnings[apart] = moving and error > MAX_VELOCITY_ERROR
-        late, gaps = "later (filtered?)" if delay > 0.0 else "earlier", report["gaps"]
+        late = "later (filtered?)" if delay > 0.0 else "earlier"
+        gaps = report["gaps"]
         warnings |= {
             f"velocities are {abs(delay) * 1e3:.2g} ms {late} than positions": abs(delay) * rate
             > MIN_PERIODS,
@@ -227,11 +231,13 @@ def _judge_ratios(ratios):
 
     Ratios are those of Δq to ∫q̇dt.
     """
-    causes, moving = {}, sum(map(np.isfinite, ratios.values()))
+    causes = {}
+    moving = sum(map(np.isfinite, ratios.values()))
     for name, ratio in ratios.items():
         if np.isfinite(ratio) and not 1.0 / RATIO_ERROR < ratio < RATIO_ERROR:
             causes.setdefault(cause_of_ratio(ratio) or UNKNOWN, {})[name] = ratio
-    warnings, unit = [], None
+    warnings = []
+    unit = None
     for cause, wrong in causes.items():
         text = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
         factors = np.array(list(wrong.values()))

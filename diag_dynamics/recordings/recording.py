@@ -75,13 +75,17 @@ class Recording:
         findings: list[Finding],
         path: str | None = None,
     ) -> None:
-        self.model, self.states, self.offset = model, states, offset
+        self.model = model
+        self.states = states
+        self.offset = offset
         self.stamp: Array = states.stamp
         self.t: Array = (states.stamp - offset) * 1e-9
         self.q: Array = states.position
         self.qd: Array = states.velocity
         self.tau: Array | None = states.effort if np.isfinite(states.effort).any() else None
-        self.counts, self.findings, self.path = dict(counts), findings, path
+        self.counts = dict(counts)
+        self.findings = findings
+        self.path = path
 
     def __len__(self) -> int:
         return len(self.t)
@@ -156,7 +160,8 @@ def read_recording(
         end=end,
     )
     pieces = list(stream)
-    whole, last = States.concatenate([piece.states for piece in pieces]), pieces[-1]
+    whole = States.concatenate([piece.states for piece in pieces])
+    last = pieces[-1]
     return Recording(last.model, whole, last.offset, last.counts, last.findings, last.path)
 
 
@@ -237,7 +242,8 @@ class Reading:
         self.path = path_text(path)
         if isinstance(model, RobotModel):
             require_single_joints(model)
-            self.model, self.described = model, None
+            self.model = model
+            self.described = None
         else:
             self.described = self._source.description() if model is None else os.fspath(model)
             self.model = model_of(self.described, self.settings.values, self._source.joints)
@@ -276,7 +282,8 @@ class Reading:
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        findings, locked = collect_findings(self.intake, self._source), self.model.locked_joints
+        findings = collect_findings(self.intake, self._source)
+        locked = self.model.locked_joints
         if locked and self._locks_rest:
             entries = ", ".join(f"{name}={position:g}" for name, position in locked.items())
             text = f"joints that the recording lacks are locked: {entries}."
@@ -285,7 +292,9 @@ class Reading:
 
     def pieces(self, size=SIZE):
         """Yield pieces, see :func:`stream_recording`."""
-        parts, count, limits = [], 0, self._limits_after(self._source.start)
+        parts = []
+        count = 0
+        limits = self._limits_after(self._source.start)
         for batch in self._source.batches(self.model, *limits):
             if self._source.start is None and limits == (None, None) and len(batch.log_time):
                 limits = self._limits_after(int(batch.log_time[0]))  # of a table
@@ -293,7 +302,8 @@ class Reading:
             count += len(parts[-1])
             if count >= size:
                 yield self._recording(parts)
-                parts, count = [], 0
+                parts = []
+                count = 0
         yield self._recording(parts or [States.empty(self.model.nq, self.model.nv)])
 
     def _limits_after(self, first):
@@ -301,7 +311,8 @@ class Reading:
         return tuple(None if None in (first, after) else first + after for after in self._span)
 
     def _recording(self, parts):
-        states, offset = States.concatenate(parts), self._source.offset
+        states = States.concatenate(parts)
+        offset = self._source.offset
         return Recording(self.model, states, offset, self.counts, self.findings(), self.path)
 
 

@@ -84,7 +84,8 @@ def path_text(path):
 
 def open_source(path, columns=None, topic=None, names=None) -> Source:
     """Return the Source of a path; see :func:`read_recording`. `names` are JointNames or None."""
-    columns, path = read_column_map(columns), os.path.expanduser(path_text(path))
+    columns = read_column_map(columns)
+    path = os.path.expanduser(path_text(path))
     paths = list(map(Path, split_paths(path)))
     if is_dataset(path):
         return _open_table(path, columns, names)
@@ -122,12 +123,18 @@ def _is_bag(path):
 class BagSource:
     """Messages of a bag, a Source: joint states of one robot, merged by log time, and odometry."""
 
-    offset, without_values = 0, 0
+    offset = 0
+    without_values = 0
 
     def __init__(self, path, topic, names):
-        self._names, self._path, self._bag = names, path, Bag(path)
-        self._topics, self.notes, self.texts = check_topics(topic), [], {}
-        self.start, self.unread = self._bag.start, self._bag.unread
+        self._names = names
+        self._path = path
+        self._bag = Bag(path)
+        self._topics = check_topics(topic)
+        self.notes = []
+        self.texts = {}
+        self.start = self._bag.start
+        self.unread = self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])
 
     def description(self):
@@ -145,7 +152,8 @@ class BagSource:
 
     def joints(self, model):
         """Return the robot's names of joints in messages, until all of the model are there."""
-        names, map_name = set(), self._names.map_name if self._names else str
+        names = set()
+        map_name = self._names.map_name if self._names else str
         for batch in self._batches(self._connections(JOINT_STATE)):
             names.update(map(map_name, set(batch.names())))
             if names.issuperset(single_joints(model)):
@@ -217,7 +225,8 @@ class BagSource:
 
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
-        texts, odd = set(), ""
+        texts = set()
+        odd = ""
         for topic, kind, encoding, _ in self._bag.connections:
             text = f"{topic} ({kind or 'no type'}"
             if encoding != ENCODING:

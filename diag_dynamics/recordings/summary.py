@@ -25,20 +25,17 @@ def count_collisions(summary):
 
 def describe_faults(summary):
     """Return what is wrong with a recording or its robot, in words: the causes of exit status 1."""
-    efforts, explained, unit = (
-        summary["efforts"],
-        summary["explained"],
-        summary["quality"]["wrong_unit"],
-    )
-    rejected, causes = (
-        sum(summary["rejected"].values()),
-        {finding["cause"] for finding in summary["findings"]},
-    )
+    efforts = summary["efforts"]
+    explained = summary["explained"]
+    unit = summary["quality"]["wrong_unit"]
+    rejected = sum(summary["rejected"].values())
+    causes = {finding["cause"] for finding in summary["findings"]}
     few = f"the power balance explains less than {100 * MIN_EXPLAINED:.0f} % of dK/dt"
     implausible = (
         "no power balance, because efforts exceed 4 times the URDF limits; expected N m or N"
     )
-    none, with_efforts = explained is None, _has_efforts(summary)
+    none = explained is None
+    with_efforts = _has_efforts(summary)
     wrongs = {
         "unreadable data": "unread" in causes,
         f"{rejected} rejected message{_s(rejected)}": rejected,
@@ -116,13 +113,15 @@ def _after(summary, time):
 
 
 def _about_states(summary):
-    quality, rejected = summary["quality"], sum(summary["rejected"].values())
+    quality = summary["quality"]
+    rejected = sum(summary["rejected"].values())
     rate = (
         ""
         if quality["rate"] is None
         else f" at {quality['rate']:.4g} Hz, jitter {quality['jitter'] * 1e3:.2g} ms"
     )
-    freedom, states = len(summary["degrees_of_freedom"]), summary["states"]
+    freedom = len(summary["degrees_of_freedom"])
+    states = summary["states"]
     yield f"Robot '{summary['robot']}', {freedom} degree{_s(freedom)} of freedom"
     counted = f"{states} state{_s(states)} in {summary['duration']:.6g} s{rate}"
     yield f"{counted}; {rejected} message{_s(rejected)} rejected"
@@ -133,7 +132,8 @@ def _about_states(summary):
 
 
 def _about_energy(summary):
-    energy, peaks = summary["kinetic_energy"], summary["peaks"]
+    energy = summary["kinetic_energy"]
+    peaks = summary["peaks"]
     at = _after(summary, energy["at"])
     yield f"Kinetic energy: maximum {energy['max']:.4g} J at {at}, mean {energy['mean']:.4g} J"
     yield f"  largest shares: {_largest(energy['share'], '{} {:.3g} J')}"
@@ -146,11 +146,9 @@ def _about_energy(summary):
 
 
 def _about_balance(summary):
-    explained, total, balance = (
-        summary["explained"],
-        summary["explained_with_potential"],
-        summary["balance"],
-    )
+    explained = summary["explained"]
+    total = summary["explained_with_potential"]
+    balance = summary["balance"]
     if explained is None:
         none = summary["efforts"]["unmeasured"] or "no efforts"
         yield f"No power balance: {balance['text'] if _has_efforts(summary) else none}."
@@ -177,10 +175,13 @@ def _about_balance(summary):
 
 
 def _about_collisions(summary):
-    observer, peaks, alarms = summary["observer"], summary["peaks"], summary["collisions"]
+    observer = summary["observer"]
+    peaks = summary["peaks"]
+    alarms = summary["collisions"]
     count = f"{len(alarms)} collision{_s(len(alarms))}"
     if "residual_norm" in peaks:
-        torque, norm = peaks["external_torque"], peaks["residual_norm"]["value"]
+        torque = peaks["external_torque"]
+        norm = peaks["residual_norm"]["value"]
         yield (
             f"External torque (observer gain {observer['gain']:g}/s): maximum "
             f"{torque['value']:.4g} N m or N at "

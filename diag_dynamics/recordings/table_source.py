@@ -42,11 +42,17 @@ class TableSource:
     start = None
 
     def __init__(self, path, columns, names):
-        self._path, self._columns, self._names = path, columns, names
-        self._table, self._choice = None, None  # of the rows that are read
-        self._losses, self.without_values = {}, 0
-        self._first, self._delay = None, None  # first row of those at a rate, delay of stamps [ns]
-        self._last_time, self._backwards = -np.inf, ""  # of the last row; text on the first before
+        self._path = path
+        self._columns = columns
+        self._names = names
+        self._table = None
+        self._choice = None
+        self._losses = {}
+        self.without_values = 0
+        self._first = None  # number of the first row at a rate
+        self._delay = None  # of stamps [ns]
+        self._last_time = -np.inf  # of the last row
+        self._backwards = ""  # text on the first row with an earlier time
 
     @property
     def offset(self):
@@ -81,7 +87,8 @@ class TableSource:
 
         Fewer numbered columns than joints are of the first joints, if these carry all others.
         """
-        map_name, opened = self._names.map_name if self._names else str, None
+        map_name = self._names.map_name if self._names else str
+        opened = None
         for count in (None, *_leading_counts(model)):
             if opened is None:
                 with suppress(InputError):
@@ -96,7 +103,8 @@ class TableSource:
     def batches(self, model, _begin=None, _end=None):
         """Yield batches of messages in the order of the rows; a table has no index."""
         self._table, self._choice = self._open(model)
-        count, self._last_time = 0, -np.inf
+        count = 0
+        self._last_time = -np.inf
         texts = [*self._choice.time, *self._choice.names]
         for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
@@ -136,7 +144,8 @@ class TableSource:
 
     def _read_times(self, arrays, rows):
         """Return times [s], NaN if missing, and stamps [ns]; lost rows at a rate have theirs."""
-        cells, scale = [arrays[k] for k in self._choice.time], self._choice.time_scale
+        cells = [arrays[k] for k in self._choice.time]
+        scale = self._choice.time_scale
         if not cells:
             self._first = int(rows[0]) if self._first is None and len(rows) else self._first
             time = (rows - (self._first or 0)) * scale
@@ -144,7 +153,8 @@ class TableSource:
         time, stamp = read_times(cells[0], scale or 1.0)
         for nanoseconds in cells[1:]:
             more = read_times(nanoseconds, 1e-9)
-            time, stamp = time + more[0], stamp + more[1]
+            time = time + more[0]
+            stamp = stamp + more[1]
         return time, stamp
 
     def _read_values(self, quantity, arrays, rows):
@@ -167,7 +177,8 @@ class TableSource:
         for key, numbers in values.items():
             odd = (names == "") & ~np.isnan(numbers)
             if odd.any():
-                cause, example = "values without the name of a joint", f"{key} {numbers[odd][0]:g}"
+                cause = "values without the name of a joint"
+                example = f"{key} {numbers[odd][0]:g}"
                 self._lose_rows(rows, "", cause, "values omitted", np.nonzero(odd)[0], example)
         return names
 
@@ -183,7 +194,8 @@ class TableSource:
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [read_texts(arrays[k]) for k in self._choice.time]
             cells = [cells[lost[0]][:40] for cells in texts if cells is not None]
-            cause, example = "no time, or a time that is no number", " and ".join(map(repr, cells))
+            cause = "no time, or a time that is no number"
+            example = " and ".join(map(repr, cells))
             self._lose_rows(rows, "", cause, LEFT_OUT, lost, example)
         return ~(untimed | empty)
 
@@ -196,10 +208,12 @@ class TableSource:
             groups = {}
             for k, joints in enumerate(map(tuple, names[places].tolist())):
                 groups.setdefault(joints, []).append(k)
-        parts, values = [], {key: self._convert(key, x) for key, x in values.items()}
+        parts = []
+        values = {key: self._convert(key, x) for key, x in values.items()}
         for joints, members in groups.items():
             rows = np.array(members, np.int64)
-            cells, nothing = np.ix_(places[rows], np.flatnonzero(joints)), np.zeros((len(rows), 0))
+            cells = np.ix_(places[rows], np.flatnonzero(joints))
+            nothing = np.zeros((len(rows), 0))
             fields = [values[key][cells] if key in values else nothing for key in FIELDS]
             named = tuple(filter(None, joints))
             parts.append(JointStates(rows, named, sec[rows], nanosec[rows], *fields))
@@ -207,7 +221,8 @@ class TableSource:
 
     def _convert(self, key, values):
         """Return values of joints in SI units; power is the same at motors and joints."""
-        quantity, mixing = self._choice.quantities[key], self._choice.mixing
+        quantity = self._choice.quantities[key]
+        mixing = self._choice.mixing
         if (quantity.scale != 1.0).any():
             values = values * quantity.scale
         if mixing is not None:
@@ -225,7 +240,8 @@ class TableSource:
             first = int(stamp[is_read][0]) // SECOND
             self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
         stamp += self.offset
-        seconds, least = stamp // SECOND, -self.offset // SECOND
+        seconds = stamp // SECOND
+        least = -self.offset // SECOND
         is_beyond = is_read & ((seconds < 0) | (seconds > LATEST))
         if (lost := np.flatnonzero(is_beyond)).size:
             cause = f"time outside of {least} … {least + LATEST} s"
@@ -234,14 +250,16 @@ class TableSource:
 
     def _check_times(self, time):
         """Reject times that decrease, or that no stamp can be of in seconds."""
-        middle, steps = float(np.median(np.abs(time))), np.diff(time, append=time[-1])
+        middle = float(np.median(np.abs(time)))
+        steps = np.diff(time, append=time[-1])
         count = int(np.count_nonzero(steps < 0))
         if 2 * count > max(len(steps), MIN_STEPS):
             text = f"times decrease at {count} of {len(time)} rows; expected increasing ones"
             raise InputError(f"'{self._table.path}': {text}. Sort the rows by time.")
         if not LATEST < middle < np.inf:
             return
-        size, advice = max(middle / LATEST, np.median(np.abs(steps)) / MAX_STEP), ""
+        size = max(middle / LATEST, np.median(np.abs(steps)) / MAX_STEP)
+        advice = ""
         for unit in ("ns", "us", "ms"):
             if size * UNITS["time"][unit] <= (self._choice.time_scale or 1.0):
                 advice = f"If they are in {unit}, set `scale: {{time: {unit}}}` in a column map"
@@ -254,7 +272,8 @@ class TableSource:
         steps = np.diff(time, prepend=self._last_time)
         self._last_time = time[-1]
         if not self._backwards and (steps < 0).any():
-            k, unit = int(np.argmax(steps < 0)), self._table.unit
+            k = int(np.argmax(steps < 0))
+            unit = self._table.unit
             self._backwards = (
                 f"the time of {unit} {rows[k]} is {-steps[k]:.6g} s before that of the {unit} "
                 "above: another recording begins, or rows are not sorted by time"

@@ -110,7 +110,8 @@ def position_ratios(stamps, position, velocity, continuous):
     It is 1 if units agree, and NaN without correlation or at rest.
     """
     elapsed = np.diff(stamps)[:, None] / SECOND
-    forward, relation = elapsed > 0.0, VelocityRelation(position.shape[1])
+    forward = elapsed > 0.0
+    relation = VelocityRelation(position.shape[1])
     if not forward.any():
         return np.full(position.shape[1], np.nan)
     with np.errstate(all="ignore"):
@@ -156,7 +157,8 @@ def search_delay(costs_of, longest, step, max_cost=np.inf):
     if steps and best in (0, len(delays) - 1):
         return Delay(coarse, coarse, joints, True)
     delays = coarse + FINE * step * np.arange(-1.0 / FINE, 1.0 / FINE + 0.5)
-    cost, shift = costs_of(delays)[:, joints].sum(axis=1), 0.0
+    cost = costs_of(delays)[:, joints].sum(axis=1)
+    shift = 0.0
     best = int(np.argmin(cost))
     if 0 < best < len(delays) - 1:
         before, least, after = cost[best - 1 : best + 2]  # a parabola passes through these

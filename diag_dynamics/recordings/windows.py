@@ -37,7 +37,9 @@ class SampleChain:
 
     def __init__(self, max_gap):
         # Stamp of the last sample, jumps since
-        self._max_gap, self._last, self._jumps = max_gap, -(2**62), 0
+        self._max_gap = max_gap
+        self._last = -(2**62)
+        self._jumps = 0
 
     def select(self, states, known=None):
         """Return the :class:`Samples` of the next states.
@@ -46,12 +48,12 @@ class SampleChain:
         """
         known = np.flatnonzero(states.effort_known if known is None else known)
         jumps = np.cumsum(np.append(self._jumps, states.jumped))
-        stamps, jumps_before = (
-            np.append(self._last, states.stamp[known]),
-            np.append(0, jumps[known + 1]),
-        )
-        begins, interval = np.diff(jumps_before) > 0, np.diff(stamps) / SECOND
-        self._last, self._jumps = stamps[-1], jumps[-1] - jumps_before[-1]
+        stamps = np.append(self._last, states.stamp[known])
+        jumps_before = np.append(0, jumps[known + 1])
+        begins = np.diff(jumps_before) > 0
+        interval = np.diff(stamps) / SECOND
+        self._last = stamps[-1]
+        self._jumps = jumps[-1] - jumps_before[-1]
         first = begins | (interval != 0.0)
         interval[begins | (interval < 0.0) | (interval > self._max_gap)] = 0.0
         rows = slice(None) if len(known) == len(states.stamp) and first.all() else known[first]
@@ -63,7 +65,9 @@ class WindowIntegrals:
 
     def __init__(self, length):
         self._length = round(length * SECOND)
-        self._begin, self._whole, self._sums = None, False, 0.0
+        self._begin = None
+        self._whole = False
+        self._sums = 0.0
 
     def integrate(self, stamps, follows, steps, values):
         """Return begin and end [ns], sums of steps (T, m) and changes of values, of ended windows.
@@ -81,11 +85,10 @@ class WindowIntegrals:
         last = cuts[-1] == len(steps)
         sums = np.add.reduceat(steps, cuts[: len(cuts) - last])
         whole = np.append(self._whole, ends[bounds - 1])
-        stamps, values = (
-            np.append(self._begin[0], stamps[bounds]),
-            np.vstack([self._begin[1], values[bounds]]),
-        )
-        self._begin, self._whole = (stamps[-1], values[-1]), whole[-1]
+        stamps = np.append(self._begin[0], stamps[bounds])
+        values = np.vstack([self._begin[1], values[bounds]])
+        self._begin = stamps[-1], values[-1]
+        self._whole = whole[-1]
         self._sums = 0.0 if last else sums[-1]
         k = np.flatnonzero(whole[:-1] & whole[1:])
         return stamps[k], stamps[k + 1], sums[k], values[k + 1] - values[k]

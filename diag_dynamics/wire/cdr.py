@@ -34,8 +34,10 @@ class Template:
     """
 
     def __init__(self, message):
-        self._kind, self._places = type(message).__name__, {}
-        self._bytes, self._parts = bytearray(), bytearray()
+        self._kind = type(message).__name__
+        self._places = {}
+        self._bytes = bytearray()
+        self._parts = bytearray()
         self._put(HEADER)
         self._add(message, "")
         size = len(self._bytes)

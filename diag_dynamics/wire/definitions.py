@@ -147,8 +147,11 @@ class Reader:
     def __init__(self, raw):
         if len(raw) < 4 or raw[0] != 0 or raw[1] not in ALIGNMENT:
             raise ValueError("the encapsulation is not that of plain CDR")
-        self._raw, self._at, self._widest = raw, 4, ALIGNMENT[raw[1]]
-        self.order, self.arrays = "<" if raw[1] % 2 else ">", {}
+        self._raw = raw
+        self._at = 4
+        self._widest = ALIGNMENT[raw[1]]
+        self.order = "<" if raw[1] % 2 else ">"
+        self.arrays = {}
         self.used = bytearray(b"\1\1" + bytes(len(raw) - 2))
 
     def message(self, kind):
@@ -195,7 +198,8 @@ class Reader:
         if end > len(self._raw):
             raise ValueError("the message ends before its numbers do")
         numbers = np.frombuffer(self._raw, dtype, count, self._at) if count else np.zeros(0, dtype)
-        self.used[self._at : end], self._at = b"\1" * (end - self._at), end
+        self.used[self._at : end] = b"\1" * (end - self._at)
+        self._at = end
         return numbers.astype(dtype.newbyteorder("="))
 
 

@@ -82,7 +82,8 @@ def evaluated_fields(names, s, state, with_effort, **others):
 
 def matrix_fields(topic, dynamics, state, with_inverse):
     """Return values by field of m, D and, if requested, ℓ; or of M, c and g."""
-    q, qd = state.position, state.velocity
+    q = state.position
+    qd = state.velocity
     if topic == "joint_space_dynamics":
         values = {
             "mass_matrix": dynamics.mass_matrix(q),

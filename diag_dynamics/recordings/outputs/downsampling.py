@@ -30,11 +30,13 @@ def make_records(columns):
 def mean_powers(t, powers, K):
     """Return means of powers (T, k) and of dK/dt about each state [W], (T, k + 1); NaN at gaps."""
     steps = np.diff(t, prepend=t[0])[:, None]
-    is_gap, means = steps > MAX_GAP, 0.5 * (powers + np.concatenate([powers[:1], powers[:-1]]))
+    is_gap = steps > MAX_GAP
+    means = 0.5 * (powers + np.concatenate([powers[:1], powers[:-1]]))
     is_unknown = ~np.isfinite(means) | is_gap
     work = np.cumsum(np.where(is_unknown, 0.0, means * steps), axis=0)
     count = np.cumsum(np.concatenate([is_unknown, is_gap], axis=1), axis=0)
-    begin, end = np.maximum(t - HALF_WINDOW, t[0]), np.minimum(t + HALF_WINDOW, t[-1])
+    begin = np.maximum(t - HALF_WINDOW, t[0])
+    end = np.minimum(t + HALF_WINDOW, t[-1])
     before = np.maximum(np.searchsorted(t, begin, side="right") - 1, 0)
     after = np.minimum(np.searchsorted(t, end), len(t) - 1)
     missing = (count[after] > count[before]) | (end <= begin)[:, None]
@@ -47,7 +49,9 @@ class Overview:
     """Keep at most `size` states: the first one and the extremes of runs, whose length doubles."""
 
     def __init__(self, size):
-        self._size, self._stride, self._parts = size, 1, []
+        self._size = size
+        self._stride = 1
+        self._parts = []
 
     def add(self, states):
         """Add the next states."""
@@ -64,7 +68,9 @@ class Overview:
 
 def _extremes(states, stride):
     """Return indices of the first state, the smallest and largest K and the largest |r| of runs."""
-    run, K, norm = states["index"] // stride, states["K"], states["norm"]
+    run = states["index"] // stride
+    K = states["K"]
+    norm = states["norm"]
     first = np.flatnonzero(np.diff(run, prepend=-1))
     last = np.append(first[1:], len(run)) - 1
     by_energy = np.lexsort((K, run))
@@ -76,7 +82,9 @@ class ContactRuns:
     """Find all states around contacts. The newest are held back for the next contact."""
 
     def __init__(self):
-        self._recent, self._run, self._collides = None, [], False
+        self._recent = None
+        self._run = []
+        self._collides = False
         self._edges = np.array([-np.inf, np.inf])
 
     def add(self, states):
@@ -97,7 +105,8 @@ class ContactRuns:
             yield np.concatenate(self._run)
 
     def _split(self, states):
-        t, following = states["t"], np.searchsorted(self._edges, states["t"])
+        t = states["t"]
+        following = np.searchsorted(self._edges, states["t"])
         distance = np.minimum(t - self._edges[following - 1], self._edges[following] - t)
         is_near = distance <= AROUND
         cuts = np.flatnonzero(np.diff(is_near, prepend=~is_near[:1]))

@@ -58,7 +58,9 @@ class McapOutput:
         for library in ("mcap", "lz4.frame"):
             require(library, "writing MCAP")
         library = import_module("mcap.writer")
-        self._target, self._count, self._topics = AtomicFile(path), 0, {}  # by channel
+        self._target = AtomicFile(path)
+        self._count = 0
+        self._topics = {}  # by channel
         with self._target.errors():
             self._file = open(self._target.name, "wb")  # noqa: SIM115  # until close or drop
             self._writer = library.Writer(self._file, compression=library.CompressionType.LZ4)
@@ -67,7 +69,8 @@ class McapOutput:
             rows = TopicRows(topic, reading)
             definition = definition_with_parts(rows.type).encode()
             schema = self._writer.register_schema(rows.type, "ros2msg", definition)
-            name, metadata = f"{NODE}/{topic}", {"offered_qos_profiles": ""}
+            name = f"{NODE}/{topic}"
+            metadata = {"offered_qos_profiles": ""}
             channel = self._writer.register_channel(name, "cdr", schema, metadata)
             self._topics[channel] = rows
 
@@ -101,11 +104,16 @@ class TopicRows:
     """Make the messages of one topic, a row of bytes for each state."""
 
     def __init__(self, topic, reading):
-        model, settings = reading.model, reading.settings
-        names, observation = model.dof_names, settings.observation
-        self.type, self._topic, self._templates = f"diag_dynamics/msg/{TOPICS[topic]}", topic, {}
+        model = reading.model
+        settings = reading.settings
+        names = model.dof_names
+        observation = settings.observation
+        self.type = f"diag_dynamics/msg/{TOPICS[topic]}"
+        self._topic = topic
+        self._templates = {}
         self._message = message_type(self.type)
-        self._dynamics, self._texts = DiagonalDynamics(model), texts_of(topic, model, REVISION)
+        self._dynamics = DiagonalDynamics(model)
+        self._texts = texts_of(topic, model, REVISION)
         self._with_friction = settings.values["publish_friction"]
         self._with_inverse = settings.values["publish_inverse_factor"]
         self._limits = np.full((2, len(names) + 2), np.inf)
@@ -128,7 +136,8 @@ class TopicRows:
             places = np.flatnonzero((has_values == is_known) & (is_touched == has_links))
             if not len(places):
                 continue
-            state, seen = _state_of(piece.states[places]), piece.observed.rows(places)
+            state = _state_of(piece.states[places])
+            seen = piece.observed.rows(places)
             if is_torque:
                 probability = touched.probability[places] if has_links else None
                 alarming = self._alarming(piece, places)
@@ -147,7 +156,8 @@ class TopicRows:
     def _alarming(self, piece, places):
         """Return the Alarming of some states."""
         limits = (np.tile(row, (len(places), 1)) for row in self._limits)
-        judged, contact = piece.judged, piece.contact
+        judged = piece.judged
+        contact = piece.contact
         alarms = judged.joints[places], judged.alarm[places], contact.alarm[places]
         return Alarming(*limits, *alarms)
 
@@ -167,7 +177,8 @@ class TopicRows:
             values |= {f"{path}.sec": stamp // SECOND, f"{path}.nanosec": stamp % SECOND}
         if key not in self._templates:
             self._templates[key] = self._make_template(values)
-        template, count = self._templates[key], len(state.newest)
+        template = self._templates[key]
+        count = len(state.newest)
         rows = np.tile(template.data, (count, 1))
         for path, numbers in template.numbers.items():
             if isinstance(column := values.get(path), np.ndarray):
@@ -193,7 +204,8 @@ class _Rows:
     """Quantities of a BatchEvaluation at some states."""
 
     def __init__(self, s, places):
-        self._s, self._places = s, places
+        self._s = s
+        self._places = places
 
     def __getattr__(self, name):
         return getattr(self._s, name)[self._places]

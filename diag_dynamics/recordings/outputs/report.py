@@ -34,7 +34,8 @@ class ReportOutput:
     """Write the analysis of a Reading into a report."""
 
     def __init__(self, path, reading):
-        self._target, self._reading = AtomicFile(path), reading
+        self._target = AtomicFile(path)
+        self._reading = reading
         self._dynamics = DiagonalDynamics(reading.model)
         self._points, self._left_out = self._contact_points()
         points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
@@ -44,8 +45,10 @@ class ReportOutput:
         self._maker = FrameMaker(self._dynamics, points, forces)
         self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
         self._contacts = ContactRuns()
-        self._count, self._first = 0, None
-        self._runs, self._dropped = [], 0  # (largest |r|, start, Track) of each run at full rate
+        self._count = 0
+        self._first = None
+        self._runs = []  # (largest |r|, start, Track) of each one at full rate
+        self._dropped = 0
 
     def write(self, piece):
         """Write a :class:`~diag_dynamics.recordings.analysis.Piece`."""
@@ -56,7 +59,8 @@ class ReportOutput:
     def close(self, summary):
         """Complete the file, with the summary of the analysis, and give it its name."""
         self._add_runs(self._contacts.finish())
-        whole, (scene, meshes) = self._track(overview, self._overview.states()), self._scene()
+        whole = self._track(overview, self._overview.states())
+        scene, meshes = self._scene()
         size = whole.size + sum(map(len, meshes.values()))
         self._fit(MAX_REPORT - sum(len(part.encode()) for part in page_of()) - as_text(size))
         data = {
@@ -115,7 +119,8 @@ class ReportOutput:
             evaluated = evaluated.with_contact_limits(
                 self._dynamics.contact_limits(evaluated.q, evaluated.qd, self._points)
             )
-        numbers, layout = np.array(self._maker.frames(evaluated)["numbers"]), self._maker.layout
+        numbers = np.array(self._maker.frames(evaluated)["numbers"])
+        layout = self._maker.layout
         for name, power in zip(POWERS, states["powers"].T, strict=True):
             numbers[:, layout.places[name].start] = power
         link = end_effector_link(self._reading.model)

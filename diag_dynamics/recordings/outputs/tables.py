@@ -29,9 +29,9 @@ UNITS = {
     "external_torque": FORCE,
 }
 """Units of quantities per degree of freedom, of one that turns and of one that slides."""
-OF_STATES = ("velocity", "effort")
-OF_EFFORTS = ("epsilon", "kappa")
-OBSERVED = ("residual", "external_torque")
+OF_STATES = "velocity", "effort"
+OF_EFFORTS = "epsilon", "kappa"
+OBSERVED = "residual", "external_torque"
 
 
 class TableOutput:
@@ -43,8 +43,11 @@ class TableOutput:
     def __init__(self, path, reading, kind="parquet"):
         self._arrow = require("pyarrow", f"'{path}'")
         self._library = require(f"pyarrow.{kind}", f"'{path}'")
-        self._reading, self._csv = reading, kind == "csv"
-        self._target, self._writer, self._file = AtomicFile(path), None, None
+        self._reading = reading
+        self._csv = kind == "csv"
+        self._target = AtomicFile(path)
+        self._writer = None
+        self._file = None
 
     def write(self, piece):
         """Write a :class:`~diag_dynamics.recordings.analysis.Piece`."""
@@ -73,7 +76,8 @@ class TableOutput:
 
     def _parquet_table(self, columns):
         """Return the table of a piece; fields that cannot be null save a sixth of the time."""
-        arrow, model = self._arrow, self._reading.model
+        arrow = self._arrow
+        model = self._reading.model
         arrays = [arrow.array(values, from_pandas=False) for _, _, values in columns]
         fields = [
             arrow.field(name, array.type, False, {"unit": unit} if unit else None)

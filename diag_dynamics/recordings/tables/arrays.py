@@ -20,11 +20,11 @@ from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
 HEAD = 100  # first rows that show what columns hold
-_UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
-_BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, MemoryError)
+_UNREADABLE = pa.ArrowException, OSError, UnicodeDecodeError
+_BROKEN = zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, MemoryError
 _BROKEN += (RuntimeError, SyntaxError, tokenize.TokenError)
 """Errors of damaged and encrypted archives, and of NumPy's header of an array."""
-_OWN = (b"pandas", b"ARROW:schema", b"PARQUET:field_id", b"unit")
+_OWN = b"pandas", b"ARROW:schema", b"PARQUET:field_id", b"unit"
 """Keys of metadata that have no order of joints."""
 _NOT_WHOLE = "A file that was not closed or not copied completely lacks the index at its end."
 
@@ -52,7 +52,8 @@ class ParquetTable:
 
     def blocks(self, numbers, texts, lose):
         """Yield arrays by column, and the number of each row."""
-        used, row = {k: self.columns[k].name for k in (*numbers, *texts)}, 0
+        used = {k: self.columns[k].name for k in (*numbers, *texts)}
+        row = 0
         names = [column.name for column in self.columns]
         for name in used.values():
             if names.count(name) > 1:
@@ -68,7 +69,8 @@ class ParquetTable:
                         yield arrays, np.arange(row, row + len(table))
                         row += len(table)
                 except _UNREADABLE as error:
-                    place, why = f"row {row}, row group {group}", describe_error(error)
+                    place = f"row {row}, row group {group}"
+                    why = describe_error(error)
                     lose("row group cannot be read", place, "rows lost", end - row, why)
                 row = end
 
@@ -129,13 +131,17 @@ class MemoryTable:
     unit = "row"
 
     def __init__(self, path, columns, arrays, texts=(), rows=None):
-        self.path, self.columns, self.texts = path, columns, texts
-        self._arrays, self._rows = arrays, rows
+        self.path = path
+        self.columns = columns
+        self.texts = texts
+        self._arrays = arrays
+        self._rows = rows
 
     def blocks(self, numbers, texts, _lose):
         """Yield arrays by column, and the number of each row."""
         used = [*texts[:1], *numbers, *texts[1:]]
-        count, first = len(self._arrays[used[0]]), self.columns[used[0]].name
+        count = len(self._arrays[used[0]])
+        first = self.columns[used[0]].name
         for k in used:
             if (length := len(self._arrays[k])) != count:
                 text = f"'{self.columns[k].name}' has {length} rows; expected {count}, as '{first}'"
@@ -148,7 +154,10 @@ class MemoryTable:
 
 def read_npz(path):
     """Return the Table of the arrays (n,) or (n, k) of an npz; None stands for others."""
-    arrays, texts, columns, converted = _read_arrays(path), [], [], []
+    arrays = _read_arrays(path)
+    texts = []
+    columns = []
+    converted = []
     if not arrays:
         raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
     lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
@@ -170,7 +179,8 @@ def read_npz(path):
 
 def _read_arrays(path):
     """Return arrays by name, bytes as texts; those of Python objects are empty."""
-    arrays, name = {}, ""
+    arrays = {}
+    name = ""
     try:
         with np.load(path) as file:
             for name in file.files:

@@ -81,7 +81,8 @@ def _parse_number(text):
 
 def make_column(name, array, unit=None, is_text=False):
     """Return the Column of an array with the first rows; columns of a text are numbers if empty."""
-    kind, values = array.type, array.to_pylist()
+    kind = array.type
+    values = array.to_pylist()
     texts = tuple("" if value is None else str(value) for value in values[:SAMPLE])
     column = Column(name, unit=unit or None, type=str(kind), sample=texts)
     if is_list(kind):
@@ -156,7 +157,8 @@ def read_times(array, scale):
     """
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        array, scale = array.cast(pa.int64()), _UNITS[kind.unit]
+        array = array.cast(pa.int64())
+        scale = _UNITS[kind.unit]
     elif pa.types.is_decimal(kind):
         array = array.cast(pa.string())
     if pa.types.is_integer(array.type):
@@ -167,7 +169,8 @@ def read_times(array, scale):
         values = _to_numpy(array)
         if not (np.abs(values * scale) > _SHORT).any():
             return _scale_floats(values, scale)
-    unit, stamps = Decimal(repr(scale)), []
+    unit = Decimal(repr(scale))
+    stamps = []
     seconds = [_parse_time(text, unit) for text in read_texts(array)]
     for second in seconds:
         exact = Decimal(0) if second.is_nan() else _EXACT.multiply(second, SECOND)
@@ -186,7 +189,8 @@ def _scale_floats(values, scale):
 
 def _scale_integers(array, scale):
     """Return times and stamps; these are exact if the unit is a whole number of nanoseconds."""
-    values, unit = array.fill_null(0).to_numpy(zero_copy_only=False), round(scale * SECOND)
+    values = array.fill_null(0).to_numpy(zero_copy_only=False)
+    unit = round(scale * SECOND)
     time, stamp = _scale_floats(values.astype(float), scale)
     if unit / SECOND == scale:
         small = np.abs(time) < _LIMIT / SECOND

@@ -74,7 +74,9 @@ def _complete(table, column_map, joints):
 
 class _Chooser:
     def __init__(self, columns, column_map, model_joints):
-        self._columns, self._map, self._notes = columns, column_map, []
+        self._columns = columns
+        self._map = column_map
+        self._notes = []
         self._headers = [column.name for column in columns]
         self._names = self._find("names", column_map.names or ())
         places = tuple(map(str, range(len(self._names))))
@@ -138,7 +140,8 @@ class _Chooser:
         places = self._find(key, value)
         widths = [self._columns[k].width for k in places if k is not None]
         is_list = len(places) > 1 or not any(widths)
-        count, joints = len(places) if is_list else widths[0], self._joints
+        count = len(places) if is_list else widths[0]
+        joints = self._joints
         if count != len(joints) or (is_list and any(widths)):
             kind = "an array in a list" if is_list and any(widths) else f"{count} columns"
             expected = f"expected one for each of {len(joints)} joints: {listed(joints)}"
@@ -173,7 +176,8 @@ class _Chooser:
 
     def _make_mixing(self):
         """Return the matrix of a map; None without one."""
-        rows, joints = self._map.mixing, () if self._names else self._joints
+        rows = self._map.mixing
+        joints = () if self._names else self._joints
         if rows is not None and len(rows) != len(joints):
             text = f"mixing has {len(rows)} rows; expected {len(joints)}, of joints of the map"
             raise InputError(f"{text}.")
@@ -182,7 +186,8 @@ class _Chooser:
 
 def _require_type(key, column):
     """Reject a column of another type than names, times or numbers have."""
-    valid, expected = column.numeric and not column.moments, "numbers in one or two dimensions"
+    valid = column.numeric and not column.moments
+    expected = "numbers in one or two dimensions"
     if key == "time":
         valid = (column.numeric or column.moments) and not column.width
         expected = (
@@ -192,7 +197,8 @@ def _require_type(key, column):
         )
     elif key == "names":
         is_text = column.type in ("", "string")
-        valid, expected = is_text and not column.numeric, "a column of texts for each joint"
+        valid = is_text and not column.numeric
+        expected = "a column of texts for each joint"
     if not valid:
         example = next((f" such as '{text:.40}'" for text in column.sample if text), "")
         kind = f"of type {column.type}{example}"

@@ -70,7 +70,8 @@ def by_joint(columns, joints):
 
 def by_number(columns, joints):
     """Return numbered columns, ``q1`` to ``q7``, or arrays, of as many joints as there are."""
-    places, ranges = {}, [[*range(first, first + len(joints))] for first in (0, 1)]
+    places = {}
+    ranges = [[*range(first, first + len(joints))] for first in (0, 1)]
     for key, members in _parse(columns, joints, _NUMBER, r"[\W_]*").items():
         numbers = sorted(map(int, members))
         if numbers in ranges:
@@ -139,7 +140,8 @@ def _parse(columns, joints, label, gap):
         names = [column.name.strip(), *([] if unit in joints else [stem])]
         matches = [re.fullmatch(pattern, name) for name in names for pattern in patterns]
         if match := next(filter(None, matches), None):
-            key, text = _QUANTITY_OF[match["word"].lower()], match["label"]
+            key = _QUANTITY_OF[match["word"].lower()]
+            text = match["label"]
             text = str(int(text)) if text.isdecimal() and text not in joints else text
             if text in members[key]:
                 raise _ambiguous(key, columns, members[key][text], k)

@@ -49,7 +49,9 @@ class CsvTable:
     unit = "line"
 
     def __init__(self, path, column_map):
-        self.path, self._broken, self._decimal = path, "", column_map.decimal
+        self.path = path
+        self._broken = ""
+        self._decimal = column_map.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
@@ -74,7 +76,8 @@ class CsvTable:
         for line, text in self._read_lines(self._size):
             if line == 1:  # the lines above the rows are all in it
                 *above, text = text.split(b"\n", self._above)
-                line, text = self._above + 1, text if len(above) == self._above else b""
+                line = self._above + 1
+                text = text if len(above) == self._above else b""
             if self._decimal == ",":
                 text = _POINT.sub(b"_", text)  # of thousands: no number
                 text = _COMMA.sub(b".", text)
@@ -85,7 +88,8 @@ class CsvTable:
 
     def _read_lines(self, size):
         """Yield whole lines, about `size` bytes at a time, and the number of the first."""
-        text, line = bytearray(), 1
+        text = bytearray()
+        line = 1
         for chunk in self._read_chunks():
             text += chunk
             end = text.rfind(b"\n") + 1 if chunk or self._broken else len(text)
@@ -134,7 +138,9 @@ class CsvTable:
 
     def _parse_lines(self, text, line, used, lose):
         """Return the columns of a block line by line; count lines that are no rows."""
-        width, rows, lines = len(self.columns), [], []
+        width = len(self.columns)
+        rows = []
+        lines = []
         for at, content in enumerate(_decode(text).split("\n"), line):
             if content.startswith("#") or not content.strip():
                 continue
@@ -181,7 +187,8 @@ def fields_of(line, delimiter):
 
 def _read_head(lines, column_map, path):
     """Return columns, delimiter, and how many lines are above the rows."""
-    at, comment = column_map.skip, None
+    at = column_map.skip
+    comment = None
     while at < len(lines) and (not lines[at].strip() or _COMMENT.match(lines[at].lstrip())):
         comment = lines[at].lstrip("#% \t").rstrip() if lines[at].strip() else comment
         at += 1
@@ -194,12 +201,14 @@ def _read_head(lines, column_map, path):
         expected = f"expected text after the {column_map.skip} skipped lines"
         raise InputError(f"'{path}' has {len(lines)} lines; {expected}.")
     if not rows:
-        rows, comment = [(at, comment)], None
+        rows = [(at, comment)]
+        comment = None
     rows = rows[: SAMPLE + 2]
     delimiter = _guess_delimiter(rows[0][1], column_map.decimal)
     fields = [(n, fields_of(line, delimiter)) for n, line in rows]
     names, used = _read_header(fields, comment and fields_of(comment, delimiter), column_map, path)
-    below, units = [row for _, row in fields[used:]], [None] * len(names)
+    below = [row for _, row in fields[used:]]
+    units = [None] * len(names)
     kinds = _kinds(below[0]) if used and below and len(below[0]) == len(names) else ""
     if "t" in kinds and "n" not in kinds:
         units = [unit.strip("[]() ") for unit in below.pop(0)]  # or other texts, which are none

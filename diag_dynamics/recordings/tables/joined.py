@@ -23,7 +23,8 @@ class JoinedTable:
     unit = "row"
 
     def __init__(self, path, parts, rate):
-        self.path, self._parts = path, parts
+        self.path = path
+        self._parts = parts
         self._times = [[] if rate else _find_times(part) for part in parts]
         self._first = next((n for n, times in enumerate(self._times) if times), 0)
         self._places = [
@@ -52,7 +53,8 @@ class JoinedTable:
 
     def _read_part(self, n, numbers, texts, lose):
         """Return the arrays of a file by column, the numbers of rows from 0, and their stamps."""
-        part, times = self._parts[n], self._times[n]
+        part = self._parts[n]
+        times = self._times[n]
         numbers, texts = (
             [self._places[k][1] for k in columns if self._places[k][0] == n]
             for columns in (numbers, texts)
@@ -75,7 +77,8 @@ def _find_times(part):
 
 def _name_column(part, k):
     """Return a column with the quantity of its file before its name, if that has none."""
-    column, quantity = part.columns[k], conventions.find_quantity(Path(part.path).name)
+    column = part.columns[k]
+    quantity = conventions.find_quantity(Path(part.path).name)
     if conventions.match_time(column) or conventions.find_quantity(column.name) or not quantity:
         return column
     return column._replace(name=f"{quantity}.{column.name}")

@@ -23,10 +23,10 @@ from diag_dynamics.recordings.tables.conventions import find_quantity
 
 _UNSTATED = "not stated by the dataset"  # unit of positions: radians, degrees, or percent
 _NUMERIC = re.compile("float(16|32|64)|u?int(8|16|32|64)")
-_DAMAGED = (OSError, pa.ArrowException)
-_OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
-_EPISODES = ("episode_index", "data/chunk_index", "data/file_index")
-_ROWS = ("episode_index", "frame_index")
+_DAMAGED = OSError, pa.ArrowException
+_OWN = "timestamp", "frame_index", "episode_index", "index", "task_index"
+_EPISODES = "episode_index", "data/chunk_index", "data/file_index"
+_ROWS = "episode_index", "frame_index"
 
 
 class Dataset:
@@ -39,7 +39,8 @@ class Dataset:
         self.root = Path(root)
         try:
             self.info = json.loads((self.root / "meta/info.json").read_text(encoding="utf-8"))
-            self.fps, self.features = float(self.info["fps"]), dict(self.info["features"])
+            self.fps = float(self.info["fps"])
+            self.features = dict(self.info["features"])
             self.files = {
                 k: self.root / self.info["data_path"].format(**at)
                 for k, at in self._find_episodes()
@@ -63,7 +64,8 @@ class Dataset:
 
     def read(self, number, names):
         """Return columns of an episode as a table of pyarrow, in the order of its frames."""
-        path, rows = self.files[number], [("episode_index", "=", number)]
+        path = self.files[number]
+        rows = [("episode_index", "=", number)]
         try:
             table = parquet.read_table(path, columns=list(names), filters=rows)
         except _DAMAGED as error:
@@ -119,7 +121,8 @@ def _is_read(name, feature):
 
 def _split_feature(name, feature, array, path):
     """Return a column for each named element, or the whole array under the feature's name."""
-    names, size = feature.get("names"), feature["shape"][0]
+    names = feature.get("names")
+    size = feature["shape"][0]
     if isinstance(names, dict):  # such as {"motors": [...]}
         names = [name for group in names.values() for name in np.atleast_1d(group).tolist()]
     if size == 1 or not names or len(set(names)) != size:
