@@ -322,10 +322,7 @@ def _find_files(folder, damage):
     names = _find_bags(folder)
     listed = _read_metadata(folder)
     if not names:
-        inner = sorted(path.parent.name for path in folder.glob(f"*/{METADATA}"))
-        meant = f" Is one of its folders meant: {', '.join(inner[:8])}?" if inner else ""
-        expected = f"expected {KNOWN}, or the file of a table"
-        raise InputError(f"'{folder}' contains no bag; {expected}.{meant}")
+        raise InputError(f"'{folder}' contains no bag; expected {KNOWN}, or the file of a table.")
     stored = {name.removesuffix(PACKED) for name in names}
     missing = [name for name in listed if name.removesuffix(PACKED) not in stored]
     if missing and not len(missing) == len(listed) <= len(names):  # all files may be renamed

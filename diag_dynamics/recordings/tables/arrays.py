@@ -15,7 +15,6 @@ from pyarrow import parquet
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
-from diag_dynamics.recordings.tables.conventions import find_quantity
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS
 
@@ -161,7 +160,6 @@ def read_npz(path):
     if not arrays:
         raise InputError(f"'{path}' is a zip archive without NumPy arrays.")
     lengths = {len(array) for array in arrays.values() if _is_numeric(array)}
-    _require_rows(path, arrays)
     for name, array in arrays.items():
         kind = array.dtype.kind
         if kind == "U" and not (array.ndim == 1 and len(array) in lengths):
@@ -197,19 +195,6 @@ def _read_arrays(path):
         text = f"{where} cannot be read: {describe_error(error)}. {advice}"
         raise InputError(text.strip()) from error
     return arrays
-
-
-def _require_rows(path, arrays):
-    """Reject arrays of quantities that have a column for each time."""
-    counts = {len(array) for array in arrays.values() if _is_numeric(array) and array.ndim == 1}
-    for name, array in arrays.items():
-        is_turned = _is_numeric(array) and len(array) not in counts and array.shape[-1] in counts
-        if is_turned and find_quantity(name):
-            rows, count = array.shape
-            text = (
-                f"array '{name}' has {rows} rows of {count} columns; expected a row for each time"
-            )
-            raise InputError(f"'{path}': {text}. Save its transpose, {name}.T.")
 
 
 def _is_numeric(array):

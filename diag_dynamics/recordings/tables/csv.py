@@ -6,6 +6,7 @@
 import bz2
 import csv
 import gzip
+import lzma
 import re
 import zlib
 from functools import partial
@@ -36,11 +37,11 @@ _COMMA = re.compile(rb",(?=\d)")
 _PACKINGS = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
+    b"\xfd7zXZ": lzma.open,
     b"\x28\xb5\x2f\xfd": partial(pa.CompressedInputStream, compression="zstd"),
     b"\x04\x22\x4d\x18": partial(pa.CompressedInputStream, compression="lz4"),
 }
 """Readers of compressed files by the first bytes. Those of pyarrow lose rows before a cut."""
-_XZ = b"\xfd7zXZ"
 
 
 class CsvTable:
@@ -106,15 +107,12 @@ class CsvTable:
         with open(self.path, "rb") as file:
             begin = file.read(8)
             file.seek(0)
-            if begin.startswith(_XZ):
-                expected = "expected gzip, bzip2, zstd, lz4 or none. Unpack it by unxz"
-                raise InputError(f"'{self.path}' is compressed by xz; {expected}.")
             readers = (reader for magic, reader in _PACKINGS.items() if begin.startswith(magic))
             stream = next(readers, lambda unpacked: unpacked)(file)
             try:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
-            except (OSError, EOFError, zlib.error, pa.ArrowException) as error:
+            except (OSError, EOFError, zlib.error, lzma.LZMAError, pa.ArrowException) as error:
                 text = f"the compressed data are damaged or end early: {describe_error(error)}"
                 self._broken = f"{text}; rows shortly before may be wrong"
         yield b""
@@ -152,12 +150,7 @@ class CsvTable:
                 lines.append(at)
             else:
                 cause = "another number of columns than the header has"
-                example = f"{len(fields)} instead of {width}"
-                digits = (field.strip(" -+").isdecimal() for field in fields)
-                is_split = self._decimal == "," or (len(fields) > width and all(digits))
-                if self._delimiter == "," and is_split:
-                    example += "; decimal commas need another delimiter, such as a semicolon"
-                lose(cause, f"line {at}", LEFT_OUT, example=example)
+                lose(cause, f"line {at}", LEFT_OUT, example=f"{len(fields)} instead of {width}")
         arrays = {k: pa.array([fields[k] for fields in rows], pa.string()) for k in used}
         return arrays, np.array(lines, np.int64)
 
