@@ -92,12 +92,11 @@ def joints_of(model):
 
     UnsupportedError names a flexible link, because no joint state has its modes.
     """
-    for link in model.flexible_links:
-        text = (
-            f"robot '{model.name}' has the flexible link '{link}', "
-            "whose modes no joint state carries."
+    if model.flexible_links:
+        raise UnsupportedError(
+            f"robot '{model.name}' has the flexible link '{next(iter(model.flexible_links))}', "
+            "whose modes no joint state carries. Omit flexible_links."
         )
-        raise UnsupportedError(f"{text} Omit flexible_links.")
     names = single_joints(model)
     at = places(names, model.coordinate_names)
     dof = places(names, model.dof_names)

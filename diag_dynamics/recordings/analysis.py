@@ -23,7 +23,6 @@ from diag_dynamics.recordings.findings import (
 )
 from diag_dynamics.recordings.observer import ObservedStates, Observer, find_touched_links
 from diag_dynamics.recordings.quality import Quality
-from diag_dynamics.recordings.recording import SIZE
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 from diag_dynamics.results import BatchEvaluation
@@ -156,6 +155,7 @@ class Analysis:
         self.model = model
         self.gain = gain
         self._threads = threads
+        self._options = {"threads": threads, "friction": model.has_friction}
         # parameters without which no collision is reported
         self._missing = tuple(settings.unjudged_without)
         self._dynamics = DiagonalDynamics(model)
@@ -208,20 +208,17 @@ class Analysis:
         return summary
 
     def _analyse_batches(self, outputs, progress):
-        batches = self.reading.pieces(SIZE)
+        batches = (batch.states for batch in self.reading.pieces() if len(batch.states))
+        pieces = filter(None, map(self.analyse_batch, batches))
         with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
-            pending = pool.submit(self._next_piece, batches)
+            pending = pool.submit(next, pieces, None)
             while (piece := pending.result()) is not None:
                 states = self.states
-                pending = pool.submit(self._next_piece, batches)
+                pending = pool.submit(next, pieces, None)
                 for output in outputs:
                     output.write(piece)
                 if progress:
                     progress(states)
-
-    def _next_piece(self, batches):
-        pieces = (self.analyse_batch(batch.states) for batch in batches if len(batch.states))
-        return next(filter(None, pieces), None)
 
     def analyse_batch(self, states):
         """Evaluate states, add them to the results, and return the :class:`Piece`.
@@ -232,14 +229,13 @@ class Analysis:
         if not len(states):
             return None
         observed = self._observer.observe_batch(states)
-        valid = observed.valid
-        torque = observed.external_torque
+        residual, torque, _, valid = observed
         self._unobserved |= np.isnan(torque[valid]).any(axis=0)
         motion = states.stamp, states.position, states.velocity
-        lowered = self._zone.lower(*motion, observed.residual, torque, states.jumped)
+        lowered = self._zone.lower(*motion, residual, torque, states.jumped)
         # components that an unknown effort changes have no alarm
         columns = states.stamp, *map(np.nan_to_num, lowered), valid, states.jumped
-        strength = np.linalg.norm(np.nan_to_num(observed.residual), axis=1)
+        strength = np.linalg.norm(np.nan_to_num(residual), axis=1)
         judged = []
         for detector, alarms in zip(
             self._detectors, (self._collisions, self._contacts), strict=True
@@ -261,10 +257,8 @@ class Analysis:
         self._quality.add_states(states)
         self._motion.add_states(states)
         if self._exposure:
-            options = {"threads": self._threads}
-            contact = self._dynamics.contact_limits(
-                states.position, states.velocity, self._points, **options
-            )
+            _, *motion = motion
+            contact = self._dynamics.contact_limits(*motion, self._points, threads=self._threads)
             self._exposure.add_states(states.stamp, contact)
         self._add_figures(states, s, observed)
         return Piece(states, s, observed, *judged)
@@ -274,17 +268,14 @@ class Analysis:
         unknown = self._unavailable
         if not unknown.any() or unknown.all() or len(states) < 2:
             return states, s
-        q = states.position
-        rates = states.velocity
-        steps = np.gradient(states.stamp / SECOND)
-        options = {"threads": self._threads, "friction": self.model.has_friction}
+        motion = states.position, states.velocity
         with np.errstate(all="ignore"):
-            changes = np.gradient(rates, axis=0) / steps[:, None]
+            changes = np.gradient(motion[1], axis=0) / np.gradient(states.stamp / SECOND)[:, None]
         changes = np.where(np.isfinite(changes), changes, 0.0)
-        torque = self._dynamics.inverse_dynamics(q, rates, changes, **options)
+        torque = self._dynamics.inverse_dynamics(*motion, changes, **self._options)
         effort = np.where(unknown, torque, states.effort)
         is_known = np.isfinite(effort).all(axis=1)
-        s = self._dynamics.evaluate(q, rates, np.nan_to_num(effort), **options)
+        s = self._dynamics.evaluate(*motion, np.nan_to_num(effort), **self._options)
         return replace(states, effort=effort, effort_known=is_known), s
 
     def _add_figures(self, states, s, observed):
@@ -308,23 +299,18 @@ class Analysis:
 
         Others are counted as by the monitor.
         """
-        columns = (
-            states.position,
-            states.velocity,
-            np.where(states.effort_known[:, None], states.effort, 0.0),
-        )
+        effort = np.where(states.effort_known[:, None], states.effort, 0.0)
+        columns = states.position, states.velocity, effort
         try:
-            return states, self._dynamics.evaluate(
-                *columns, threads=self._threads, friction=self.model.has_friction
-            )
+            return states, self._dynamics.evaluate(*columns, **self._options)
         except DiagDynamicsError:
             good = np.ones(len(states), dtype=bool)
             for t, state in enumerate(zip(*columns, strict=True)):
                 try:
                     self._dynamics.evaluate(*state)
-                except DiagDynamicsError as one:
+                except DiagDynamicsError as error:
                     good[t] = False
-                    self.reading.intake.reject(int(states.log_time[t]), one)
+                    self.reading.intake.reject(int(states.log_time[t]), error)
             if good.all():
                 raise  # of something else
             return self._evaluate(states[good])
@@ -406,15 +392,16 @@ class Analysis:
 
         The text is empty if there are none.
         """
-        names = ", ".join(np.array(self.model.dof_names)[self._unobserved])
-        if not names:
+        if not self._unobserved.any():
             return ""
-        are_some = not self._unobserved.all()
-        text = (
-            f"External torque of {names if are_some else 'all joints'}, and with it |r|, is "
-            "unknown, because efforts are."
+        names = "all joints"
+        others = ""
+        if not self._unobserved.all():
+            names = ", ".join(np.array(self.model.dof_names)[self._unobserved])
+            others = " Other joints are judged."
+        return (
+            f"External torque of {names}, and with it |r|, is unknown, because efforts are.{others}"
         )
-        return text + " Other joints are judged." * are_some
 
     def _describe_unknown_contacts(self, without_effort):
         """Return why collisions are unknown; or an empty text."""

@@ -16,6 +16,7 @@ from collections import Counter
 from contextlib import closing, suppress
 from functools import lru_cache, partial
 from importlib import import_module
+from math import inf
 from pathlib import Path
 from urllib.parse import quote
 
@@ -27,8 +28,8 @@ from diag_dynamics.recordings.messages import (
     REASON,
     Connection,
     DamageError,
-    DamageLog,
     Messages,
+    Unread,
     describe_error,
     group_rows,
     merge_parts,
@@ -55,16 +56,16 @@ class Bag:
     def __init__(self, path):
         self.path = Path(path)
         self.connections = []
-        self._damage = DamageLog()
         self._folders = []  # temporary ones, which are deleted with the bag
-        self.unread = self._damage.unread
-        paths = _find_files(self.path, self._damage) if self.path.is_dir() else [self.path]
+        self.unread = []
+        self._lose = partial(_add_damage, self.unread)
+        paths = _find_files(self.path, self._lose) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(path, str(path)) for path in paths]
         self._maps = [self._map_connections(file) for file in self._files]
         starts = (file.start for file in self._files if file.start is not None)
         self.start = min(starts, default=None)
 
-    def pieces(self, connections, begin=None, end=None):
+    def pieces(self, connections, begin=-inf, end=inf):
         """Yield Messages of some connections in log-time order.
 
         They contain at least those between two log times [ns].
@@ -78,8 +79,7 @@ class Bag:
             )
             chosen = {k for k, place in enumerate(places) if place in connections}
             for first, last, read in file.parts(chosen):
-                is_late = end is not None and first >= end
-                if not (is_late or (begin is not None and last < begin)):
+                if begin <= last and first < end:
                     yield first, lambda read=read: convert(read())
 
         yield from merge_parts(
@@ -88,7 +88,7 @@ class Bag:
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
             text = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
-            self._damage.add_damage(self.path, "messages of ROS 1", text)
+            self._lose(self.path, "messages of ROS 1", text)
 
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
@@ -104,7 +104,7 @@ class Bag:
             reader = import_module("diag_dynamics.recordings.mcap_file").McapFile
         else:
             reader = SqliteFile if kind == "sqlite" else Ros1File
-        return reader(path, name, self._damage)
+        return reader(path, name, partial(self._lose, name))
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""
@@ -120,7 +120,7 @@ class Bag:
                 )
         except zstandard.ZstdError as error:
             text = f"{describe_error(error)}: all content after {content.stat().st_size} bytes"
-            self._damage.add_damage(path, "its compression", text)
+            self._lose(path, "its compression", text)
         except OSError as error:
             raise InputError(f"'{path}' cannot be decompressed: {error.strerror}.") from error
         return content
@@ -139,6 +139,12 @@ class Bag:
                 self.connections.append(connection)
             places.append(self.connections.index(connection))
         return places, conversions
+
+
+def _add_damage(unread, file, where, what):
+    """Add data that cannot be read to a list, once."""
+    if (damage := Unread(str(file), where, what)) not in unread:
+        unread.append(damage)
 
 
 def _convert(messages, conversions, places, failed):
@@ -204,9 +210,9 @@ def _find_conversion(name, md5):
 class SqliteFile:
     """A SQLite file. The journal of a killed recorder is read in a copy: no file changes."""
 
-    def __init__(self, path, name, damage):
+    def __init__(self, path, name, lose):
         self._path = Path(path).absolute()
-        self._lose = partial(damage.add_damage, name)
+        self._lose = lose
         self._advice = f"`sqlite3 {name} .recover` may find more"
         self.connections = []
         self._topics = {}
@@ -275,9 +281,9 @@ class SqliteFile:
 class Ros1File:
     """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
 
-    def __init__(self, path, name, damage):
-        self._path = Path(path)
-        self._lose = partial(damage.add_damage, name)
+    def __init__(self, path, name, lose):
+        self._path = path
+        self._lose = lose
         self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
         self.connections = []
         self.start = None
@@ -317,7 +323,7 @@ class Ros1File:
 # --- Files of a folder ---
 
 
-def _find_files(folder, damage):
+def _find_files(folder, lose):
     """Return the bags of a folder in the order of their names; report those that are missing."""
     names = _find_bags(folder)
     listed = _read_metadata(folder)
@@ -326,7 +332,7 @@ def _find_files(folder, damage):
     stored = {name.removesuffix(PACKED) for name in names}
     missing = [name for name in listed if name.removesuffix(PACKED) not in stored]
     if missing and not len(missing) == len(listed) <= len(names):  # all files may be renamed
-        damage.add_damage(folder, METADATA, f"it lists {', '.join(missing)}, missing here")
+        lose(folder, METADATA, f"it lists {', '.join(missing)}, missing here")
     return [folder / name for name in names]
 
 

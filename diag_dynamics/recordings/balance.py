@@ -104,7 +104,7 @@ class Balance:
     @property
     def count(self):
         """Number of windows."""
-        return sum(len(part.begin) for part in self._parts)
+        return len(self.windows.begin)
 
     @property
     def explained(self):

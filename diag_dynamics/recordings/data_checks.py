@@ -504,6 +504,8 @@ class Hypotheses:
         is_possible &= moment <= model.total_mass * reach
         if not is_possible or self._left(self.base)[0] > MAX_UNLOADED:
             self.base = self.plain
+        self._loaded = self._left(self.base)
+        self._slight = SLIGHT * min(1.0, self._misfit[0])
 
     def _share(self, squares):
         """Return fractions of the squared efforts.
@@ -553,16 +555,14 @@ class Hypotheses:
         """
         if self._is_alone:
             return ""
-        slight = SLIGHT * min(1.0, self._misfit[0])
-        loaded = self._left(self.base)[0]
         accepted = [
             (left[0], text)
             for left, text in filter(None, hypotheses)
             if self._is_below(left, MAX_LEFT * self._misfit)
-            and left[0] <= ALIKE * (loaded + slight)
+            and left[0] <= ALIKE * (self._loaded[0] + self._slight)
         ]
         least = min((left for left, _ in accepted), default=0.0)
-        texts = (text for left, text in accepted if left <= ALIKE * (least + slight))
+        texts = (text for left, text in accepted if left <= ALIKE * (least + self._slight))
         return next(texts, "")
 
     def fault(self):
@@ -571,24 +571,24 @@ class Hypotheses:
 
     def nothing(self):
         """Explain the efforts by friction and noise alone."""
-        text = "no effort follows the motion. Check that efforts are measured, and at these joints"
-        return self._left(0.0 * self.plain), text
+        return self._left(0.0 * self.plain), (
+            "no effort follows the motion. Check that efforts are measured, and at these joints"
+        )
 
     def payload(self):
         """Return the mass that the model lacks or has too much, in words.
 
         The text is empty if fewer than two joints move, none fits, or no mass leaves as little.
         """
-        left = self._left(self.base)
-        slight = SLIGHT * min(1.0, self._misfit[0])
-        is_below = self._is_below(left, MAX_LEFT * self._misfit)
+        is_below = self._is_below(self._loaded, MAX_LEFT * self._misfit)
         if self._is_alone or self._misfit[0] < SLIGHT or not is_below:
             return ""
         masses = self.base[INERTIAL + 1 :].reshape(-1, len(CENTRES)).sum(axis=1)
         k = int(np.argmax(np.abs(masses)))
         places = slice(k * len(CENTRES), (k + 1) * len(CENTRES))
         spread = self._spread[places, places].sum()
-        error = np.sqrt(spread * (ALIKE * (left[0] + slight) - left[0]))
+        left = self._loaded[0]
+        error = np.sqrt(spread * (ALIKE * (left + self._slight) - left))
         mass = abs(masses[k])
         link = self._links[k]
         if error > mass:

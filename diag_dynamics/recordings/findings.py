@@ -3,7 +3,6 @@
 
 """Findings of a recording: unreadable data, rejected messages, and notes on its numbers."""
 
-from collections import Counter
 from shlex import quote
 from typing import NamedTuple
 
@@ -83,9 +82,8 @@ def no_states_error(path, findings):
     return InputError(f"'{path}' contains no valid state: {causes.removesuffix('.')}.{topics}")
 
 
-def collect_findings(intake, source):
-    """Return the findings of an Intake and a source of messages, losses first, notes last."""
-    counts = intake.counts + Counter({WITHOUT_VALUES: source.without_values})
+def collect_findings(counts, intake, source):
+    """Return findings on messages of an Intake and a Source; losses are first, notes are last."""
     findings = [
         Finding("unread", 1, f"{part.file}, {part.where}: {part.what}") for part in source.unread
     ]
@@ -100,9 +98,9 @@ def collect_findings(intake, source):
             "messages must have radians (REP 103)"
         )
     if SECOND_SOURCE in first:
-        accepted = counts["published"]
-        rejections = counts[SECOND_SOURCE]
-        first[SECOND_SOURCE] += f" ({accepted} states accepted, {rejections} messages rejected)"
+        first[SECOND_SOURCE] += (
+            f" ({counts['published']} states accepted, {counts[SECOND_SOURCE]} messages rejected)"
+        )
     causes = dict.fromkeys(rejection.cause for rejection in intake.rejections)
     names = {IMPLAUSIBLE: DEGREES} if in_degrees else {}
     findings += [Finding(names.get(cause, cause), counts[cause], first[cause]) for cause in causes]
@@ -134,17 +132,18 @@ def _name_texts(intake, counts):
         foreign = f"{listed(assembler.last_foreign)}; the robot has {listed(joints)}"
         return {"incomplete": incomplete, "foreign": f"messages of other joints: {foreign}"}
     advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
-    map_name, entries = (intake.names.map_name, intake.names.entries) if intake.names else (str, ())
     unknown = assembler.unknown_names()
     nothing = len(missing) == len(joints)
-    present = set(assembler.names).intersection(map(map_name, assembler.arrived))
+    present = set(assembler.names).intersection(map(intake.names.map_name, assembler.arrived))
     lacking = [] if nothing else missing
-    if entries := propose_map(unknown, missing, present, entries):
+    if entries := propose_map(unknown, missing, present, intake.names.entries):
         options = " ".join(quote(f"{name}={joint}") for name, joint in entries)
         mapped = set(map(JointNames(dict(entries)).map_name, unknown))
         count = len(mapped.intersection(assembler.names))
-        number = f"{count} of {len(unknown)} names"
-        advice = f"--joint-names {options} (joint_names) maps {number} to the robot's joints"
+        advice = (
+            f"--joint-names {options} (joint_names) maps {count} of {len(unknown)} names to the "
+            "robot's joints"
+        )
         lacking = [joint for joint in missing if joint not in mapped]
     advice += f". {_lock(lacking)}" if lacking else ""
     lack = f"{'the robot has' if nothing else 'missing:'} {listed(missing)}"

@@ -18,6 +18,7 @@ from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
+from diag_dynamics.recordings.joint_names import SAME_NAMES
 from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message
 
@@ -39,8 +40,8 @@ class Batch(NamedTuple):
     errors: dict  # what is wrong with bytes that are no joint state, by place
 
     def names(self):
-        """Return names of joints in messages, with repetition."""
-        return [name for part in self.parts for name in part.names]
+        """Return the names of joints in messages, a set."""
+        return {name for part in self.parts for name in part.names}
 
     def select(self, is_selected):
         """Return the messages of a mask."""
@@ -69,18 +70,18 @@ class Intake:
     bit.
     """
 
-    def __init__(self, model, settings, names=None):
+    def __init__(self, model, settings, names=SAME_NAMES):
         values = settings.values
         self.names = names
         self._model = model
         self._dynamics = DiagonalDynamics(model)
-        map_name = self._map_name if names else None
         self._mapped = {}
         self._joints = {*model.joint_names, *model.mimics, *model.followers, *model.locked_joints}
         self._base = None
         if model.floating_base:
             self._base = OdometryBase(model, values["odom_twist_frame"] == "header")
-        self.assembler = StateAssembler(joints_of(model), settings.inputs, self._base, map_name)
+        joints = joints_of(model)
+        self.assembler = StateAssembler(joints, settings.inputs, self._base, self._map_name)
         self._counts = Counter()
         self.rejections = []
         self._links = LinkPositions(model)
@@ -97,8 +98,10 @@ class Intake:
         """Return the robot's name of a joint; reject a second name of one of its joints."""
         joint = self.names.map_name(name)
         if joint in self._joints and (other := self._mapped.setdefault(joint, name)) != name:
-            text = f"joint_names maps both '{other}' and '{name}' to joint '{joint}'"
-            raise InputError(f"{text}; expected one name of the recording for each joint.")
+            raise InputError(
+                f"joint_names maps both '{other}' and '{name}' to joint '{joint}'; expected one "
+                "name of the recording for each joint."
+            )
         return joint
 
     def reject(self, now, error):

@@ -23,7 +23,7 @@ class JointNames:
     """
 
     def __init__(self, entries):
-        if not isinstance(entries, Mapping) or not entries:
+        if not isinstance(entries, Mapping):
             raise InputError(
                 f"joint_names is {entries!r}; expected a mapping such as "
                 "{'fer_joint1': 'panda_joint1'}."
@@ -31,14 +31,19 @@ class JointNames:
         joints = {}
         for name, joint in entries.items():
             if not (isinstance(name, str) and isinstance(joint, str) and name and joint):
-                text = f"joint_names maps {name!r} to {joint!r}"
-                raise InputError(f"{text}; expected names of joints.")
-            if max(name.count(ANY), joint.count(ANY)) > 1 or name.count(ANY) != joint.count(ANY):
-                text = f"joint_names maps '{name}' to '{joint}'"
-                raise InputError(f"{text}; expected one * in both names or in neither.")
+                raise InputError(
+                    f"joint_names maps {name!r} to {joint!r}; expected names of joints."
+                )
+            if not name.count(ANY) == joint.count(ANY) <= 1:
+                raise InputError(
+                    f"joint_names maps '{name}' to '{joint}'; expected one * in both names or in "
+                    "neither."
+                )
             if ANY not in joint and joints.setdefault(joint, name) != name:
-                text = f"joint_names maps '{joints[joint]}' and '{name}' to '{joint}'"
-                raise InputError(f"{text}; expected one name for each.")
+                raise InputError(
+                    f"joint_names maps '{joints[joint]}' and '{name}' to '{joint}'; expected one "
+                    "name for each."
+                )
         self._entries = dict(
             sorted(entries.items(), key=lambda entry: (ANY in entry[0], -len(entry[0])))
         )
@@ -61,6 +66,9 @@ class JointNames:
     def _entry(self, name):
         """Return the entry by which a name is mapped, or None."""
         return next((entry for entry in self._entries if _replace(entry, entry, name)), None)
+
+
+SAME_NAMES = JointNames({})
 
 
 def suggest(name, names):

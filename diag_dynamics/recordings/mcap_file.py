@@ -67,9 +67,9 @@ class Part(NamedTuple):
 class McapFile:
     """An MCAP file. Without a summary it is read up to the first damage between records."""
 
-    def __init__(self, path, name, damage):
+    def __init__(self, path, _name, lose):
         self._path = path
-        self._lose = partial(damage.add_damage, name)
+        self._lose = lose
         self._channels = {}
         self._schemas = {}
         self._parts = []

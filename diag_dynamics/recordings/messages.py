@@ -107,18 +107,6 @@ class Unread(NamedTuple):
     what: str  # cause and amount that is lost
 
 
-class DamageLog:
-    """Damage of the files of a bag: `unread`, each once."""
-
-    def __init__(self):
-        self.unread = []
-
-    def add_damage(self, file, where, what):
-        """Report data that cannot be read."""
-        if (damage := Unread(str(file), where, what)) not in self.unread:
-            self.unread.append(damage)
-
-
 class DamageError(Exception):
     """Part of a file cannot be read; the text says why."""
 

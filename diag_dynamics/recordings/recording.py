@@ -9,6 +9,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -232,10 +233,9 @@ class Reading:
     ):
         self.settings = make_settings(parameters)
         self._span = _check_span(start, end)
-        joint_names = joint_names or assignments(
-            "joint_names", self.settings.values["joint_names"], str
+        names = JointNames(
+            joint_names or assignments("joint_names", self.settings.values["joint_names"], str)
         )
-        names = JointNames(joint_names) if joint_names else None
         locked = self.settings.values["locked_joints"]
         self._locks_rest = any(entry.startswith(ALL) for entry in locked)
         self._source = open_source(path, columns, topic, names)
@@ -256,8 +256,10 @@ class Reading:
         It raises InputError and UrdfError.
         """
         if self.described is None:
-            text = "contact_limits.file requires the path or text of a URDF"
-            raise InputError(f"{text}; the robot is a RobotModel.")
+            raise InputError(
+                "contact_limits.file requires the path or text of a URDF; the robot is a "
+                "RobotModel."
+            )
         return contact_points(self.model, self.described, self.settings.contact_limits)
 
     @property
@@ -276,13 +278,13 @@ class Reading:
 
     def no_states_error(self):
         """Return the InputError about a recording without a valid state."""
-        if self._span != (None, None) and not self.counts["received"]:
+        if self._span != (-inf, inf) and not self.counts["received"]:
             return InputError(f"'{self.path}' contains no message between start and end.")
         return no_states_error(self.path, self.findings())
 
     def findings(self):
         """Return a list of Finding on the messages so far."""
-        findings = collect_findings(self.intake, self._source)
+        findings = collect_findings(self.counts, self.intake, self._source)
         locked = self.model.locked_joints
         if locked and self._locks_rest:
             entries = ", ".join(f"{name}={position:g}" for name, position in locked.items())
@@ -294,11 +296,13 @@ class Reading:
         """Yield pieces, see :func:`stream_recording`."""
         parts = []
         count = 0
-        limits = self._limits_after(self._source.start)
-        for batch in self._source.batches(self.model, *limits):
-            if self._source.start is None and limits == (None, None) and len(batch.log_time):
-                limits = self._limits_after(int(batch.log_time[0]))  # of a table
-            parts.append(self.intake.read(_select_between(batch, *limits)))
+        start = self._source.start
+        for batch in self._source.batches(self.model, *self._limits_after(start)):
+            if start is None and len(batch.log_time):
+                start = int(batch.log_time[0])  # of a table
+            begin, end = self._limits_after(start)
+            is_within = (batch.log_time >= begin) & (batch.log_time < end)
+            parts.append(self.intake.read(batch.select(is_within)))
             count += len(parts[-1])
             if count >= size:
                 yield self._recording(parts)
@@ -308,22 +312,12 @@ class Reading:
 
     def _limits_after(self, first):
         """Return the log times between which messages are read, from the first one [ns]."""
-        return tuple(None if None in (first, after) else first + after for after in self._span)
+        return tuple((first or 0) + after for after in self._span)
 
     def _recording(self, parts):
         states = States.concatenate(parts)
         offset = self._source.offset
         return Recording(self.model, states, offset, self.counts, self.findings(), self.path)
-
-
-def _select_between(batch, begin, end):
-    """Return the messages between two log times [ns]; None is no limit."""
-    is_within = np.ones(len(batch.log_time), bool)
-    if begin is not None:
-        is_within &= batch.log_time >= begin
-    if end is not None:
-        is_within &= batch.log_time < end
-    return batch.select(is_within)
 
 
 def make_settings(parameters):
@@ -335,11 +329,17 @@ def make_settings(parameters):
 
 
 def _check_span(start, end):
-    """Return start and end, None or [s], in nanoseconds."""
-    for name, seconds in (("start", start), ("end", end)):
-        if seconds is not None and not 0.0 <= seconds < 1e9:
-            expected = "expected seconds after the beginning of the recording, 0 or more"
-            raise InputError(f"{name} is {seconds!r}; {expected}.")
-    if None not in (start, end) and end <= start:
+    """Return start and end [s] in nanoseconds, -inf and inf for None."""
+    span = {"start": -inf, "end": inf}
+    for name, seconds in zip(span, (start, end), strict=True):
+        if seconds is None:
+            continue
+        if not 0.0 <= seconds < 1e9:
+            raise InputError(
+                f"{name} is {seconds!r}; expected seconds after the beginning of the recording, 0 "
+                "or more."
+            )
+        span[name] = round(seconds * SECOND)
+    if span["end"] <= span["start"]:
         raise InputError(f"end is {end!r} s; expected more than start, {start!r} s.")
-    return tuple(None if seconds is None else round(seconds * SECOND) for seconds in (start, end))
+    return tuple(span.values())

@@ -20,7 +20,7 @@ from diag_dynamics.optional import require
 from diag_dynamics.recordings.bags import METADATA, Bag, first_bytes, is_bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
-from diag_dynamics.recordings.joint_names import suggest
+from diag_dynamics.recordings.joint_names import SAME_NAMES, suggest
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
@@ -57,7 +57,7 @@ class Source(Protocol):
     def joints(self, model: RobotModel) -> set[str]:
         """Return the robot's names of joints in messages."""
 
-    def batches(self, model: RobotModel, begin: int | None, end: int | None) -> Iterator[Batch]:
+    def batches(self, model: RobotModel, begin: float, end: float) -> Iterator[Batch]:
         """Yield batches in the order of log time, some without messages outside of limits [ns]."""
 
 
@@ -82,8 +82,8 @@ def path_text(path):
     return os.fspath(path)
 
 
-def open_source(path, columns=None, topic=None, names=None) -> Source:
-    """Return the Source of a path; see :func:`read_recording`. `names` are JointNames or None."""
+def open_source(path, columns=None, topic=None, names=SAME_NAMES) -> Source:
+    """Return the Source of a path; see :func:`read_recording`. `names` are JointNames."""
     columns = read_column_map(columns)
     path = os.path.expanduser(path_text(path))
     paths = list(map(Path, split_paths(path)))
@@ -153,14 +153,13 @@ class BagSource:
     def joints(self, model):
         """Return the robot's names of joints in messages, until all of the model are there."""
         names = set()
-        map_name = self._names.map_name if self._names else str
         for batch in self._batches(self._connections(JOINT_STATE)):
-            names.update(map(map_name, set(batch.names())))
+            names.update(map(self._names.map_name, batch.names()))
             if names.issuperset(single_joints(model)):
                 break
         return names
 
-    def batches(self, model, begin=None, end=None):
+    def batches(self, model, begin, end):
         """Yield batches of messages in the order of log time, at least those between two [ns]."""
         connections = self._connections(JOINT_STATE)
         if not connections and not model.floating_base:
@@ -168,9 +167,9 @@ class BagSource:
         connections += self._connections(ODOMETRY) if model.floating_base else []
         yield from self._batches(connections, begin, end)
 
-    def _batches(self, connections, begin=None, end=None):
+    def _batches(self, connections, *limits):
         decoder = Decoder()
-        for messages in self._bag.pieces(connections, begin, end):
+        for messages in self._bag.pieces(connections, *limits):
             yield decode_messages(decoder, messages, self._kinds)
 
     def _connections(self, kind):
@@ -185,8 +184,10 @@ class BagSource:
         topics = topics or self._choose_topics(kind, encodings)
         for topic in topics:
             if encodings[topic] != ENCODING:
-                text = f"messages of {topic} are encoded as '{encodings[topic]}'"
-                raise InputError(f"'{self._path}': {text}; expected {EXPECTED}.")
+                raise InputError(
+                    f"'{self._path}': messages of {topic} are encoded as '{encodings[topic]}'; "
+                    f"expected {EXPECTED}."
+                )
         return [k for k in places if connections[k].topic in topics]
 
     def _choose_topics(self, kind, encodings):
@@ -204,14 +205,16 @@ class BagSource:
             namespaces = {topic.rpartition("/")[0] for topic in self._topics}
             usual = [name for name in usual if name.rpartition("/")[0] in namespaces]
         if len(usual) != 1:
-            advice = SEVERAL[kind].format(
-                options=" ".join(f"--topic {name}" for name in topics[:2])
+            options = " ".join(f"--topic {name}" for name in topics[:2])
+            raise InputError(
+                f"'{self._path}' has several topics of {kind}: {', '.join(topics)}. "
+                f"{SEVERAL[kind].format(options=options)}"
             )
-            text = f"has several topics of {kind}: {', '.join(topics)}"
-            raise InputError(f"'{self._path}' {text}. {advice}")
         unread = ", ".join(name for name in topics if name not in usual)
-        text = f"joint states of {usual[0]} are read, not those of {unread}"
-        note = f"'{self._path}': {text} {OTHER_TOPICS}."
+        note = (
+            f"'{self._path}': joint states of {usual[0]} are read, not those of {unread} "
+            f"{OTHER_TOPICS}."
+        )
         if kind == JOINT_STATE and note not in self.notes:
             self.notes.append(note)
         return usual
@@ -220,8 +223,9 @@ class BagSource:
         """Return the error about a topic that is not there, or is of another type."""
         is_there = any(connection.topic == topic for connection in self._bag.connections)
         only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
-        text = f"has no topic '{topic}' of {kind}{only}"
-        return InputError(f"'{self._path}' {text}.{suggest(topic, topics)}")
+        return InputError(
+            f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}"
+        )
 
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
@@ -233,9 +237,11 @@ class BagSource:
                 text += f", encoded as '{encoding}'"
                 odd = f"; expected messages encoded as {EXPECTED}"
             texts.add(f"{text})")
-        topics = f"its topics are {', '.join(sorted(texts))}"
+        topics = (
+            f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
+        )
         damage = "".join(f"; {part.where}: {part.what}" for part in self.unread[:3])
-        return (topics if texts else "it has no readable topics") + damage + odd
+        return topics + damage + odd
 
 
 def decode_messages(decoder, messages, kinds):

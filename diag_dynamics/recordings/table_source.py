@@ -6,6 +6,7 @@
 import re
 from contextlib import suppress
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -78,15 +79,16 @@ class TableSource:
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
-        text = f"'{self._path}' is a table, without a robot description"
-        raise InputError(f"{text}. Give the robot: --urdf ROBOT (model).")
+        raise InputError(
+            f"'{self._path}' is a table, without a robot description. Give the robot: --urdf ROBOT "
+            "(model)."
+        )
 
     def joints(self, model):
         """Return the robot's names of all joints in rows, as a set.
 
         Fewer numbered columns than joints are of the first joints, if these carry all others.
         """
-        map_name = self._names.map_name if self._names else str
         opened = None
         for count in (None, *_leading_counts(model)):
             if opened is None:
@@ -97,9 +99,9 @@ class TableSource:
         for arrays, _ in table.blocks([], choice.names, _ignore) if choice.names else ():
             for array in arrays.values():
                 names.update(_read_names(unify(array)).tolist())
-        return {map_name(name) for name in names - {""}}
+        return {self._names.map_name(name) for name in names - {""}}
 
-    def batches(self, model, _begin=None, _end=None):
+    def batches(self, model, _begin, _end):
         """Yield batches of messages in the order of the rows; a table has no index."""
         self._table, self._choice = self._open(model)
         count = 0
@@ -133,11 +135,9 @@ class TableSource:
 
     def _open(self, model, count=None):
         """Return the Table and its Choice by the map, with any names of the first joints."""
-        joints = single_joints(model)[:count]
-        if self._names:
-            joints = [name for joint in joints for name in self._names.unmap_joint(joint)]
+        joints = map(self._names.unmap_joint, single_joints(model)[:count])
         table = open_reader(self._path, self._columns)
-        return table, choose(table, self._columns, tuple(joints))
+        return table, choose(table, self._columns, tuple(chain.from_iterable(joints)))
 
     # --- Cells ---
 
@@ -176,9 +176,13 @@ class TableSource:
         for key, numbers in values.items():
             odd = (names == "") & ~np.isnan(numbers)
             if odd.any():
-                cause = "values without the name of a joint"
-                example = f"{key} {numbers[odd][0]:g}"
-                self._lose_rows(rows, "", cause, "values omitted", np.nonzero(odd)[0], example)
+                self._lose_rows(
+                    rows,
+                    "values without the name of a joint",
+                    "values omitted",
+                    np.nonzero(odd)[0],
+                    f"{key} {numbers[odd][0]:g}",
+                )
         return names
 
     def _find_rows(self, time, values, names, arrays, rows):
@@ -188,14 +192,13 @@ class TableSource:
             empty &= np.isnan(numbers).all(axis=1)
         self.without_values += int((empty & ~self._has_lost).sum())
         if (lost := np.flatnonzero(empty & self._has_lost)).size:
-            self._lose_rows(rows, "", "no value is a number", LEFT_OUT, lost, "")
+            self._lose_rows(rows, "no value is a number", LEFT_OUT, lost)
         untimed = np.isnan(time)
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [read_texts(arrays[k]) for k in self._choice.time]
             cells = [cells[lost[0]][:40] for cells in texts if cells is not None]
-            cause = "no time, or a time that is no number"
             example = " and ".join(map(repr, cells))
-            self._lose_rows(rows, "", cause, LEFT_OUT, lost, example)
+            self._lose_rows(rows, "no time, or a time that is no number", LEFT_OUT, lost, example)
         return ~(untimed | empty)
 
     # --- Messages ---
@@ -244,7 +247,7 @@ class TableSource:
         is_beyond = is_read & ((seconds < 0) | (seconds > LATEST))
         if (lost := np.flatnonzero(is_beyond)).size:
             cause = f"time outside of {least} … {least + LATEST} s"
-            self._lose_rows(rows, "", cause, LEFT_OUT, lost, f"{time[lost[0]]:g} s")
+            self._lose_rows(rows, cause, LEFT_OUT, lost, f"{time[lost[0]]:g} s")
         is_read &= ~is_beyond
 
     def _check_times(self, time):
@@ -253,18 +256,21 @@ class TableSource:
         steps = np.diff(time, append=time[-1])
         count = int(np.count_nonzero(steps < 0))
         if 2 * count > max(len(steps), MIN_STEPS):
-            text = f"times decrease at {count} of {len(time)} rows; expected increasing ones"
-            raise InputError(f"'{self._table.path}': {text}. Sort the rows by time.")
+            raise InputError(
+                f"'{self._table.path}': times decrease at {count} of {len(time)} rows; expected "
+                "increasing ones. Sort the rows by time."
+            )
         if not LATEST < middle < np.inf:
             return
         size = max(middle / LATEST, np.median(np.abs(steps)) / MAX_STEP)
-        advice = ""
+        advice = "Subtract the first time from all"
         for unit in ("ns", "us", "ms"):
             if size * UNITS["time"][unit] <= (self._choice.time_scale or 1.0):
                 advice = f"If they are in {unit}, set `scale: {{time: {unit}}}` in a column map"
-        text = f"times are about {middle:.6g} s; expected at most {LATEST} s"
-        advice = advice or "Subtract the first time from all"
-        raise InputError(f"'{self._table.path}': {text}. {advice}.")
+        raise InputError(
+            f"'{self._table.path}': times are about {middle:.6g} s; expected at most {LATEST} s. "
+            f"{advice}."
+        )
 
     def _note_order(self, time, rows):
         """Describe the first row whose time is before that of the row above."""
@@ -285,13 +291,14 @@ class TableSource:
         example = f" ({example})" if example else ""
         self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
 
-    def _lose_rows(self, rows, before, cause, unit, lost, example):
+    def _lose_rows(self, rows, cause, unit, lost, example="", before=""):
         self._has_lost[lost] = True
         where = f"{self._table.unit} {rows[lost[0]]}"
         self._lose(cause, where, unit, len(lost), before + example)
 
     def _lose_in_column(self, k, rows):
-        return partial(self._lose_rows, rows, f"column '{self._table.columns[k].name}': ")
+        before = f"column '{self._table.columns[k].name}': "
+        return partial(self._lose_rows, rows, before=before)
 
 
 def _ignore(*_args, **_options):

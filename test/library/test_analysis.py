@@ -313,7 +313,7 @@ def test_batches_do_not_matter(analysed, ur5, motion, monkeypatch, tmp_path, siz
     whole, *_ = analysed(*columns, parameters=options)
     pieces = Reading.pieces
 
-    def small(reading, _):
+    def small(reading):
         for states in (piece.states for piece in pieces(reading)):
             for first in range(0, len(states), size):
                 yield SimpleNamespace(states=states[first : first + size])

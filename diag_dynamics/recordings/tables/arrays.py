@@ -143,8 +143,10 @@ class MemoryTable:
         first = self.columns[used[0]].name
         for k in used:
             if (length := len(self._arrays[k])) != count:
-                text = f"'{self.columns[k].name}' has {length} rows; expected {count}, as '{first}'"
-                raise InputError(f"'{self.path}': {text} has.")
+                raise InputError(
+                    f"'{self.path}': '{self.columns[k].name}' has {length} rows; expected {count}, "
+                    f"as '{first}' has."
+                )
         rows = np.arange(count) if self._rows is None else self._rows
         for begin in range(0, count, ROWS):
             arrays = {k: self._arrays[k].slice(begin, ROWS) for k in used}

@@ -113,7 +113,7 @@ class _Chooser:
                 raise InputError("time has a scale and two columns; expected one of them.")
             scale = 1.0
         elif scale is None and unit is not None:
-            scale = _factor("time", unit, column.name)
+            scale = _factor("time", unit, column)
         names = " and ".join(self._headers[k] for k in time)
         self._notes.append(f"time: {names}{_times([scale or 1.0], 'time')}.")
         return time, scale
@@ -126,10 +126,11 @@ class _Chooser:
         for entry in entries:
             fitting = [k for k, name in enumerate(self._headers) if entry in (k, name)]
             if entry is not None and len(fitting) != 1:
-                expected = f"expected the name or number of one of {listed(self._headers)}"
                 meant = "" if fitting else suggest(str(entry), self._headers)
-                text = f"{key}: {entry!r} is the name of {len(fitting)} columns; {expected}.{meant}"
-                raise InputError(text)
+                raise InputError(
+                    f"{key}: {entry!r} is the name of {len(fitting)} columns; expected the name or "
+                    f"number of one of {listed(self._headers)}.{meant}"
+                )
             places.append(None if entry is None else fitting[0])
             if fitting:
                 _require_type(key, self._columns[fitting[0]])
@@ -144,8 +145,10 @@ class _Chooser:
         joints = self._joints
         if count != len(joints) or (is_list and any(widths)):
             kind = "an array in a list" if is_list and any(widths) else f"{count} columns"
-            expected = f"expected one for each of {len(joints)} joints: {listed(joints)}"
-            raise InputError(f"{key} has {kind}; {expected}.")
+            raise InputError(
+                f"{key} has {kind}; expected one for each of {len(joints)} joints: "
+                f"{listed(joints)}."
+            )
         return places
 
     # --- Numbers ---
@@ -153,7 +156,10 @@ class _Chooser:
     def _make_quantity(self, key, columns):
         """Return columns with their scale and offset, and note both."""
         scale = self._numbers("scale", key) or [
-            1.0 if k is None else self._factor(key, self._columns[k]) for k in columns
+            1.0
+            if k is None
+            else _factor(key, unit_of(self._columns[k], self._joints), self._columns[k])
+            for k in columns
         ]
         names = listed("none" if k is None else self._headers[k] for k in columns)
         whose = "joints that rows name" if self._names else listed(self._joints)
@@ -166,21 +172,20 @@ class _Chooser:
         """Return the scale or the offset of a quantity by the map: one number, or one a joint."""
         numbers = getattr(self._map, name).get(key, ())
         if len(numbers) > 1 and (self._names or len(numbers) != len(self._joints)):
-            expected = f"expected one, or one for each of the joints {listed(self._joints)}"
-            raise InputError(f"{name}: {key} has {len(numbers)} numbers; {expected}.")
+            raise InputError(
+                f"{name}: {key} has {len(numbers)} numbers; expected one, or one for each of the "
+                f"joints {listed(self._joints)}."
+            )
         return numbers
-
-    def _factor(self, key, column):
-        unit = unit_of(column, self._joints)
-        return 1.0 if unit is None else _factor(key, unit, column.name)
 
     def _make_mixing(self):
         """Return the matrix of a map; None without one."""
         rows = self._map.mixing
         joints = () if self._names else self._joints
         if rows is not None and len(rows) != len(joints):
-            text = f"mixing has {len(rows)} rows; expected {len(joints)}, of joints of the map"
-            raise InputError(f"{text}.")
+            raise InputError(
+                f"mixing has {len(rows)} rows; expected {len(joints)}, of joints of the map."
+            )
         return None if rows is None else np.array(rows)
 
 
@@ -201,21 +206,20 @@ def _require_type(key, column):
         expected = "a column of texts for each joint"
     if not valid:
         example = next((f" such as '{text:.40}'" for text in column.sample if text), "")
-        kind = f"of type {column.type}{example}"
-        holds = f"has {column.width} columns" if column.width else f"is {kind}"
+        holds = f"is of type {column.type}{example}"
+        holds = f"has {column.width} columns" if column.width else holds
         raise InputError(f"{key}: '{column.name}' {holds}; expected {expected}.")
 
 
-def _factor(key, unit, header):
-    """Return the factor of a unit to SI."""
-    factor = factor_of(key, unit)
+def _factor(key, unit, column):
+    """Return the factor of the unit of a column to SI, 1 without any."""
+    factor = 1.0 if unit is None else factor_of(key, unit)
     if factor is None:
-        text = f"column '{header}' has the unit '{unit}'; expected one with a factor to {_SI[key]}"
         leave = f" or `{key}: null`" if key in QUANTITIES[1:] else ""
-        units = listed(UNITS[key], 6)
         raise InputError(
-            f"{text}. Set `scale: {{{key}: UNIT}}`{leave} in a column map; UNIT is a factor or one "
-            f"of {units}."
+            f"column '{column.name}' has the unit '{unit}'; expected one with a factor to "
+            f"{_SI[key]}. Set `scale: {{{key}: UNIT}}`{leave} in a column map; UNIT is a factor or "
+            f"one of {listed(UNITS[key], 6)}."
         )
     return factor
 

@@ -53,9 +53,10 @@ def read_column_map(columns):
         source = f"'{os.fspath(columns)}'"
         columns = read_yaml(os.fspath(columns), f"The column map {source}")
     if not isinstance(columns, Mapping):
-        keys = ", ".join(_PARSERS)
-        expected = f"expected the path of a YAML file or a dict with {keys}"
-        raise InputError(f"{source} is {columns!r:.80}; {expected}.")
+        raise InputError(
+            f"{source} is {columns!r:.80}; expected the path of a YAML file or a dict with "
+            f"{', '.join(_PARSERS)}."
+        )
     stated = {key: _parse(key, value, source) for key, value in columns.items()}
     stated = {key: value for key, value in stated.items() if value is not None}
     if "rate" in stated and ("time" in stated or "time" in stated.get("scale", ())):

@@ -50,8 +50,10 @@ def recognize(columns, texts, joints):
     used = {k for key in QUANTITIES for k in named.get(key, ())}
     numbered = by_number(_blank(columns, used), joints)
     if not (named or numbered.get("position")):
-        text = f"no columns are recognized as positions of {listed(joints)}"
-        raise InputError(f"{text}; columns: {listed(columns)}.")
+        raise InputError(
+            f"no columns are recognized as positions of {listed(joints)}; columns: "
+            f"{listed(columns)}."
+        )
     if named and numbered:
         raise InputError("columns have both names and numbers of joints.")
     if numbered and texts is not None:

@@ -113,8 +113,10 @@ class CsvTable:
                 while chunk := stream.read1(1 << 18):
                     yield chunk
             except (OSError, EOFError, zlib.error, lzma.LZMAError, pa.ArrowException) as error:
-                text = f"the compressed data are damaged or end early: {describe_error(error)}"
-                self._broken = f"{text}; rows shortly before may be wrong"
+                self._broken = (
+                    f"the compressed data are damaged or end early: {describe_error(error)}; rows "
+                    "shortly before may be wrong"
+                )
         yield b""
 
     def _parse(self, text, line, convert):
@@ -149,8 +151,12 @@ class CsvTable:
                 rows.append(fields)
                 lines.append(at)
             else:
-                cause = "another number of columns than the header has"
-                lose(cause, f"line {at}", LEFT_OUT, example=f"{len(fields)} instead of {width}")
+                lose(
+                    "another number of columns than the header has",
+                    f"line {at}",
+                    LEFT_OUT,
+                    example=f"{len(fields)} instead of {width}",
+                )
         arrays = {k: pa.array([fields[k] for fields in rows], pa.string()) for k in used}
         return arrays, np.array(lines, np.int64)
 
@@ -191,8 +197,10 @@ def _read_head(lines, column_map, path):
         if line.strip() and not line.startswith("#")
     ]
     if not rows and comment is None:
-        expected = f"expected text after the {column_map.skip} skipped lines"
-        raise InputError(f"'{path}' has {len(lines)} lines; {expected}.")
+        raise InputError(
+            f"'{path}' has {len(lines)} lines; expected text after the {column_map.skip} skipped "
+            "lines."
+        )
     if not rows:
         rows = [(at, comment)]
         comment = None

@@ -43,9 +43,10 @@ class JoinedTable:
         for n, part in enumerate(self._parts):
             is_same = not self._times[n] or np.array_equal(stamps[n], stamps[self._first])
             if not (is_same and np.array_equal(rows[n], rows[0])):
-                text = f"rows of '{part.path}' and '{self._parts[self._first].path}' differ"
-                expected = "expected the same number and times"
-                raise InputError(f"{text}; {expected}. Interpolate the files at common times.")
+                raise InputError(
+                    f"rows of '{part.path}' and '{self._parts[self._first].path}' differ; expected "
+                    "the same number and times. Interpolate the files at common times."
+                )
         for begin in range(0, len(rows[0]), ROWS):
             places = {k: self._places[k] for k in (*numbers, *texts)}
             arrays = {k: tables[n][column].slice(begin, ROWS) for k, (n, column) in places.items()}

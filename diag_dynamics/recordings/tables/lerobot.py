@@ -46,8 +46,10 @@ class Dataset:
                 for k, at in self._find_episodes()
             }
         except (*_DAMAGED, ValueError, LookupError, TypeError, AttributeError) as error:
-            text = f"'{root}' is no LeRobot dataset of version 2 or 3"
-            raise InputError(f"{text}: {type(error).__name__} {describe_error(error)}.") from error
+            raise InputError(
+                f"'{root}' is no LeRobot dataset of version 2 or 3: {type(error).__name__} "
+                f"{describe_error(error)}."
+            ) from error
 
     def _find_episodes(self):
         """Yield the number of each episode, and the fields of the path of its file."""
@@ -98,8 +100,10 @@ def read_episode(path):
     if number is None and len(dataset.files) == 1:
         number = next(iter(dataset.files))
     if number not in dataset.files:
-        expected = f"expected a number such as '{root}#{next(iter(dataset.files), 0)}'"
-        raise InputError(f"'{path}' is one of {len(dataset.files)} episodes; {expected}.")
+        raise InputError(
+            f"'{path}' is one of {len(dataset.files)} episodes; expected a number such as "
+            f"'{root}#{next(iter(dataset.files), 0)}'."
+        )
     features = {key: entry for key, entry in dataset.features.items() if _is_read(key, entry)}
     table = dataset.read(number, [*_ROWS, *features])
     rows = table["frame_index"].to_numpy()
@@ -129,8 +133,9 @@ def _split_feature(name, feature, array, path):
         return {name: array}
     values = array.flatten() if hasattr(array.type, "value_type") else array
     if len(values) != size * len(array):
-        text = f"rows of '{name}' have not {size} elements each, as meta/info.json says"
-        raise InputError(f"'{path}': {text}.")
+        raise InputError(
+            f"'{path}': rows of '{name}' have not {size} elements each, as meta/info.json says."
+        )
     values = values.to_numpy(zero_copy_only=False).reshape(-1, size)
     last = name.split(".")[-1]
     kind = find_quantity(name) or ("position" if last == "state" else name)

@@ -31,7 +31,9 @@ def _open_file(path, columns):
     if not begin:
         raise InputError(f"'{path}' is empty: it has 0 bytes.")
     if begin.startswith(b"\x93NUMPY"):
-        advice = "Write an npz with arrays of these names: time, position"
-        raise InputError(f"'{path}' is a single array without names. {advice}.")
+        raise InputError(
+            f"'{path}' is a single array without names. Write an npz with arrays of these names: "
+            "time, position."
+        )
     reader = _READERS.get(begin[:4])
     return reader(path) if reader else CsvTable(path, columns)
