@@ -48,7 +48,7 @@ class Assembled(NamedTuple):
     velocity: np.ndarray
     effort: np.ndarray
     rejected: dict
-    """Cause and text of rejected messages, by place."""
+    """Rejected of messages that are not malformed, by place."""
 
 
 MAX_LISTS = 16  # lists of joints that are compared at a time
@@ -98,9 +98,7 @@ class StateAssembler:
         self.arrived = {}
         self._lists = set()
         self._alternating = set()
-        count = len(joints.names)
-        follower_count = len(self.followers.names)
-        self._memory = memory.Memory.create(count, follower_count)
+        self._memory = memory.Memory.create(len(joints.names), len(self.followers.names))
         self._shared = self._memory.shared[0]
         self._own = self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
@@ -151,12 +149,11 @@ class StateAssembler:
         efforts, ages = self.check_options(options)
         count = len(self._own)
         joints = self._own
-        followers = self.followers
         limits = joint_limits(self._joints, options)
         _write(joints, factor=efforts.factors[:count], span=ages[:count], **limits)
         _write(
             self._memory.followers,
-            turns=followers.turns,
+            turns=self.followers.turns,
             factor=efforts.factors[count:],
             span=ages[count:],
         )
@@ -339,8 +336,7 @@ class StateAssembler:
         if code or events or stuck:
             self._count(self._one.outcome, np.zeros(1, int), [layout.names])
         if code > 0:
-            text = layout.text if code in codes.LAYOUT_ERRORS else self._text(self._one.outcome[0])
-            return Rejected(codes.CAUSES[code], text)
+            return self._rejection(layout, self._one.outcome[0])
         if code:
             return Accepted(None)
         states = self._states
@@ -413,9 +409,11 @@ class StateAssembler:
         self._judge_batch(batch)
         self._count(batch.outcome, messages["layout"], [part.names for part in parts])
         states = batch.states if base is None else _add_base(*base, batch.states)
-        return Assembled(
-            batch.outcome, *states, self._texts(batch.outcome, messages["layout"], layouts)
-        )
+        rejected = {
+            k: self._rejection(layouts[messages["layout"][k]], batch.outcome[k])
+            for k in np.flatnonzero(batch.outcome["code"] > codes.MALFORMED).tolist()
+        }
+        return Assembled(batch.outcome, *states, rejected)
 
     def _layout(self, names, *lengths):
         """Return the layout of messages with one list of names, and lengths of the fields."""
@@ -479,19 +477,13 @@ class StateAssembler:
             )
         return ""
 
-    def _text(self, outcome):
-        return codes.rejection_text(outcome, self._labels, self._limit)
-
-    def _texts(self, outcome, layout, layouts):
-        """Return cause and text of each rejected message, but for malformed ones, by its place."""
-        rejections = {}
-        for k in np.flatnonzero(outcome["code"] > codes.MALFORMED).tolist():
-            code = int(outcome["code"][k])
-            text = (
-                layouts[layout[k]].text if code in codes.LAYOUT_ERRORS else self._text(outcome[k])
-            )
-            rejections[k] = codes.CAUSES[code], text
-        return rejections
+    def _rejection(self, layout, outcome):
+        """Return the Rejected of a message that was rejected."""
+        code = int(outcome["code"])
+        text = layout.text
+        if code not in codes.LAYOUT_ERRORS:
+            text = codes.rejection_text(outcome, self._labels, self._limit)
+        return Rejected(codes.CAUSES[code], text)
 
 
 class _Layout(NamedTuple):

@@ -43,9 +43,7 @@ class JointStates(NamedTuple):
 
     def select(self, mask):
         """Return the messages of a mask."""
-        names = self.names
-        columns = (column[mask] for column in self[2:])
-        return JointStates(self.rows[mask], names, *columns)
+        return JointStates(self.rows[mask], self.names, *(column[mask] for column in self[2:]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,17 +83,21 @@ def evaluated_fields(names, s, state, with_effort, **others):
 def matrix_fields(topic, dynamics, state, with_inverse):
     """Return values by field of m, D and, if requested, ℓ; or of M, c and g."""
     q = state.position
-    qd = state.velocity
     if topic == "joint_space_dynamics":
-        values = {
+        return flags_of(state) | {
             "mass_matrix": dynamics.mass_matrix(q),
-            "coriolis_torque": dynamics.coriolis_torque(q, qd),
+            "coriolis_torque": dynamics.coriolis_torque(q, state.velocity),
+            "gravity": dynamics.gravity_torque(q),
         }
-        return flags_of(state) | values | {"gravity": dynamics.gravity_torque(q)}
     m, inverse, _, d = zip(*map(dynamics.factors, np.atleast_2d(q)), strict=True)
-    values = {"nv": dynamics.model.nv, "m": np.array(m), "d": np.array(d)}
-    values |= {"l": np.array(inverse) if with_inverse else None, "l_valid": with_inverse}
-    return values | {"stamp_is_receive_time": state.stamp_is_receive_time}
+    return {
+        "nv": dynamics.model.nv,
+        "m": np.array(m),
+        "d": np.array(d),
+        "l": np.array(inverse) if with_inverse else None,
+        "l_valid": with_inverse,
+        "stamp_is_receive_time": state.stamp_is_receive_time,
+    }
 
 
 def torque_fields(seen, valid, state, alarming, touched):
@@ -102,10 +106,14 @@ def torque_fields(seen, valid, state, alarming, touched):
     `seen` is a Disturbance or many, `alarming` their Alarming, `touched` the probabilities of
     links, None without a touched link.
     """
-    values = flags_of(state) | {"valid": valid, "touched_link_probability": touched}
-    values |= {"collision": alarming.collision, "contact": alarming.contact}
-    values |= {"collision_threshold": alarming.collision_limits}
-    values |= {"contact_threshold": alarming.contact_limits}
+    values = flags_of(state) | {
+        "valid": valid,
+        "touched_link_probability": touched,
+        "collision": alarming.collision,
+        "contact": alarming.contact,
+        "collision_threshold": alarming.collision_limits,
+        "contact_threshold": alarming.contact_limits,
+    }
     if not valid:
         return values | {"norm": 0.0, "torque_norm": 0.0}
     names = "residual", "external_torque", "norm", "torque_norm"
