@@ -30,7 +30,6 @@ from diag_dynamics.recordings.findings import (
     explain_missing_efforts,
     no_states_error,
     require_plausible,
-    word_for_missing,
 )
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
@@ -85,8 +84,7 @@ def list_recordings(name, recordings):
     ):
         raise InputError(
             f"{name} is {recordings!r}; expected recordings, or functions that return the pieces "
-            "of a recording such as "
-            "lambda: dd.stream_recording(path, model)."
+            "of a recording such as lambda: dd.stream_recording(path, model)."
         )
     return listed
 
@@ -118,7 +116,7 @@ class Dataset:
 
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
-        self.segments = self._clean(self._read(self.name, recording, model, max_values))
+        self.segments = self._clean(self._read(recording, model, max_values))
         delay = find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
         self.delay = self._remove_delay("velocity", delay)
         self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
@@ -135,17 +133,18 @@ class Dataset:
         if not delay.is_at_bound:
             return delay.value
         late = "later" if delay.value > 0.0 else "earlier"
-        text = (
+        self._add(
+            1,
+            DOUBTFUL,
             f"efforts seem to be {1e3 * abs(delay.value):.0f} ms or more {late} than positions; "
-            "nothing is removed. Check their time stamps"
+            "nothing is removed. Check their time stamps",
         )
-        self.findings.append(Finding(DOUBTFUL, 1, text))
         return 0.0
 
     def relate_efforts(self, model, ends=()):
         """Return the Relation of efforts to model torques, NaN for joints of unknown efforts."""
         compared = EffortRelation(model, ends)
-        for part in self.portions():
+        for part in portions(self.segments):
             compared.add_run(*part.columns)
         relation = compared.fit()
         factor = np.where(self.known, relation.factor, np.nan)
@@ -159,15 +158,16 @@ class Dataset:
         if fault and not fault.light:
             raise InputError(f"{self.name}: {fault.text}.")
         if fault:
-            self.findings.append(Finding(DOUBTFUL, 1, fault.text))
-        if payload := "" if fault else relation.hypotheses.payload():
-            self.findings.append(Finding("payload", 1, payload))
+            self._add(1, DOUBTFUL, fault.text)
+        elif payload := relation.hypotheses.payload():
+            self._add(1, "payload", payload)
         if not relation.judged().any():
-            text = (
+            self._add(
+                1,
+                "efforts not judged",
                 "no effort clearly follows the motion. Check that efforts are in N m or N and "
-                "contain gravity"
+                "contain gravity",
             )
-            self.findings.append(Finding("efforts not judged", 1, text))
         return relation
 
     def _remove_delay(self, column, delay):
@@ -175,22 +175,19 @@ class Dataset:
 
         A delay of at most a sample is not removed.
         """
-        if abs(delay) > np.median(
-            np.concatenate([np.diff(segment.t) for segment in self.segments])
-        ):
-            size = f"{abs(delay) * 1e3:.1f} ms"
-            late = "later" if delay > 0.0 else "earlier"
-            quantity = {"velocity": "velocities", "effort": "efforts"}[column]
-            text = f"{quantity} are {size} {late} than positions; the delay was removed"
-            self.findings.append(Finding(f"{column} delay", 1, text))
-            long = [segment for segment in self.segments if segment.duration > abs(delay)]
-            if not long:
-                raise InputError(
-                    f"{self.name} has no segment longer than the {column} delay, {size}."
-                )
-            self.segments = [_shifted(segment, column, delay) for segment in long]
-            return delay
-        return 0.0
+        steps = np.concatenate([np.diff(segment.t) for segment in self.segments])
+        if abs(delay) <= np.median(steps):
+            return 0.0
+        size = f"{abs(delay) * 1e3:.1f} ms"
+        late = "later" if delay > 0.0 else "earlier"
+        quantity = {"velocity": "velocities", "effort": "efforts"}[column]
+        text = f"{quantity} are {size} {late} than positions; the delay was removed"
+        self._add(1, f"{column} delay", text)
+        long = [segment for segment in self.segments if segment.duration > abs(delay)]
+        if not long:
+            raise InputError(f"{self.name} has no segment longer than the {column} delay, {size}.")
+        self.segments = [_shifted(segment, column, delay) for segment in long]
+        return delay
 
     @property
     def duration(self):
@@ -203,11 +200,7 @@ class Dataset:
         first = self.segments[0].states
         return self.duration, *first.position[0].tolist(), *first.velocity[0].tolist()
 
-    def portions(self):
-        """Return parts of segments, of about SIZE states."""
-        return portions(self.segments)
-
-    def _read(self, name, recording, model, max_values):
+    def _read(self, recording, model, max_values):
         """Return the states of a recording.
 
         InputError if they have more than a number of values.
@@ -219,17 +212,17 @@ class Dataset:
         estimated = 0
         efforts = EffortRange(model)
         unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
-        for piece in _pieces(name, recording):
+        for piece in _pieces(self.name, recording):
             if piece.model.dof_names != model.dof_names:
-                robot = piece.model.name
                 raise InputError(
-                    f"{name} is of robot '{robot}', whose degrees of freedom are not those of the "
-                    "model."
+                    f"{self.name} is of robot '{piece.model.name}', whose degrees of freedom are "
+                    "not those of the model."
                 )
             states = piece.states
             self._counts = piece.counts
             findings = piece.findings
-            name = self.name = name if piece.path is None else f"'{piece.path}'"
+            if piece.path is not None:
+                self.name = f"'{piece.path}'"
             if len(piece) and not count:
                 self.origin |= {
                     "path": piece.path,
@@ -243,27 +236,27 @@ class Dataset:
             count += len(piece)
             if count > limit:
                 raise InputError(
-                    f"{name} has more than {limit} states, which all recordings share. Select a "
+                    f"{self.name} has more than {limit} states, which all recordings share. Select a "
                     "part by --start and --end, or give fewer recordings."
                 )
             if len(piece):
                 self.origin |= {"states": count, "end": float(piece.t[-1])}
         require_plausible(findings)
         if not count:
-            raise no_states_error(name, findings)
-        missing = word_for_missing(self._counts)
+            raise no_states_error(self.name, findings)
         if np.all(unknown == count):
             raise self._no_efforts()
         if efforts.unmeasured() and not efforts.measures:
-            raise InputError(f"{name}: {efforts.unmeasured(missing)}. Record efforts.")
+            raise InputError(f"{self.name}: {efforts.unmeasured()}. Record efforts.")
         self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
-        for word, joints in efforts.groups(missing).items():
+        for word, joints in efforts.groups().items():
             self._set_unknown(model, joints, word)
-        text = (
+        self._add(
+            estimated,
+            "velocity estimated",
             "velocities were estimated from positions. Record the velocities of the driver if it "
-            "sends any"
+            "sends any",
         )
-        self._add(estimated, "velocity estimated", text)
         return States.concatenate(parts)
 
     def _clean(self, states):
@@ -283,8 +276,11 @@ class Dataset:
                 f"the recording has no run of {MIN_STATES} states without a gap; usable states: "
                 f"{len(rows)}."
             )
-        text = "states without position, velocity or effort of some joint were omitted"
-        self._add(sum(~finite), "incomplete state", text)
+        self._add(
+            sum(~finite),
+            "incomplete state",
+            "states without position, velocity or effort of some joint were omitted",
+        )
         self._add(
             sum(again),
             "repeated time stamp",
@@ -320,8 +316,9 @@ class Dataset:
         if not joints:
             return
         self.known &= ~np.isin(model.dof_names, joints)
-        text = f"{describe_unknown(word, joints)}: nothing is fitted to them"
-        self.findings.append(Finding("effort unknown", 1, text))
+        self._add(
+            1, "effort unknown", f"{describe_unknown(word, joints)}: nothing is fitted to them"
+        )
         if not self.known.any():
             texts = "; ".join(
                 finding.text for finding in self.findings if finding.cause == "effort unknown"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,13 +67,10 @@ class Excitation(NamedTuple):
     condition: float
     what: tuple[str, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists and numbers."""
-        return {key: np.asarray(value).tolist() for key, value in self._asdict().items()}
-
     def to_json(self) -> str:
-        """Return :meth:`to_dict` as JSON."""
-        return json.dumps(self.to_dict(), allow_nan=False)
+        """Return plain lists and numbers as JSON."""
+        plain = {key: np.asarray(value).tolist() for key, value in self._asdict().items()}
+        return json.dumps(plain, allow_nan=False)
 
     def to_message(self, approach: float = 5.0) -> str:
         """Return a trajectory_msgs/JointTrajectory in YAML for ``ros2 topic pub``.
@@ -318,9 +315,8 @@ class _Series:
         constraints[1, HARMONICS:] = w
         free = np.linalg.svd(constraints)[2][2:].T
         self._bases = _bases(time, w, free)
-        self._dense = _bases(np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False), w, free)[
-            :2
-        ]
+        dense = np.linspace(0.0, period, POINTS_PER_PERIOD, endpoint=False)
+        self._dense = _bases(dense, w, free)[:2]
 
     def choose_unknowns(self, names, carriers):
         """Choose the unknowns of these names, scaled by eight random motions.

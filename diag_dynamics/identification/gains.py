@@ -8,6 +8,7 @@ They are the weights of links and of a known payload.
 
 import numpy as np
 
+from diag_dynamics.identification.dataset import portions
 from diag_dynamics.identification.fit import Layout
 from diag_dynamics.identification.regressors import OWN
 from diag_dynamics.model import Parameters, Payload
@@ -65,7 +66,7 @@ def _products(model, dataset, link, mass):
     """
     relation = EffortRelation(model, [link])
     products = 0.0
-    for part in dataset.portions():
+    for part in portions(dataset.segments):
         columns, tau = relation.columns(*part.columns)
         columns = np.concatenate([columns, tau.T[..., None]], axis=-1)
         products = products + columns.transpose(0, 2, 1) @ columns

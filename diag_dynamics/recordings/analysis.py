@@ -16,11 +16,7 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
-from diag_dynamics.recordings.findings import (
-    REJECTED,
-    explain_missing_efforts,
-    word_for_missing,
-)
+from diag_dynamics.recordings.findings import REJECTED, explain_missing_efforts
 from diag_dynamics.recordings.observer import ObservedStates, Observer, find_touched_links
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.states import States
@@ -328,7 +324,7 @@ class Analysis:
         balance = self._balance
         shares, _, _ = self._peaks.entries["energy_share"]
         energy, at, _ = largest["kinetic_energy"]
-        unmeasured = self._efforts.unmeasured(word_for_missing(self.reading.counts))
+        unmeasured = self._efforts.unmeasured()
         is_beside = balance.is_explained_beside(alarms)
         is_good = is_beside or (balance.explained or 0.0) >= MIN_EXPLAINED
         is_judged = self._efforts.moved and not (is_good or unmeasured)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 
 from diag_dynamics.checks import instance, positive
@@ -16,7 +15,7 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
-from diag_dynamics.recordings.findings import require_plausible, word_for_missing
+from diag_dynamics.recordings.findings import require_plausible
 from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 
@@ -33,7 +32,6 @@ def calibrate(
     standing: float = STANDING,
     stiction: float = STICTION,
     friction: bool | None = None,
-    max_gap: float = 0.1,
     threads: int | None = None,
 ) -> Calibration:
     """Return the thresholds of an :class:`Detector` for a rate of false alarms.
@@ -59,8 +57,6 @@ def calibrate(
         As of :class:`Thresholds`.
     friction : bool, optional
         Whether the observer subtracts the friction of the model; by default if the model has any.
-    max_gap : float
-        Longest interval that the observer integrates over [s].
     threads : int, optional
         For evaluation, by default one for each processor.
 
@@ -83,22 +79,15 @@ def calibrate(
         friction = dynamics.model.has_friction
     positive("false_alarms", false_alarms, "[1/s]")
     template = Thresholds({}, release, hold_off, standing, stiction)
-    residuals = Residuals(len(names), max_gap)
+    residuals = Residuals(len(names))
     efforts = EffortRange(dynamics.model)
     zone = DeadZone(dynamics, stiction, gain)
     faults = {}
-    totals: Counter[str] = Counter()
     for recording in [recordings] if isinstance(recordings, Recording) else recordings:
         motion = MotionSample(dynamics.model)
         residuals.start_recording()
         zone.reset()
-        observer = Observer(
-            dynamics,
-            gain,
-            friction=friction,
-            max_gap=max_gap,
-            threads=threads,
-        )
+        observer = Observer(dynamics, gain, friction=friction, threads=threads)
         states = 0
         with_efforts = False
         counts = {}
@@ -113,15 +102,11 @@ def calibrate(
             path = piece.path
             efforts.add_values(piece.states.position[:, -len(names) :], piece.states.effort)
             motion.add_states(piece.states)
-            first = 0
-            for stamps, observed in observer.observe_states(piece.states):
-                batch = piece.states[first : first + len(stamps)]
-                columns = observed.residual, observed.external_torque
-                lowered = zone.lower(stamps, batch.position, batch.velocity, *columns, batch.jumped)
-                residuals.add_states(stamps, *lowered, observed.valid, observed.external_torque)
-                first += len(stamps)
+            for batch, (residual, torque, _, valid) in observer.observe_states(piece.states):
+                columns = batch.position, batch.velocity, residual, torque, batch.jumped
+                lowered = zone.lower(batch.stamp, *columns)
+                residuals.add_states(batch.stamp, *lowered, valid, torque)
         require_plausible(findings)
-        totals.update(counts)
         if not with_efforts:
             require_efforts(states > 0, counts)
         if fault := motion.fault():
@@ -130,7 +115,7 @@ def calibrate(
             faults[f"{name}{fault.text}: thresholds {certain} wrong"] = True
     if not efforts.states:
         raise InputError("recordings is empty; expected at least one.")
-    unmeasured = efforts.unmeasured(word_for_missing(totals))
+    unmeasured = efforts.unmeasured()
     if unmeasured and not efforts.measures:
         raise InputError(f"{unmeasured}. Record the efforts of the joints.")
     warnings = [unmeasured] * bool(unmeasured) + list(faults)

@@ -36,6 +36,7 @@ ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
 needs torque [rad, m], and fewest states after which a constant effort is unknown."""
 
 UNSCALED = "in an unknown unit"
+MISSING = "missing or implausible"
 PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
@@ -130,30 +131,25 @@ class EffortRange:
         is_clear = self.states >= MIN_STATES and constant.any() and self.measures
         return states.without_efforts(constant) if is_clear else states
 
-    def groups(self, missing="missing"):
-        """Return joints whose efforts are unknown by the word for these.
-
-        `missing` is that of missing ones.
-        """
-        words = self._words(missing)
+    def groups(self):
+        """Return joints whose efforts are unknown by the word for these."""
+        words = self._words()
         names = np.array(self._names)
         return {word: names[words == word].tolist() for word in dict.fromkeys(words) if word}
 
-    def unmeasured(self, missing="missing"):
+    def unmeasured(self):
         """Return which efforts are unknown, in words; or an empty text."""
-        groups = self.groups(missing)
-        if len(groups.get(missing, ())) == len(self._names):
+        groups = self.groups()
+        if len(groups.get(MISSING, ())) == len(self._names):
             return ""
         return "; ".join(describe_unknown(word, names) for word, names in groups.items())
 
-    def _words(self, missing="missing"):
+    def _words(self):
         """Return the word for the unknown effort of each joint, empty for a measured one."""
-        low = self._low[0]
-        high = self._high[0]
-        is_missing = ~np.isfinite(low)
-        is_zero = np.maximum(np.abs(low), np.abs(high)) < ZERO
+        is_missing = ~np.isfinite(self._low[0])
+        is_zero = np.maximum(np.abs(self._low[0]), np.abs(self._high[0])) < ZERO
         conditions = [is_missing & self._unscaled, is_missing, is_zero, self._constant()]
-        words = np.select(conditions, [UNSCALED, missing, "0", "constant"], "")
+        words = np.select(conditions, [UNSCALED, MISSING, "0", "constant"], "")
         return words if self.states > 1 else np.full(len(words), "")
 
     def _constant(self):
@@ -496,9 +492,8 @@ class Hypotheses:
         self.plain = 1.0 * (np.arange(len(self._own[0])) <= INERTIAL)
         self._misfit = self._left(self.plain)
         self.base, self._spread = self._with_best_payload()
-        loads = self.base[INERTIAL + 1 :]
         reach = np.linalg.norm(model.bodies["translation"], axis=1).sum()
-        masses = loads.reshape(-1, len(CENTRES))
+        masses = self.base[INERTIAL + 1 :].reshape(-1, len(CENTRES))
         moment = np.linalg.norm(masses @ CENTRES, axis=1).sum()
         is_possible = np.abs(masses.sum(axis=1)).sum() <= model.total_mass
         is_possible &= moment <= model.total_mass * reach

@@ -54,21 +54,14 @@ class Finding(NamedTuple):
         )
 
 
-def word_for_missing(counts):
-    """Return how efforts are called that no state has, by the counts of messages."""
-    return "missing or implausible" if counts.get("implausible effort", 0) else "missing"
-
-
 def explain_missing_efforts(counts, joints=()):
     """Return why a recording, or some of its joints, has no efforts, by counts of messages."""
     implausible = counts.get("implausible effort", 0)
     if implausible:
         return (
             f"the recording has no plausible efforts{' of ' * bool(joints)}{', '.join(joints)}: "
-            f"those of {implausible} "
-            "states exceed 4 times the URDF limits. Are they in N m? Else set effort_scale, and "
-            "use "
-            "diag-dynamics identify --what gains,friction"
+            f"those of {implausible} states exceed 4 times the URDF limits. Are they in N m? Else "
+            "set effort_scale, and use diag-dynamics identify --what gains,friction"
         )
     return "no state of the recording has efforts of all joints"
 

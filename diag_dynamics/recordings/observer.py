@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, BoolArray, RowsLike, VectorLike
-from diag_dynamics.checks import instance, per_name, positive
+from diag_dynamics.checks import instance, per_name
 from diag_dynamics.control.observer import influence
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
@@ -54,9 +55,8 @@ class Observed(NamedTuple):
     dynamics: DiagonalDynamics
 
     def __repr__(self) -> str:
-        name = self.dynamics.model.name
-        valid = int(self.valid.sum())
-        return f"<Observed '{name}': {len(self.t)} states, {valid} valid>"
+        states = f"{len(self.t)} states, {int(self.valid.sum())} valid"
+        return f"<Observed '{self.dynamics.model.name}': {states}>"
 
     def wrench(
         self, link: str, covariance: RowsLike | None = None, **options: Any
@@ -104,7 +104,6 @@ def observe(
     gain: VectorLike | float = 25.0,
     *,
     friction: bool = True,
-    max_gap: float = 0.1,
     threads: int | None = None,
 ) -> Observed:
     """Observe external torque over a recording as :class:`DisturbanceObserver` by state.
@@ -114,7 +113,7 @@ def observe(
     dynamics : DiagonalDynamics
         Of the recording's robot.
     recording : Recording
-    gain, max_gap
+    gain
         As of :class:`DisturbanceObserver`.
     friction : bool
         Whether friction that the model has is no external torque.
@@ -134,7 +133,7 @@ def observe(
     require_same_robot(dynamics, recording)
     if recording.tau is None:
         require_efforts(len(recording) > 0, recording.counts)
-    observer = Observer(dynamics, gain, friction=friction, max_gap=max_gap, threads=threads)
+    observer = Observer(dynamics, gain, friction=friction, threads=threads)
     batches = [columns for _, columns in observer.observe_states(recording.states)]
     columns = ObservedStates(*map(np.concatenate, zip(*batches, strict=True)))
     return Observed(recording.t, *columns, recording.q, dynamics)
@@ -179,15 +178,14 @@ def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
 class Observer:
     """Observe states batch by batch; arguments are those of :func:`observe`."""
 
-    def __init__(self, dynamics, gain, *, friction, max_gap=0.1, threads=None):
-        names = dynamics.model.dof_names
+    def __init__(self, dynamics, gain, *, friction, threads=None):
         count = dynamics.model.nv
-        gain = per_name("gain", gain, names, "a finite number > 0 [1/s]")
+        gain = per_name("gain", gain, dynamics.model.dof_names, "a finite number > 0 [1/s]")
         self._dynamics = dynamics
         self._friction = friction
         self._threads = threads
         self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
-        self._chain = SampleChain(positive("max_gap", max_gap, "[s]"))
+        self._chain = SampleChain(MAX_GAP)
         self._sample = np.zeros((4, count))
         # residual, external torque, norm and whether they are valid, of the last sample
         self._last = [*np.zeros((2, 1, count)), np.zeros(1), np.zeros(1, dtype=bool)]
@@ -195,14 +193,14 @@ class Observer:
         self._influence = None
 
     def observe_states(self, states):
-        """Observe states; yield stamps [ns] and :class:`ObservedStates` of batches.
+        """Observe states; yield batches and their :class:`ObservedStates`.
 
         Efforts that are constant while their joint moves are unknown.
         """
         states = self._efforts.hide_constant(states)
         for first in range(0, len(states), SIZE):
             batch = states[first : first + SIZE]
-            yield batch.stamp, self.observe_batch(batch)
+            yield batch, self.observe_batch(batch)
 
     def observe_batch(self, states):
         """Return the :class:`ObservedStates` of states."""

@@ -207,7 +207,7 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (np.nan, "efforts of wrist_1_joint are missing throughout"),
+        (np.nan, "efforts of wrist_1_joint are missing or implausible throughout"),
         (0.0, "efforts of wrist_1_joint are 0 throughout"),
         (2.5, "efforts of wrist_1_joint are constant throughout"),
     ],
