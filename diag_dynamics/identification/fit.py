@@ -14,6 +14,8 @@ only, the rows do not bound its friction beside its offset. Plain Newton crawls 
 of the cone. Logarithms with large weights that fall do not, if tr(J₀⁻¹J) keeps its weight.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -61,21 +63,21 @@ class Certainty(NamedTuple):
     by_gains: np.ndarray
 
 
+@dataclass
 class Fit:
     """Unknowns `x` at the minimum, and their certainty, which cross-validation does not require."""
 
-    def __init__(self, x, free=None, find_certainty=None):
-        self.x = x
-        self._free = free
-        self._find_certainty = find_certainty
+    x: np.ndarray
+    free: np.ndarray | None = None
+    find_certainty: Callable | None = None
 
     @cached_property
     def certainty(self):
         """The :class:`Certainty`."""
         covariance, by_gains = np.zeros((2, len(self.x), len(self.x)))
-        if self._find_certainty:
-            places = np.ix_(self._free, self._free)
-            covariance[places], by_gains[places] = self._find_certainty()
+        if self.find_certainty:
+            places = np.ix_(self.free, self.free)
+            covariance[places], by_gains[places] = self.find_certainty()
         return Certainty(covariance, by_gains)
 
 
@@ -131,8 +133,7 @@ class Layout:
         A reference fits the carrier along, but the model keeps its own unless it is `free`.
         """
         payload = x[self.robot :]
-        place = self._carrier
-        whole = np.where(free, x, self.known)[place] + self._placed @ payload
+        whole = np.where(free, x, self.known)[self._carrier] + self._placed @ payload
         if whole[0] <= 0.0 or inertias.is_physical(whole):
             return payload
         raised = inertias.parameters_of_pseudo(inertias.floored(whole))
@@ -244,8 +245,7 @@ def _fit(layout, rows, free, weight, base, similar=None):
         inverse = _solve_scaled(hessian, np.eye(len(index)))
         residual = layout.mean_squares(rows, x)
         noise, _ = layout.weighted(rows, before**2 / np.maximum(residual, MIN_VARIANCE * before))
-        by_rows = inverse @ problem.A
-        by_priors = inverse - by_rows @ inverse
+        by_priors = inverse - inverse @ problem.A @ inverse
         gains = GAIN_DEVIATION * inverse @ b[index]
         covariance = by_priors + inverse @ noise[np.ix_(index, index)] @ inverse
         return covariance, by_priors + gains @ gains.T

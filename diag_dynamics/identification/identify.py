@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
 from typing import TypeAlias
 
 import numpy as np
@@ -118,8 +119,7 @@ def identify(
     if model.flexible_joints:
         raise UnsupportedError(
             f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because "
-            "recordings lack springs. "
-            "Load the model without flexible_joints."
+            "recordings lack springs. Load the model without flexible_joints."
         )
     require_single_joints(model)
     payload = next((Carrier(link, *model.placement_in_body(link)) for link in masses), None)
@@ -171,14 +171,13 @@ class FitData:
         unloaded = [] if reference is None else list_recordings("reference", reference)
         share = MAX_VALUES // (len(loaded) + len(unloaded))
         self.left_out_gains = None
-        self.loaded = [
-            Dataset(f"recordings[{k}]", recording, model, share, in_torque=not with_gains)
-            for k, recording in enumerate(loaded)
-        ]
-        self._references = [
-            Dataset(f"reference[{k}]", recording, model, share, in_torque=not with_gains)
-            for k, recording in enumerate(unloaded)
-        ]
+        self.loaded, self._references = (
+            [
+                Dataset(f"{name}[{k}]", recording, model, share, in_torque=not with_gains)
+                for k, recording in enumerate(group)
+            ]
+            for name, group in (("recordings", loaded), ("reference", unloaded))
+        )
         self.datasets = [*self.loaded, *self._references]
         self.gains = None
         if with_gains:
@@ -215,9 +214,9 @@ class FitData:
     def left_out(self):
         """Return normal equations without each block in turn, with gains of the other blocks."""
         sums = [self.fitted - block for block in self.blocks]
-        for products, gains in zip(
-            sums, [] if self.left_out_gains is None else self.left_out_gains, strict=False
-        ):
+        if self.left_out_gains is None:
+            return sums
+        for products, gains in zip(sums, self.left_out_gains, strict=True):
             for k, gain in enumerate(gains):
                 scale = np.append(np.ones(len(products[k]) - 1), gain)
                 products[k] = products[k] * scale[:, None] * scale
@@ -239,7 +238,7 @@ class FitData:
         """Return names and beginnings [s] of recordings on the time axis of all blocks."""
         begin = 0.0
         names = []
-        for dataset in sorted(self.loaded, key=lambda one: one.key):
+        for dataset in sorted(self.loaded, key=attrgetter("key")):
             names.append((dataset.name, begin))
             begin += float(dataset.duration)
         return names
@@ -299,9 +298,8 @@ def check_motion(model, datasets, slides):
         metre = "m" if slides[k] else "rad"
         text = (
             f"joint '{model.dof_names[k]}' moves {times[0, k]:.2g} s forward and {times[1, k]:.2g} "
-            "s backward above "
-            f"{MOVING * unit[k]:g} {metre}/s; its friction requires {EACH_WAY:g} s each way, and "
-            "keeps the model's values"
+            f"s backward above {MOVING * unit[k]:g} {metre}/s; its friction requires "
+            f"{EACH_WAY:g} s each way, and keeps the model's values"
         )
         findings.append(Finding("not excited", 1, text))
     able = moved > TRAVEL, each_way, each_way & (moved >= RANGE * unit)

@@ -128,7 +128,6 @@ def quality_of(model, selection, data, last):
     findings = [finding for dataset in data.datasets for finding in dataset.findings]
     shares = after["explained"], after["explained_total"]
     nothing = None not in shares and max(shares) < NOTHING_EXPLAINED
-    judged = any(relation.judged().any() for relation in data.relations)
     start = selection.squares_of([layout.known] * count)
     fits = selection.left_out() if data.gains is not None else selection.fits
     quality = {
@@ -142,7 +141,7 @@ def quality_of(model, selection, data, last):
         "effort_factor": _factors(names, data.relations),
         "effort_gain": None if data.gains is None else gains_by_joint(names, data.gains),
         "partial": [] if data.measured.all() else np.array(names)[data.measured].tolist(),
-        "efforts_judged": judged
+        "efforts_judged": any(relation.judged().any() for relation in data.relations)
         and not nothing
         and DOUBTFUL not in [finding.cause for finding in findings],
         "velocity_delay": [dataset.delay for dataset in data.loaded],
@@ -161,8 +160,7 @@ def quality_of(model, selection, data, last):
         gains = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
             f"efforts were multiplied by gains, effort_scale of the parameters: {gains}. They are "
-            "as wrong as the weight of "
-            "the model's links, and other joints remain unknown"
+            "as wrong as the weight of the model's links, and other joints remain unknown"
         )
     if free[layout.inertial].any():
         quality["warnings"].append(
@@ -228,9 +226,8 @@ def _warn_of_reach(model, carrier, payload):
         return []
     return [
         f"payload of {carrier.link}: its centre is {distance:.2g} m from the link, beyond the "
-        f"arm's reach of {reach:.2g} m. "
-        "Mass and centre are not credible. Check the mounting of the base and the efforts of the "
-        "last joints"
+        f"arm's reach of {reach:.2g} m. Mass and centre are not credible. Check the mounting of "
+        "the base and the efforts of the last joints"
     ]
 
 
@@ -262,8 +259,7 @@ def _warnings(quality, without_reference, nothing):
     if payload and without_reference:
         warnings.append(
             f"payload of {payload['link']}: its standard deviations assume a correct model of the "
-            "robot; a reference "
-            "without the payload removes this assumption"
+            "robot; a reference without the payload removes this assumption"
         )
     before, after = quality["kinetic_energy"]
     if before > 0.0 and abs(after / before - 1.0) > MAX_CHANGE:

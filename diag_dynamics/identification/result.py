@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ INERTIA_KNOWN = (
 )
 
 
+@dataclass(eq=False)
 class Identification:
     """Identified parameters and their quality.
 
@@ -39,13 +41,10 @@ class Identification:
         Efforts on held-out parts, which the report draws.
     """
 
-    def __init__(
-        self, model: RobotModel, parameters: Parameters, quality: dict[str, Any], curves: Any = None
-    ) -> None:
-        self.model = model
-        self.parameters = parameters
-        self.quality = quality
-        self.curves = curves
+    model: RobotModel
+    parameters: Parameters
+    quality: dict[str, Any]
+    curves: Any = None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the parameters into a YAML file.
@@ -87,14 +86,13 @@ def parameters_of(layout, x, free, origin=None):
         for (name, coupling), places in zip(model.couplings.items(), layout.motors, strict=True)
     }
     is_velocity_used = any(free[layout.own(column)].any() for column in (FRICTION, LOAD, ROOT))
-    velocity = model.friction_velocity if is_velocity_used else None
     return Parameters(
         joints=_joints(layout, x, free),
         links=links,
         payloads=payloads,
         couplings=motors,
         motor_efforts=model.motor_efforts,
-        friction_velocity=velocity,
+        friction_velocity=model.friction_velocity if is_velocity_used else None,
         origin=origin or {},
     )
 

@@ -244,8 +244,7 @@ class Selection:
             unknowns[columns] = 0.0
             self.warnings.append(
                 f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} "
-                "smaller without them, as with "
-                "torque sensors behind the gears"
+                "smaller without them, as with torque sensors behind the gears"
             )
 
     def _select(self, steps):

@@ -175,8 +175,7 @@ class Balance:
         if self.count < MIN_WINDOWS:
             return (
                 f"{self.count} windows of {WINDOW:g} s have efforts and no gap above {MAX_GAP:g} "
-                "s; "
-                f"expected at least {MIN_WINDOWS}"
+                f"s; expected at least {MIN_WINDOWS}"
             )
         if explained is None:
             return "no joint moves by more than a push moves a robot that stands"

@@ -125,9 +125,8 @@ class Intake:
     def _read_joints(self, batch):
         """Return the States of a batch without odometry."""
         now = batch.log_time
-        parts = batch.parts
         self._counts["received"] += len(now)
-        assembled = self.assembler.assemble(parts, now)
+        assembled = self.assembler.assemble(batch.parts, now)
         code = assembled.outcome["code"]
         malformed = np.flatnonzero(code == codes.MALFORMED).tolist()
         rejected = assembled.rejected | {k: ("malformed", batch.errors[k]) for k in malformed}

@@ -195,8 +195,7 @@ class Quality:
         many = MANY * self._count
         warnings = {
             f"states are {1.0 / rate:.3g} s apart; power balance and external torque need "
-            "intervals of at most "
-            f"{MAX_GAP:g} s": rate * MAX_GAP < 1.0
+            f"intervals of at most {MAX_GAP:g} s": rate * MAX_GAP < 1.0
         }
         # Noise of positions at rest is not the integral of that of velocities.
         moves = np.sqrt(self._relation.travel / max(self.duration / WINDOW, 1.0)) >= REST
@@ -214,8 +213,7 @@ class Quality:
             > MIN_PERIODS,
             f"{gaps} gap{'s' * (gaps > 1)}, the longest of {report['longest_gap']:.3g} s": gaps,
             f"{same_stamp} of {self._count} states repeat the previous time stamp: messages of arm "
-            "and gripper, or times "
-            "with too few digits": same_stamp > many,
+            "and gripper, or times with too few digits": same_stamp > many,
             f"{same_state} of {self._count} states repeat the previous state": same_state > many,
         }
         return [text for text, applies in warnings.items() if applies]

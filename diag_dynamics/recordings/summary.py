@@ -167,8 +167,7 @@ def _about_balance(summary):
     if summary["collisions"] and is_doubtful:
         yield (
             "  the balance includes collisions, whose power no effort contains: select a part "
-            "without contact "
-            "(--start, --end)"
+            "without contact (--start, --end)"
         )
     joints = {name: numbers["residual_power"] for name, numbers in balance["joints"].items()}
     yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
@@ -214,10 +213,9 @@ def _about_contact(summary):
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
     for moment in contact["worst"]:
         yield (
-            f"  {_after(summary, moment['at'])}: {moment['point']} at "
-            f"{100 * moment['usage']:.0f} % of the speed allowed by {moment['region']}: "
-            f"{moment['speed']:.3g} m/s, {moment['reflected_mass']:.3g} kg, "
-            f"{moment['energy']:.3g} J, {moment['force']:.3g} N"
+            f"  {_after(summary, moment['at'])}: {moment['point']} at {100 * moment['usage']:.0f} "
+            f"% of the speed allowed by {moment['region']}: {moment['speed']:.3g} m/s, "
+            f"{moment['reflected_mass']:.3g} kg, {moment['energy']:.3g} J, {moment['force']:.3g} N"
         )
 
 

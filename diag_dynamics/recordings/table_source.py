@@ -160,8 +160,7 @@ class TableSource:
         """Return values of a quantity as the file has them, (n, k)."""
         if quantity.whole:
             (k,) = quantity.columns
-            count = len(self._choice.joints)
-            return read_lists(arrays[k], count, self._lose_in_column(k, rows))
+            return read_lists(arrays[k], len(self._choice.joints), self._lose_in_column(k, rows))
         values = np.full((len(rows), len(quantity.columns)), np.nan)
         for joint, k in enumerate(quantity.columns):
             if k is not None:

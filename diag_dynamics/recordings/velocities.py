@@ -126,10 +126,11 @@ def position_ratios(stamps, position, velocity, continuous):
 
 def cause_of_ratio(ratio):
     """Return the cause of a ratio of Δq to ∫q̇dt that is not 1; None for an unknown one."""
-    ratios = {
-        cause: ratio / expected for expected, cause in RATIOS.items() if ratio / expected > 0.0
+    distances = {
+        cause: abs(np.log(ratio / expected))
+        for expected, cause in RATIOS.items()
+        if ratio / expected > 0.0
     }
-    distances = {cause: abs(np.log(quotient)) for cause, quotient in ratios.items()}
     cause = min(distances, key=distances.get)
     return cause if distances[cause] < np.log(RATIO_ERROR) else None
 

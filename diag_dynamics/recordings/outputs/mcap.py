@@ -156,10 +156,8 @@ class TopicRows:
     def _alarming(self, piece, places):
         """Return the Alarming of some states."""
         limits = (np.tile(row, (len(places), 1)) for row in self._limits)
-        judged = piece.judged
-        contact = piece.contact
-        alarms = judged.joints[places], judged.alarm[places], contact.alarm[places]
-        return Alarming(*limits, *alarms)
+        alarms = piece.judged.joints, piece.judged.alarm, piece.contact.alarm
+        return Alarming(*limits, *(column[places] for column in alarms))
 
     def _friction(self, piece, places):
         """Return the term of friction; None unless the parameter publish_friction is true."""
@@ -213,12 +211,5 @@ class _Rows:
 
 def _state_of(states):
     """Return States as a RobotState of columns."""
-    return RobotState(
-        states.position,
-        states.velocity,
-        states.effort,
-        states.stamp,
-        states.oldest_stamp,
-        states.stamp_received,
-        states.velocity_estimated,
-    )
+    newest, oldest, _, *values, _, is_received, is_estimated, _ = states.columns()
+    return RobotState(*values, newest, oldest, is_received, is_estimated)

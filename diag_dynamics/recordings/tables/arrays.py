@@ -7,6 +7,7 @@ import tokenize
 import zipfile
 import zlib
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -124,32 +125,31 @@ def _flatten(table):
     return table
 
 
+@dataclass
 class MemoryTable:
     """Rows of arrays in memory, a Table; their numbers are `rows`, or begin at 0."""
 
+    path: str
+    columns: list
+    arrays: list
+    texts: tuple = ()
+    rows: np.ndarray | None = None
     unit = "row"
-
-    def __init__(self, path, columns, arrays, texts=(), rows=None):
-        self.path = path
-        self.columns = columns
-        self.texts = texts
-        self._arrays = arrays
-        self._rows = rows
 
     def blocks(self, numbers, texts, _lose):
         """Yield arrays by column, and the number of each row."""
         used = [*texts[:1], *numbers, *texts[1:]]
-        count = len(self._arrays[used[0]])
+        count = len(self.arrays[used[0]])
         first = self.columns[used[0]].name
         for k in used:
-            if (length := len(self._arrays[k])) != count:
+            if (length := len(self.arrays[k])) != count:
                 raise InputError(
                     f"'{self.path}': '{self.columns[k].name}' has {length} rows; expected {count}, "
                     f"as '{first}' has."
                 )
-        rows = np.arange(count) if self._rows is None else self._rows
+        rows = np.arange(count) if self.rows is None else self.rows
         for begin in range(0, count, ROWS):
-            arrays = {k: self._arrays[k].slice(begin, ROWS) for k in used}
+            arrays = {k: self.arrays[k].slice(begin, ROWS) for k in used}
             yield arrays, rows[begin : begin + ROWS]
 
 

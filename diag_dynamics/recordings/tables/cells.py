@@ -13,7 +13,7 @@ import pyarrow as pa
 from pyarrow import compute as pc
 
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.recordings.tables.headers import Column
+from diag_dynamics.recordings.tables.headers import UNITS, Column
 
 SAMPLE = 6  # first rows that show what a column holds
 BLANK = (
@@ -34,7 +34,6 @@ MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))  # texts that
 _LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
 _SHORT = 2.0**50 / SECOND  # [s], 13 days: up to here a double holds nine decimals
 _EXACT = Context(prec=40, traps=[])
-_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ISO = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?(?:Z|([+-]\d\d:\d\d))?", re.ASCII
 )
@@ -158,7 +157,7 @@ def read_times(array, scale):
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
         array = array.cast(pa.int64())
-        scale = _UNITS[kind.unit]
+        scale = UNITS["time"][kind.unit]
     elif pa.types.is_decimal(kind):
         array = array.cast(pa.string())
     if pa.types.is_integer(array.type):
