@@ -100,7 +100,7 @@ class BaseParameters:
         across = placed.T @ A[:count, resisting]
         friction = A[np.ix_(resisting, resisting)]
         units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
-        inner = inner - across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
+        inner -= across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
         values, axes = np.linalg.eigh(inner * units[:, None] * units)
         shown = values > RANK
         variances = (axes[:, shown] ** 2 / values[shown]).sum(axis=1) * units**2

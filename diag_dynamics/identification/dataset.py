@@ -33,7 +33,7 @@ from diag_dynamics.recordings.findings import (
 )
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.velocities import find_delay
+from diag_dynamics.recordings.velocities import find_delay, interpolated
 
 MAX_VALUES = 25_000_000  # positions, velocities and efforts of all recordings: 200 MB
 MIN_GAP, GAP = 0.05, 10.0  # the larger of this time [s] and so many median intervals is a gap
@@ -105,7 +105,7 @@ class Dataset:
         self.delay = 0.0
         self.findings = []
         self.name = name
-        self.known = np.ones(model.nv, dtype=bool)
+        self.known = np.ones(model.nv, bool)
         self._max_implausible = MAX_IMPLAUSIBLE if in_torque else 1.0
         try:
             self._prepare(recording, model, max_values)
@@ -121,9 +121,7 @@ class Dataset:
         self.delay = self._remove_delay("velocity", delay)
         self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
         if not self.known.all():
-            self.segments = [
-                self._filled(segment, DiagonalDynamics(model)) for segment in self.segments
-            ]
+            self._fill_efforts(model)
 
     def _find_effort_delay(self, model):
         """Return the delay of efforts [s], 0 if it hardly matters or is at a bound."""
@@ -211,7 +209,7 @@ class Dataset:
         findings = []
         estimated = 0
         efforts = EffortRange(model)
-        unknown = np.zeros(model.nv, dtype=int)  # number of states without an effort, by joint
+        unknown = np.zeros(model.nv, int)  # number of states without an effort, by joint
         for piece in _pieces(self.name, recording):
             if piece.model.dof_names != model.dof_names:
                 raise InputError(
@@ -236,8 +234,8 @@ class Dataset:
             count += len(piece)
             if count > limit:
                 raise InputError(
-                    f"{self.name} has more than {limit} states, which all recordings share. Select a "
-                    "part by --start and --end, or give fewer recordings."
+                    f"{self.name} has more than {limit} states, which all recordings share. Select "
+                    "a part by --start and --end, or give fewer recordings."
                 )
             if len(piece):
                 self.origin |= {"states": count, "end": float(piece.t[-1])}
@@ -303,13 +301,11 @@ class Dataset:
         """Multiply efforts by gains; those of joints without a gain (NaN) become unknown."""
         joints = [model.dof_names[k] for k in np.flatnonzero(np.isnan(gains) & self.known)]
         self._set_unknown(model, joints, UNSCALED)
-        scaled = [
-            segment.states.effort * np.where(np.isnan(gains), 1.0, gains)
-            for segment in self.segments
+        scale = np.where(np.isnan(gains), 1.0, gains)
+        self.segments = [
+            Segment(t, replace(states, effort=states.effort * scale)) for t, states in self.segments
         ]
-        pairs = zip(self.segments, scaled, strict=True)
-        segments = [Segment(t, replace(states, effort=effort)) for (t, states), effort in pairs]
-        self.segments = [self._filled(segment, DiagonalDynamics(model)) for segment in segments]
+        self._fill_efforts(model)
 
     def _set_unknown(self, model, joints, word):
         """Leave the efforts of joints out; InputError if none is left."""
@@ -325,11 +321,14 @@ class Dataset:
             )
             raise InputError(f"{self.name} has no efforts: {texts}. Record efforts.")
 
-    def _filled(self, segment, dynamics):
-        """Return a segment with the model's efforts at joints whose effort is unknown."""
-        t, q, qd, tau = segment.columns
-        model = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
-        return Segment(t, replace(segment.states, effort=np.where(self.known, tau, model)))
+    def _fill_efforts(self, model):
+        """Replace efforts of joints whose effort is unknown by the model's."""
+        dynamics = DiagonalDynamics(model)
+        for k, segment in enumerate(self.segments):
+            t, q, qd, tau = segment.columns
+            effort = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+            effort = np.where(self.known, tau, effort)
+            self.segments[k] = Segment(t, replace(segment.states, effort=effort))
 
     def _add(self, count, cause, text):
         """Add a finding if there is any."""
@@ -367,7 +366,7 @@ def _cut(states, jumped):
 def _run(t, states):
     """Return a segment whose first state alone is marked as a jump, and whose efforts are used."""
     first = np.arange(len(t)) == 0
-    return Segment(t, replace(states, jumped=first, effort_known=np.ones(len(t), dtype=bool)))
+    return Segment(t, replace(states, jumped=first, effort_known=np.ones(len(t), bool)))
 
 
 def _shifted(segment, column, delay):
@@ -377,8 +376,6 @@ def _shifted(segment, column, delay):
     """
     t, states = segment
     at = t + delay
-    values = np.column_stack(
-        [np.interp(at, t, column_values) for column_values in getattr(states, column).T]
-    )
+    values = interpolated(getattr(states, column), t, at)
     # Ends have no values.
     return Segment(t, replace(states, **{column: values})).part((at >= t[0]) & (at <= t[-1]))

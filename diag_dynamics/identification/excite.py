@@ -325,7 +325,7 @@ class _Series:
         """
         self._regressors = regressors = Regressors(self._model, carriers)
         bodies = np.isin(regressors.bodies, carriers) | ("inertias" in names)
-        chosen = np.zeros(regressors.size, dtype=bool)
+        chosen = np.zeros(regressors.size, bool)
         chosen[: PARAMETERS * len(bodies)] = np.repeat(bodies, PARAMETERS)
         for step, columns in BY_JOINT.items():
             for column in columns if step in names else ():

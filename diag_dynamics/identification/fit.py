@@ -106,7 +106,7 @@ class Layout:
             # Its product with the payload's parameters is added to those of the body.
             self._placed = np.transpose(units)
         self.known = np.zeros(self.size)
-        self.positive, self.inertial = np.zeros((2, self.size), dtype=bool)
+        self.positive, self.inertial = np.zeros((2, self.size), bool)
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
@@ -331,7 +331,7 @@ def solve(problem, start, near=False):
     Unless the start is `near`, the weights of logarithms fall by decades. Raises ConvergenceError.
     """
     bodies = problem.bodies
-    places = np.array([body.first for body in bodies], dtype=int)[:, None] + np.arange(PARAMETERS)
+    places = np.array([body.first for body in bodies], int)[:, None] + np.arange(PARAMETERS)
     weights = np.array([body.weight for body in bodies])
     fixed = np.reshape([body.fixed for body in bodies], (-1, 4, 4))
     b = problem.b.copy()

@@ -88,7 +88,7 @@ def find_gains(pairs):
     errors = np.array([relation.error for relation in relations])
     usable = np.isfinite(factors) & np.array([relation.heavy for relation in relations])
     weights = np.where(usable, 1.0 / np.maximum(errors, 1e-300) ** 2, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         factor = (weights * np.nan_to_num(factors)).sum(axis=0) / weights.sum(axis=0)
         error = 1.0 / np.sqrt(weights.sum(axis=0))
         gains = np.where(ERRORS * error < MAX_ERROR * np.abs(factor), 1.0 / factor, np.nan)

@@ -312,7 +312,7 @@ def _measured(datasets):
     Those of a joint that stands count only if it stands in all datasets, because stiction may carry
     any torque.
     """
-    measured = np.array([dataset.known for dataset in datasets], dtype=bool)
+    measured = np.array([dataset.known for dataset in datasets], bool)
     moves = np.zeros_like(measured)
     for moved, dataset in zip(moves, datasets, strict=True):
         positions = np.vstack([segment.states.position for segment in dataset.segments])

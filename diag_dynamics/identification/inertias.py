@@ -15,7 +15,7 @@ FLOOR = 1e-3  # smallest variance of a body's mass along an axis, relative to th
 
 def of_body(mass, centre, about_centre):
     """Return ten parameters, given mass, centre of mass and 3x3 inertia about it."""
-    c = np.asarray(centre, dtype=float)
+    c = np.asarray(centre, float)
     rotational = np.asarray(about_centre) + parallel_axes(mass, c)
     return np.r_[mass, mass * c, rotational[TRIANGLE]]
 

@@ -66,32 +66,29 @@ def validate(models, parts):
     for fitted, block in zip(models, parts, strict=True):
         dynamics = DiagonalDynamics(fitted)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
-        for part, measured_joints in (
-            (part, measured_joints)
-            for segment, measured_joints in block
-            for part in portions([segment])
-        ):
-            t, q, qd, tau = part.columns
-            # Friction of rates as they are, because that of filtered ones turns later.
-            tau = tau - dynamics.friction_torque(qd, q)
-            if not measured_joints.all():  # the efforts of others are those of the model
-                rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
-                tau = np.where(measured_joints, tau, rest)
-            s = dynamics.evaluate(q, qd, tau)
-            balance.add_windows(sums.integrate_states(part.states, s))
-            states = observer.observe_batch(replace(part.states, effort=tau))
-            torque = states.external_torque[states.valid]
-            observed.append(np.where(measured_joints, torque, np.nan))
-            energies.append(s.kinetic_energy.copy())
-            if part.duration >= MIN_SMOOTHED:
-                measured = smoothed(*part.columns)[2]
-                q, qd, tau, qdd = smoothed(t, q, qd, tau)
-                inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
-                error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
-                errors.append(np.where(measured_joints, error, np.nan))
-                columns = np.hstack([measured[inner], measured[inner] - error, error])
-                curves.append(_downsample(elapsed + t[inner] - t[0], columns, size))
-            elapsed += part.duration
+        for segment, measured_joints in block:
+            for part in portions([segment]):
+                t, q, qd, tau = part.columns
+                # Friction of rates as they are, because that of filtered ones turns later.
+                tau = tau - dynamics.friction_torque(qd, q)
+                if not measured_joints.all():  # the efforts of others are those of the model
+                    rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+                    tau = np.where(measured_joints, tau, rest)
+                s = dynamics.evaluate(q, qd, tau)
+                balance.add_windows(sums.integrate_states(part.states, s))
+                states = observer.observe_batch(replace(part.states, effort=tau))
+                torque = states.external_torque[states.valid]
+                observed.append(np.where(measured_joints, torque, np.nan))
+                energies.append(s.kinetic_energy.copy())
+                if part.duration >= MIN_SMOOTHED:
+                    measured = smoothed(*part.columns)[2]
+                    q, qd, tau, qdd = smoothed(t, q, qd, tau)
+                    inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
+                    error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
+                    errors.append(np.where(measured_joints, error, np.nan))
+                    columns = np.hstack([measured[inner], measured[inner] - error, error])
+                    curves.append(_downsample(elapsed + t[inner] - t[0], columns, size))
+                elapsed += part.duration
     none = [np.empty((0, model.nv))]
     error, torque = (
         np.ma.masked_invalid(np.concatenate(none + rows)) for rows in (errors, observed)

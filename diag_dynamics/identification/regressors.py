@@ -53,14 +53,12 @@ class Regressors:
     def __init__(self, model, also=()):
         bodies = model.bodies
         nv = model.nv
-        self.bodies = np.union1d(
-            np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, dtype=int)
-        )
+        self.bodies = np.union1d(np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, int))
         inertial = PARAMETERS * len(self.bodies)
         self.size = inertial + len(OWN) * nv + 2 * len(model.couplings)
         self._motor_rates = model.motor_rates
         self._motors = [np.flatnonzero(rates) for rates in model.motor_rates.T]  # by joint
-        moved = np.zeros((nv, len(self.bodies)), dtype=bool)
+        moved = np.zeros((nv, len(self.bodies)), bool)
         for number, body in enumerate(self.bodies.tolist()):
             while body > 0:
                 moved[bodies["dof"][body], number] = True
@@ -91,7 +89,7 @@ class Regressors:
     def of_motors(self, motors):
         """Return the unknowns of coupled motors: damping and Coulomb friction of each."""
         first = self.size - 2 * len(self._motor_rates)
-        return (first + 2 * np.asarray(motors, dtype=int)[:, None] + np.arange(2)).ravel()
+        return (first + 2 * np.asarray(motors, int)[:, None] + np.arange(2)).ravel()
 
     def evaluate(self, q, qd):
         """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv).
@@ -138,7 +136,7 @@ class Regressors:
             low_pass(time, y, filtered)
             state = filtered[-1]
             rows = momentum[1:] + filtered[1:]
-            for k in np.flatnonzero(~(known & np.ones(len(self.rows), dtype=bool))):
+            for k in np.flatnonzero(~(known & np.ones(len(self.rows), bool))):
                 rows[:, self.rows[k]] = 0.0
             yield rows, np.minimum(1.0, 0.5 * np.diff(time))
 
@@ -158,7 +156,7 @@ class Regressors:
     def sum_rows(self, rows, weights):
         """Return the normal equations of rows."""
         rows = rows * np.sqrt(weights)[:, None]
-        sums = np.empty(len(self.rows) + 1, dtype=object)
+        sums = np.empty(len(self.rows) + 1, object)
         for k, part in enumerate(self.rows):
             few = np.array_split(rows[:, part], len(rows) // PRODUCT + 1)
             sums[k] = sum(some.T @ some for some in few)

@@ -306,7 +306,7 @@ class Selection:
         candidates = (
             self._moving[step] & ~(self._own[step] & again)
             if step in BY_JOINT
-            else np.ones(self._model.nv, dtype=bool)
+            else np.ones(self._model.nv, bool)
         )
         joints = {step: self._moving[step]} if step in BY_JOINT else {}
         result = self.cross_validate(self.free(steps, **joints))
@@ -336,7 +336,7 @@ class Selection:
         if better:
             self.taken = steps
             self.fits, self.squares = result
-            self._own = self._own | joints
+            self._own |= joints
             return ""
         change = (
             f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint (expected "

@@ -298,9 +298,7 @@ class StateAssembler:
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
         layout = self._layout(names, *map(len, fields))
-        layout.batch.numbers[0] = np.concatenate(
-            [np.asarray(field, dtype=float) for field in fields]
-        )
+        layout.batch.numbers[0] = np.concatenate([np.asarray(field, float) for field in fields])
         return self._accept(layout, sec, nanosec, now)
 
     def _layout_of(self, places):

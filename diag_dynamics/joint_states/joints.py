@@ -121,7 +121,7 @@ def joint_limits(joints, options):
 
     Continuous joints have no position limits. A URDF limit of 0 for velocity or effort is unknown.
     """
-    turns = np.array([name in joints.continuous for name in joints.names], dtype=bool)
+    turns = np.array([name in joints.continuous for name in joints.names], bool)
     bound = np.where(turns, np.inf, MAX_POSITION)
     slack = options.beyond_limits or np.inf
     velocity, effort = (
@@ -141,7 +141,7 @@ def joint_limits(joints, options):
 def age_limits(names, options):
     """Return age limits [ns], infinite for none."""
     ages = by_name("joint_timeout", options.timeouts, names)
-    return np.array([nanoseconds(ages.get(name, 0.0)) or np.inf for name in names], dtype=float)
+    return np.array([nanoseconds(ages.get(name, 0.0)) or np.inf for name in names], float)
 
 
 class EffortMeaning:
@@ -165,8 +165,8 @@ class EffortMeaning:
         scale = {**scale, **by_name("effort_scale", options.effort_scale, names)}
         gravity = by_name("effort_includes_gravity", options.effort_includes_gravity, names)
         factors = [scale.get(name, 1.0) if available.get(name, True) else np.nan for name in names]
-        self.factors = np.array(factors, dtype=float)
-        without = np.array([not gravity.get(name, True) for name in joints], dtype=float)
+        self.factors = np.array(factors, float)
+        without = np.array([not gravity.get(name, True) for name in joints], float)
         self.without_gravity = without if without.any() else None
         self.undeclared = tuple(
             n for n in joints if available.get(n, True) and (n not in scale or n not in gravity)

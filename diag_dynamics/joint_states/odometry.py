@@ -111,8 +111,8 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
         )
     attached = model.placement_in_root(link)
     R = rotations.from_quaternion(*map(float, quaternion))
-    linear = np.asarray(twist[:3], dtype=float)
-    angular = np.asarray(twist[3:], dtype=float)
+    linear = np.asarray(twist[:3], float)
+    angular = np.asarray(twist[3:], float)
     if twist_in_world:
         linear = R.T @ linear
         angular = R.T @ angular
@@ -121,5 +121,5 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     angular = turn @ angular
     linear = turn @ linear - np.cross(angular, offset)
     root = R @ turn.T
-    x, y, z = np.asarray(position, dtype=float) - root @ offset
+    x, y, z = np.asarray(position, float) - root @ offset
     return np.array([x, y, z, *rotations.to_quaternion(root)]), np.concatenate([linear, angular])

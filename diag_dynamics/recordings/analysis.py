@@ -94,7 +94,7 @@ class ContactExposure:
         before = self._worst
         self._worst = []
         largest = np.append([moment["usage"] for moment in before], usage.max(axis=1, initial=0.0))
-        at = np.append(np.array([moment["at"] for moment in before], dtype=np.int64), stamps)
+        at = np.append(np.array([moment["at"] for moment in before], np.int64), stamps)
         while len(self._worst) < MOMENTS and largest.max() > 0.0:
             k = int(np.argmax(largest))
             t = k - len(before)
@@ -153,7 +153,7 @@ class Analysis:
         self._threads = threads
         self._options = {"threads": threads, "friction": model.has_friction}
         # parameters without which no collision is reported
-        self._missing = tuple(settings.unjudged_without)
+        self._missing = settings.unjudged_without
         self._dynamics = DiagonalDynamics(model)
         self._windows = WindowSums(model.nv, model.has_friction)
         self._observer = Observer(
@@ -175,7 +175,7 @@ class Analysis:
         self._motion = MotionSample(model)
         self._unavailable = np.isin(names, reading.intake.assembler.unavailable_efforts)
         # Joints without an external torque at some observed state
-        self._unobserved = np.zeros(model.nv, dtype=bool)
+        self._unobserved = np.zeros(model.nv, bool)
         # Number of states, number with a residual, and sum of K [J]
         self.states = 0
         self._observed = 0
@@ -300,7 +300,7 @@ class Analysis:
         try:
             return states, self._dynamics.evaluate(*columns, **self._options)
         except DiagDynamicsError:
-            good = np.ones(len(states), dtype=bool)
+            good = np.ones(len(states), bool)
             for t, state in enumerate(zip(*columns, strict=True)):
                 try:
                     self._dynamics.evaluate(*state)

@@ -233,7 +233,7 @@ class SqliteFile:
         except sqlite3.Error as error:
             size = self._path.stat().st_size
             text = f"{error}: {size} bytes; {self._advice}"
-            self._lose("database", text if size or self._copy else "the file is empty")
+            lose("database", text if size or self._copy else "the file is empty")
         with suppress(sqlite3.Error), closing(self._open()) as database:
             (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
             self.start = start if isinstance(start, int) else None
@@ -282,9 +282,8 @@ class Ros1File:
     """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
 
     def __init__(self, path, name, lose):
-        self._path = path
         self._lose = lose
-        self._open = partial(require("rosbags.rosbag1", REASON).Reader, self._path)
+        self._open = partial(require("rosbags.rosbag1", REASON).Reader, path)
         self.connections = []
         self.start = None
         try:
@@ -294,11 +293,9 @@ class Ros1File:
                     self.connections.append(connection)
                 self.start = min((info.start_time for info in reader.chunk_infos), default=None)
         except Exception as error:  # of damaged bytes
-            size = self._path.stat().st_size
-            advice = f"{size} bytes; `rosbag reindex {name}` makes an index"
-            self._lose(
-                "index", f"{describe_error(error)}: {advice}" if size else "the file is empty"
-            )
+            size = path.stat().st_size
+            text = f"{describe_error(error)}: {size} bytes; `rosbag reindex {name}` makes an index"
+            lose("index", text if size else "the file is empty")
 
     def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""

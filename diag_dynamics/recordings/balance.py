@@ -78,8 +78,8 @@ class WindowSums:
         follows = np.append(False, samples.interval > 0.0)
         begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, shares)
         span = ((end - begin) / SECOND)[:, None]
-        gained = gained / span
-        work = work / span
+        gained /= span
+        work /= span
         return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained - work[:, 3:])
 
 
@@ -87,9 +87,9 @@ class Balance:
     """Balance of power over all windows; `moved` is whether the robot has moved."""
 
     def __init__(self, names):
-        self._names = tuple(names)
+        self._names = names
         self.moved = True
-        empty = np.zeros((2, 0), dtype=np.int64)
+        empty = np.zeros((2, 0), np.int64)
         self._parts = [Windows(*empty, *np.zeros((4, 0)), np.zeros((0, len(names))))]
 
     def add_windows(self, windows):
@@ -130,7 +130,7 @@ class Balance:
             return False
         windows = self.windows
         margin = round(AROUND * SECOND)
-        touched = np.zeros(self.count, dtype=bool)
+        touched = np.zeros(self.count, bool)
         for alarm in collisions:
             touched |= (windows.end > alarm.start - margin) & (windows.begin < alarm.end + margin)
         left = np.square(windows.residual[~touched]).sum()

@@ -95,7 +95,7 @@ def calibrate(
         path = None
         for piece in [recording] if isinstance(recording, Recording) else recording:
             require_same_robot(dynamics, piece)
-            states = states + len(piece)
+            states += len(piece)
             with_efforts = with_efforts or piece.tau is not None
             counts = piece.counts  # these and the findings are of all pieces until here
             findings = piece.findings

@@ -25,6 +25,7 @@ from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.velocities import (
     DELAY_TRAVEL,
+    interpolated,
     longest_delay,
     search_delay,
     turning_dofs,
@@ -100,7 +101,7 @@ class EffortRange:
         self._names = model.dof_names
         self.states = 0
         scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
-        self._unscaled = np.isnan(np.array(scales, dtype=float))
+        self._unscaled = np.isnan(np.array(scales, float))
         self._low = np.full((2, model.nv), np.inf)
         self._high = -self._low
 
@@ -174,8 +175,7 @@ def smoothed(t, q, qd, tau):
     signal = require("scipy.signal", "the judgement of efforts")
     even = np.linspace(t[0], t[-1], len(t))
     step = even[1] - even[0]
-    columns = np.hstack([q, qd, tau])
-    values = np.column_stack([np.interp(even, t, column) for column in columns.T])
+    values = interpolated(np.hstack([q, qd, tau]), t, even)
     cutoff = min(2.0 * CUTOFF * step, MAX_CUTOFF)
     padding = int(min(len(t) - 1, np.ceil(MEMORY / step)))
     smooth = signal.sosfiltfilt(
@@ -196,7 +196,7 @@ def remaining(products, signals, rest):
     inverse = np.linalg.pinv(
         inner * scale * np.swapaxes(scale, -1, -2), rcond=SINGULAR, hermitian=True
     )
-    across = across * scale
+    across *= scale
     whole = signals @ products @ signals.T
     left = whole - np.swapaxes(across, -1, -2) @ inverse @ across
     squares, before = (np.diagonal(matrix, axis1=-2, axis2=-1) for matrix in (left, whole))
@@ -204,16 +204,17 @@ def remaining(products, signals, rest):
     return left * is_left[..., None] * is_left[..., None, :]
 
 
-def _regress(products, column, rest, nv):
+def _regress(products, column, rest):
     """Return squares of a column without what the rest explains, and slopes of efforts over it.
 
     The squares are 0 if the column depends on the rest.
     """
-    left = remaining(products, np.vstack([column, np.eye(len(column))[-nv:]]), rest)
+    efforts = np.eye(len(column))[-products.shape[-3] :]
+    left = remaining(products, np.vstack([column, efforts]), rest)
     square = np.where(
         left[..., 0, 0] > SINGULAR * (products @ column @ column), left[..., 0, 0], 0.0
     )
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         return square, np.diagonal(left[..., 0, 1:], axis1=-2, axis2=-1) / np.where(
             square, square, np.nan
         )
@@ -305,7 +306,7 @@ class EffortRelation:
     def __init__(self, model, links=()):
         self._model = model
         self._dynamics = DiagonalDynamics(model)
-        self._links = tuple(links)
+        self._links = links
         self._bare = DiagonalDynamics(functools.reduce(RobotModel.without_payload, links, model))
         self._loaded = [
             DiagonalDynamics(self._bare.model.with_payload(link, 1.0, centre))
@@ -369,30 +370,31 @@ class EffortRelation:
         samples = np.concatenate([whole[None], whole - self._blocks])
         pull = columns[GRAVITY]
         inertia = columns[INERTIAL]
+        plain = pull + inertia
         rest = columns[DAMPING:COLUMNS]
         offset = columns[[OFFSET]]
         signals = np.delete(columns, np.arange(DAMPING, COLUMNS), axis=0)
         moved = self._high - self._low > PUSHED
+        resistances = rest, np.delete(rest, OFFSET - DAMPING, axis=0)
+        squares = [_regress(whole, plain, resistance)[0] / count for resistance in resistances]
         hypotheses = [
             Hypotheses(
                 model,
                 self._links,
                 remaining(samples, signals, resistance) / count,
-                np.where(moved, _regress(whole, pull + inertia, resistance, model.nv)[0], 0.0)
-                / count,
+                np.where(moved, square, 0.0),
             )
-            for resistance in (rest, np.delete(rest, OFFSET - DAMPING, axis=0))
+            for resistance, square in zip(resistances, squares, strict=True)
         ]
         base = hypotheses[0].base @ signals[: -model.nv]
-        square = _regress(whole, pull + inertia, rest, model.nv)[0] / count
-        factors = _regress(samples, base, rest, model.nv)[1]
-        inertial = _regress(samples, inertia, np.vstack([pull, rest[:-1]]), model.nv)[1]
+        factors = _regress(samples, base, rest)[1]
+        inertial = _regress(samples, inertia, np.vstack([pull, rest[:-1]]))[1]
         geared = moved & ~np.isfinite(factors[0]) & np.isfinite(inertial[0])
         factors = np.where(moved, np.where(geared, inertial, factors), np.nan)
-        with_rotor = _regress(whole, pull + inertia, rest[:-1], model.nv)[0] / count
-        torque = np.sqrt(np.where(moved, np.where(geared, with_rotor, square), 0.0))
-        static = np.sqrt((whole @ (pull + inertia)) @ (pull + inertia) / count)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with_rotor = _regress(whole, plain, rest[:-1])[0] / count
+        torque = np.sqrt(np.where(moved, np.where(geared, with_rotor, squares[0]), 0.0))
+        static = np.sqrt(whole @ plain @ plain / count)
+        with np.errstate(all="ignore"):
             missing = MODEL_ERROR * largest_of_kind(model, np.where(moved, torque, static))
             model_error = np.where(torque > 0.0, missing / torque, np.inf)
         return Relation(
@@ -401,8 +403,7 @@ class EffortRelation:
             factors[0],
             _standard_errors(factors[1:]),
             model_error,
-            _regress(whole, pull, offset, model.nv)[0]
-            > _regress(whole, inertia, offset, model.nv)[0],
+            _regress(whole, pull, offset)[0] > _regress(whole, inertia, offset)[0],
             geared,
             torque,
         )

@@ -184,11 +184,11 @@ class Observer:
         self._dynamics = dynamics
         self._friction = friction
         self._threads = threads
-        self._gain = np.array(np.broadcast_to(gain, count), dtype=float)
+        self._gain = np.array(np.broadcast_to(gain, count), float)
         self._chain = SampleChain(MAX_GAP)
         self._sample = np.zeros((4, count))
         # residual, external torque, norm and whether they are valid, of the last sample
-        self._last = [*np.zeros((2, 1, count)), np.zeros(1), np.zeros(1, dtype=bool)]
+        self._last = [*np.zeros((2, 1, count)), np.zeros(1), np.zeros(1, bool)]
         self._efforts = EffortRange(dynamics.model)
         self._influence = None
 

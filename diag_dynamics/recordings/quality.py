@@ -53,7 +53,7 @@ class Quality:
         self._q = slice(model.nq - count, None)
         self._v = slice(skip, None)
         self._continuous = np.array(
-            [name in model.continuous_joints for name in self._joints], dtype=bool
+            [name in model.continuous_joints for name in self._joints], bool
         )
         self._windows = WindowIntegrals(WINDOW)
         self._last = None

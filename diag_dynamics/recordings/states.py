@@ -67,8 +67,8 @@ class States:
     @classmethod
     def empty(cls, nq: int, nv: int) -> States:
         """Return no states of a robot with nq positions and nv velocities."""
-        times = np.zeros((3, 0), dtype=np.int64)
-        flags = np.zeros((4, 0), dtype=bool)
+        times = np.zeros((3, 0), np.int64)
+        flags = np.zeros((4, 0), bool)
         return cls(*times, np.zeros((0, nq)), *np.zeros((2, 0, nv)), *flags)
 
     @classmethod

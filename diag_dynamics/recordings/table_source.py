@@ -152,8 +152,8 @@ class TableSource:
         time, stamp = read_times(cells[0], scale or 1.0)
         for nanoseconds in cells[1:]:
             more = read_times(nanoseconds, 1e-9)
-            time = time + more[0]
-            stamp = stamp + more[1]
+            time += more[0]
+            stamp += more[1]
         return time, stamp
 
     def _read_values(self, quantity, arrays, rows):

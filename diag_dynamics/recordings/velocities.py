@@ -230,4 +230,9 @@ def _track(turning, longest, t, q, qd):
 
 def _increments(columns, t, at):
     """Return changes of columns between times."""
-    return np.diff(np.column_stack([np.interp(at, t, column) for column in columns.T]), axis=0)
+    return np.diff(interpolated(columns, t, at), axis=0)
+
+
+def interpolated(columns, t, at):
+    """Return columns (T, n) of times t at other times."""
+    return np.column_stack([np.interp(at, t, column) for column in columns.T])

@@ -28,9 +28,8 @@ class Template:
     """Bytes of a message, whose numbers can be overwritten in place; texts and lengths stay.
 
     `numbers` are views of numbers by path, such as ``header.stamp.sec``, without empty sequences;
-    `data` all bytes; `doubles` those after the encapsulation, as float64. InputError for a message
-    without fields, or fields other than numbers, strings, arrays of numbers, sequences of numbers
-    or strings, and messages.
+    `data` all bytes. InputError for a message without fields, or fields other than numbers,
+    strings, arrays of numbers, sequences of numbers or strings, and messages.
     """
 
     def __init__(self, message):
@@ -41,11 +40,10 @@ class Template:
         self._put(HEADER)
         self._add(message, "")
         size = len(self._bytes)
-        room = np.zeros(size + 12, dtype=np.uint8)
+        room = np.zeros(size + 12, np.uint8)
         room = room[-room.ctypes.data % 8 :]
         self.data = room[4 : 4 + size]
         self.data[:] = self._bytes
-        self.doubles = self.data[4 : 4 + (size - 4) // 8 * 8].view("<f8")
         self._meaningful = np.frombuffer(self._parts, dtype=bool)
         self.numbers = {
             path: self.data[begin:end].view(kind)
@@ -96,7 +94,7 @@ class Template:
             )
 
     def _add_numbers(self, values, kind, path):
-        numbers = np.array(values, dtype=_PRIMITIVES[kind])
+        numbers = np.array(values, _PRIMITIVES[kind])
         self._align(numbers.itemsize)
         begin = len(self._bytes)
         self._put(numbers.tobytes())

@@ -41,7 +41,7 @@ def mean_powers(t, powers, K):
     after = np.minimum(np.searchsorted(t, end), len(t) - 1)
     missing = (count[after] > count[before]) | (end <= begin)[:, None]
     change = [np.interp(end, t, energy) - np.interp(begin, t, energy) for energy in (*work.T, K)]
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(all="ignore"):
         return np.where(missing, np.nan, np.transpose(change) / (end - begin)[:, None])
 
 

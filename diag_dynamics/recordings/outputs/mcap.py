@@ -114,8 +114,7 @@ class TopicRows:
         self._message = message_type(self.type)
         self._dynamics = DiagonalDynamics(model)
         self._texts = texts_of(topic, model, REVISION)
-        self._with_friction = settings.values["publish_friction"]
-        self._with_inverse = settings.values["publish_inverse_factor"]
+        self._values = settings.values
         self._limits = np.full((2, len(names) + 2), np.inf)
         self._covariance = None
         if observation:
@@ -131,7 +130,7 @@ class TopicRows:
         if is_torque:
             columns = piece.states.position, piece.observed, self._covariance
             touched = find_touched_links(self._dynamics, *columns)
-        is_touched = touched.link != "" if touched else np.zeros(len(piece.states), dtype=bool)
+        is_touched = touched.link != "" if touched else np.zeros(len(piece.states), bool)
         for is_known, has_links in ((True, True), (True, False), (False, False)):
             places = np.flatnonzero((has_values == is_known) & (is_touched == has_links))
             if not len(places):
@@ -144,7 +143,9 @@ class TopicRows:
                 values = torque_fields(seen, is_known, state, alarming, probability)
                 values["touched_links"] = list(touched.links) if has_links else []
             elif self._topic in ("mass_matrix_factors", "joint_space_dynamics"):
-                values = matrix_fields(self._topic, self._dynamics, state, self._with_inverse)
+                values = matrix_fields(
+                    self._topic, self._dynamics, state, self._values["publish_inverse_factor"]
+                )
             else:
                 names = self._message.get_fields_and_field_types().keys()
                 names -= {"header", "oldest_stamp", *self._texts}
@@ -161,7 +162,7 @@ class TopicRows:
 
     def _friction(self, piece, places):
         """Return the term of friction; None unless the parameter publish_friction is true."""
-        if not self._with_friction:
+        if not self._values["publish_friction"]:
             return None
         friction = piece.s.friction
         return np.zeros_like(piece.s.nu[places]) if friction is None else friction[places]

@@ -80,7 +80,7 @@ class _Chooser:
         self._headers = [column.name for column in columns]
         self._names = self._find("names", column_map.names or ())
         places = tuple(map(str, range(len(self._names))))
-        self._joints = places or column_map.joints or tuple(model_joints)
+        self._joints = places or column_map.joints or model_joints
 
     def choose(self):
         """Return the :class:`Choice`."""
