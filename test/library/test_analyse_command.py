@@ -42,7 +42,8 @@ def panda():
 @pytest.fixture(scope="module")
 def driven(panda):
     """Names, stamps, positions, velocities and efforts of a driver, 500 Hz."""
-    driver, stamps = Driver(panda, 3), START + np.arange(COUNT) * 2 * MS
+    driver = Driver(panda, 3)
+    stamps = START + np.arange(COUNT) * 2 * MS
     states = [driver.state(int(stamp)) for stamp in stamps]
     return driver.names, stamps, *(np.array([state[k] for state in states]) for k in (1, 2, 3))
 
@@ -110,7 +111,8 @@ def test_tables_that_were_written_are_recordings(written, panda, driven):
     values.
     """
     file = pyarrow.parquet.ParquetFile(written / "out.parquet")
-    group, schema = file.metadata.row_group(0), file.schema_arrow
+    group = file.metadata.row_group(0)
+    schema = file.schema_arrow
     statistics = {
         entry.path_in_schema: entry.statistics
         for entry in map(group.column, range(group.num_columns))
@@ -127,7 +129,8 @@ def test_tables_that_were_written_are_recordings(written, panda, driven):
 
 def messages_of(path):
     """Return log times and messages by topic, read by mcap and deserialized by rosbags."""
-    store, result = get_typestore(Stores.ROS2_JAZZY), {}
+    store = get_typestore(Stores.ROS2_JAZZY)
+    result = {}
     with open(path, "rb") as file:
         for schema, channel, entry in make_reader(file, validate_crcs=True).iter_messages():
             if schema.name not in store.fielddefs:
@@ -212,7 +215,8 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     """What was there stays as it was, and what is not written is named. The signal comes while the
     CSV is written.
     """
-    pipe, older = tmp_path / "out.csv", tmp_path / "out.json"
+    pipe = tmp_path / "out.csv"
+    older = tmp_path / "out.json"
     os.mkfifo(pipe)
     older.write_text("of yesterday")
     main_thread = threading.main_thread().ident
@@ -271,7 +275,8 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
     analysed.
     """
     monkeypatch.setattr("diag_dynamics.recordings.recording.Reading.pieces", None)  # unused
-    urdf, folder = tmp_path / "panda.urdf", write_rosbag2(tmp_path / "bag", states, MCAP)
+    urdf = tmp_path / "panda.urdf"
+    folder = write_rosbag2(tmp_path / "bag", states, MCAP)
     urdf.write_text(Path(find_urdf("panda")).read_text(encoding="utf-8"))
     (tmp_path / "link").symlink_to(table)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
@@ -371,7 +376,8 @@ def test_what_makes_the_exit_status_1(table, analyse):
 
 def test_several_recordings(tmp_path, table, bag, analyse):
     """Each has its summary, and all a table; one that cannot be read stops no other."""
-    out, none = tmp_path / "all.json", tmp_path / "none.csv"
+    out = tmp_path / "all.json"
+    none = tmp_path / "none.csv"
     status, printed, wrong = analyse(bag, none, table, "--json", out)
     assert status == 1 and "no file or folder" in wrong
     *rows, failed = printed.splitlines()[-4:]
@@ -507,7 +513,7 @@ def test_parameters_in_files(tmp_path, bag, analyse):
         "text": "",
     }
     assert summary["observer"] == observed and summary["collisions"]
-    threshold = ("--set", "collision.threshold=norm=0.5", "--gain", 10)
+    threshold = "--set", "collision.threshold=norm=0.5", "--gain", 10
     assert json.loads(analyse(bag, *threshold, "--json", "-")[1])["observer"] == observed
     config = Path(__file__).parents[2] / "config" / "monitor.yaml"
     assert analyse(bag, "--parameters", config, "--quiet")[0] == UNJUDGED

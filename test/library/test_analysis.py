@@ -52,13 +52,16 @@ def simulated(model, push=None, seconds=4.0):
     sines.
     """
     rng = np.random.default_rng(4)
-    dynamics, n = dd.DiagonalDynamics(model), model.nv
-    phase, period = rng.uniform(0.0, 6.0, n), 0.002
+    dynamics = dd.DiagonalDynamics(model)
+    n = model.nv
+    phase = rng.uniform(0.0, 6.0, n)
+    period = 0.002
     simulation = dd.Simulation(model, np.full(n, 0.3), np.zeros(n), step=period)
     rows = []
     for k in range(int(seconds / period)):
         t = k * period
-        q, qd = simulation.q.copy(), simulation.qd.copy()
+        q = simulation.q.copy()
+        qd = simulation.qd.copy()
         tau = (
             dynamics.gravity_torque(q)
             + 8.0 * np.sin(3.0 * t + phase) * (np.arange(n) < 3)
@@ -76,7 +79,9 @@ def broken(motion):
     t, q, qd, tau = (x.copy() for x in motion)
     t = np.arange(len(t)) / 512.0  # differences of these are exact in nanoseconds
     t[700:] += 0.5
-    tau[100:140], tau[300, 2], tau[1495:1510] = np.nan, np.nan, np.nan
+    tau[100:140] = np.nan
+    tau[300, 2] = np.nan
+    tau[1495:1510] = np.nan
     tau[:, 0] = np.clip(tau[:, 0], -3.0, 3.0)
     q[1500:] += 0.3
     t, q, qd, tau = (np.insert(x, 900, x[899], axis=0) for x in (t, q, qd, tau))
@@ -97,7 +102,8 @@ def analysed(tmp_path, capsys):
     """
 
     def run(*columns, parameters=()):
-        path, out = write_columns(tmp_path / "x.npz", *columns), tmp_path / "summary.json"
+        path = write_columns(tmp_path / "x.npz", *columns)
+        out = tmp_path / "summary.json"
         options = [word for parameter in parameters for word in ("--set", parameter)]
         status = main(["analyse", str(path), "--urdf", "ur5", "--json", str(out), *options])
         return json.loads(out.read_text()), " ".join("".join(capsys.readouterr()).split()), status
@@ -155,7 +161,8 @@ def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
     """Pushes move it by up to 0.04 rad, and their power is in no effort: this is no fault of its
     model.
     """
-    t, q = motion[0], motion[1]
+    t = motion[0]
+    q = motion[1]
     bump = np.sin(2.0 * t[:, None]) ** 8 * np.linspace(0.02, 0.04, 6)
     rate = np.gradient(bump, t, axis=0)
     noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
@@ -167,7 +174,8 @@ def test_a_standing_arm_has_no_balance(analysed, gravity, motion):
 
 def test_collisions_of_a_standing_arm_explain_its_balance(analysed, gravity, motion):
     """A push by 0.2 rad is no fault of the model, unless nothing reports it."""
-    t, q = motion[0], motion[1]
+    t = motion[0]
+    q = motion[1]
     bump = 0.2 * np.exp(-(((t - 2.0) / 0.2) ** 2))[:, None] * np.linspace(0.5, 1.0, 6)
     noise = 0.05 * np.random.default_rng(0).standard_normal(q.shape)
     columns = t, q[0] + bump, np.gradient(bump, t, axis=0), gravity[0] + noise
@@ -182,8 +190,10 @@ def test_collisions_of_a_standing_arm_explain_its_balance(analysed, gravity, mot
 
 def test_windows_near_collisions_explain_nothing():
     """Those within 0.2 s of one are left out, unless collisions last for half of the time."""
-    stamps, none = np.arange(101) * S // 10, np.zeros(100)
-    kinetic, friction = np.resize([1.0, -1.0], 100), none + 0.5
+    stamps = np.arange(101) * S // 10
+    none = np.zeros(100)
+    kinetic = np.resize([1.0, -1.0], 100)
+    friction = none + 0.5
     cases = (30, 34, True), (29, 34, False), (35, 34, True), (36, 34, False), (31, 90, False)
     for wrong, end, expected in cases:
         effort = kinetic + friction - 5.0 * np.isin(np.arange(100), [31, wrong])
@@ -199,7 +209,8 @@ def test_windows_near_collisions_explain_nothing():
 
 def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
     t, q, qd, tau = (entry.copy() for entry in motion)
-    q[:, 5], qd[:, 5] = 4e-4 * np.sin(t), 2e-4 * np.cos(t)
+    q[:, 5] = 4e-4 * np.sin(t)
+    qd[:, 5] = 2e-4 * np.cos(t)
     summary, text, _ = analysed(t, q, qd, tau)
     assert "as fast as the velocities" not in text and summary["quality"]["wrong_unit"] is None
 
@@ -248,7 +259,8 @@ def windows_by_numpy(model, t, q, qd, tau):
     result = []
     for first, last in pairwise(begins):
         if np.diff(t[first : last + 1]).max() <= 0.1 and np.diff(t[first - 1 : first + 1]) <= 0.1:
-            span, inside = t[last] - t[first], slice(first, last + 1)
+            span = t[last] - t[first]
+            inside = slice(first, last + 1)
             change = (K[last] - K[first]) / span
             result.append(
                 (change[0], *(change - np.trapezoid(power[inside], t[inside], axis=0) / span))
@@ -341,14 +353,16 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
     t, q, qd, tau = motion
     s = dd.DiagonalDynamics(ur5).evaluate(q, qd, tau)
     columns = [np.insert(x, 1500, x[1499], axis=0) for x in motion]
-    columns[0][1500], columns[2][1500] = t[1499] + 1e-6, 1e200
+    columns[0][1500] = t[1499] + 1e-6
+    columns[2][1500] = 1e200
     summary, *_ = analysed(*columns, parameters=LOOSE)
     assert [
         finding["count"]
         for finding in summary["findings"]
         if finding["cause"].startswith("rejected")
     ] == [1]
-    energy, k = summary["kinetic_energy"], int(np.argmax(s.kinetic_energy))
+    energy = summary["kinetic_energy"]
+    k = int(np.argmax(s.kinetic_energy))
     assert energy["max"] == s.kinetic_energy[k] and energy["at"] == pytest.approx(t[k], abs=1e-9)
     assert energy["mean"] == pytest.approx(s.kinetic_energy.mean(), rel=1e-12)
     assert energy["share"] == dict(
@@ -370,7 +384,8 @@ def test_figures_are_the_largest_and_the_means(analysed, ur5, motion):
 def test_observer_is_that_of_single_states(tmp_path, ur5, motion):
     """To the last bit, over gaps, lost efforts, jumps and repeated stamps."""
     recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
-    dynamics, states = dd.DiagonalDynamics(ur5), recording.states
+    dynamics = dd.DiagonalDynamics(ur5)
+    states = recording.states
     seen = dd.observe(dynamics, recording, 30.0)
     single = dd.DisturbanceObserver(dynamics, 30.0, friction=True)
     for k, row in enumerate(zip(states.position, states.velocity, states.effort, strict=True)):
@@ -435,7 +450,8 @@ def test_observe_needs_efforts_and_the_same_robot(tmp_path, ur5, motion):
 
 def noise_parameters(ur5, deviation=0.5):
     """Parameters of a covariance without correlations."""
-    joints, numbers = ",".join(ur5.dof_names), (deviation**2 * np.eye(6)).ravel().tolist()
+    joints = ",".join(ur5.dof_names)
+    numbers = (deviation**2 * np.eye(6)).ravel().tolist()
     return [
         f"external_torque.covariance_joints=[{joints}]",
         f"external_torque.covariance={numbers}",
@@ -445,7 +461,8 @@ def noise_parameters(ur5, deviation=0.5):
 def test_wrench_and_touched_link_of_observed_states(tmp_path, ur5, motion):
     """Rows are those of single states; without a result they are NaN, not observed, and no link."""
     recording = dd.read_recording(write_columns(tmp_path / "x.npz", *broken(motion)), ur5)
-    dynamics, covariance = dd.DiagonalDynamics(ur5), np.diag([0.3, 0.4, 0.2, 0.1, 0.1, 0.05]) ** 2
+    dynamics = dd.DiagonalDynamics(ur5)
+    covariance = np.diag([0.3, 0.4, 0.2, 0.1, 0.1, 0.05]) ** 2
     seen = dd.observe(dynamics, recording, 30.0)
     wrench = seen.wrench("wrist_3_link", covariance, frame="world")
     touched = seen.touched_link(covariance)
@@ -513,7 +530,8 @@ def test_a_push_is_a_collision(analysed, ur5):
 def test_a_dead_zone_leaves_unknown_residuals(analysed, ur5, tmp_path):
     """Stiction hides 0.2 N m of the last joint from r of joints before an unknown effort, too."""
     dd.Parameters.from_dict({"joints": {"wrist_3_joint": {"friction": 1.0}}}).save(tmp_path / "a")
-    t, q = 0.004 * np.arange(500), np.full((500, 6), 0.3)
+    t = 0.004 * np.arange(500)
+    q = np.full((500, 6), 0.3)
     tau = dd.DiagonalDynamics(ur5).gravity_torque(q) + 0.2 * np.eye(6)[5]
     tau[:, 3] = np.nan
     parameters = [f"parameters_file={tmp_path / 'a'}", "external_torque.gain=25"]
@@ -527,23 +545,27 @@ def test_time_above_limits_of_contact_and_worst_moments(analysed, ur5, motion, t
     t, q, qd, tau = motion
     points = dd.ContactPoints(ur5, dd.link_geometry(ur5, find_urdf("ur5")).points, None)
     energy = dd.DiagonalDynamics(ur5).contact_limits(q, qd, points).energy
-    limit, path = float(np.quantile(energy.max(axis=1), 0.7)), tmp_path / "limits.yaml"
+    limit = float(np.quantile(energy.max(axis=1), 0.7))
+    path = tmp_path / "limits.yaml"
     path.write_text(f"regions: {{any: {{energy: {limit!r}}}}}")
     summary, text, _ = analysed(t, q, qd, tau, parameters=[f"contact_limits.file={path}"])
-    contact, since = summary["contact_limits"], np.diff(t, prepend=t[0])
+    contact = summary["contact_limits"]
+    since = np.diff(t, prepend=t[0])
     assert contact["above"] == pytest.approx(since @ (energy > limit).any(axis=1), rel=1e-6)
     assert contact["of"] == pytest.approx(t[-1] - t[0])
     by_point = dict(zip(points.names, (since @ (energy > limit)).tolist(), strict=True))
     assert contact["above_by_point"] == pytest.approx(
         {name: s for name, s in by_point.items() if s}, rel=1e-6
     )
-    worst, k = contact["worst"], np.unravel_index(np.argmax(energy), energy.shape)
+    worst = contact["worst"]
+    k = np.unravel_index(np.argmax(energy), energy.shape)
     usage = np.sqrt(energy[k] / limit)
     assert [worst[0][key] for key in ("at", "usage", "energy")] == pytest.approx(
         [t[k[0]], usage, energy[k]]
     )
     assert worst[0]["region"] == "any" and f"{worst[0]['point']} at" in text
-    usages, times = [entry["usage"] for entry in worst], sorted(entry["at"] for entry in worst)
+    usages = [entry["usage"] for entry in worst]
+    times = sorted(entry["at"] for entry in worst)
     assert usages == sorted(usages, reverse=True) and np.diff(times).min() >= 1.0 - 1e-9
 
 
@@ -641,7 +663,8 @@ def test_joints_with_one_stamp_each_keep_their_motion(analysed, ur5, motion):
     """An arm and its gripper, with the same stamps in messages of their own: velocities are those
     of the positions.
     """
-    once, last = motion, ur5.nv - 1
+    once = motion
+    last = ur5.nv - 1
     t, q, qd, tau = (np.repeat(x, 2, axis=0) for x in once)
     for values, sent in ((q, once[1]), (qd, once[2])):
         values[2::2, last] = sent[:-1, last]  # it comes after the others
@@ -655,7 +678,9 @@ def test_gaps_and_repeats(analysed, motion):
     t, q, qd, tau = (x.copy() for x in motion)
     t[1500:] += 0.05
     t[1800:] -= 3.0  # a clock that was set back
-    q[100:160], qd[100:160], tau[100:160] = q[99], qd[99], tau[99]
+    q[100:160] = q[99]
+    qd[100:160] = qd[99]
+    tau[100:160] = tau[99]
     q[159, 5] += 1e-9
     summary, *_ = analysed(t, q, qd, tau)
     report = summary["quality"]

@@ -89,7 +89,8 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
         )
     ]
     for k, stamp in enumerate(stamps):
-        pose, twist = [0.1 * k, 0, 0, 0, 0, 0, 1], [0.1, 0, 0, 0, 0, 0.2]
+        pose = [0.1 * k, 0, 0, 0, 0, 0, 1]
+        twist = [0.1, 0, 0, 0, 0, 0.2]
         sent.append(Message("/odom", stamp, odometry(stamp, "base", pose, twist), ODOMETRY))
         sent.append(
             Message("/joint_states", stamp, serialized(stamp, ["a"], [0.01 * k], [0.1], [2.0]))
@@ -145,7 +146,8 @@ def test_ros1_in_mcap_that_is_not_understood(tmp_path, data, metadata, type, wha
 @pytest.mark.parametrize("kind", ["mcap", "db3"])
 def test_names_of_types(tmp_path, kind, name):
     """Releases and vendors write them without ``/msg/``, or as DDS has them."""
-    messages, path = numbered(40), tmp_path / f"x.{kind}"
+    messages = numbered(40)
+    path = tmp_path / f"x.{kind}"
     if kind == "mcap":
         write_mcap(path, [message._replace(type=name) for message in messages])
     else:
@@ -222,7 +224,8 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
     """States, counts and findings are those of one topic with the same messages, whatever the order
     of the names.
     """
-    robot, two = arm("a", "b", "c"), ("/arm/joint_states", "/gripper/joint_states")
+    robot = arm("a", "b", "c")
+    two = "/arm/joint_states", "/gripper/joint_states"
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
     message = WRITERS[kind](tmp_path / "one", arm_and_gripper(["/joint_states"] * 2))
@@ -336,7 +339,8 @@ def test_joint_names(tmp_path, kind, case):
     robot's names.
     """
     names, mapping = MAPS[case]
-    robot, options = arm("panda_a", "panda_b"), {"parameters": {"effort_scale": ["panda_b=2.0"]}}
+    robot = arm("panda_a", "panda_b")
+    options = {"parameters": {"effort_scale": ["panda_b=2.0"]}}
     write = WRITERS.get(kind, write_table)
     recordings = []
     for folder, written in (("own", ("panda_a", "panda_b")), ("other", names)):
@@ -354,7 +358,8 @@ def test_joint_names_of_later_messages(tmp_path):
     """Names of every message count: those of a gripper that comes late, of a locked joint, and of a
     part of the file.
     """
-    arm_alone, gripper = moving("fer_a", count=30), moving("fer_b", count=30)[20:]
+    arm_alone = moving("fer_a", count=30)
+    gripper = moving("fer_b", count=30)[20:]
     path = write_mcap(
         tmp_path / "x.mcap", sorted([*arm_alone, *gripper], key=lambda message: message.log_time)
     )
@@ -409,7 +414,8 @@ def test_joint_names_that_are_wrong(tmp_path, kind, case):
 
 def test_column_maps_are_of_tables(tmp_path):
     """A bag has none; a star at the begin of a YAML text is taken for an alias."""
-    path, robot = write_mcap(tmp_path / "x.mcap", moving("a", "b")), arm("a", "b")
+    path = write_mcap(tmp_path / "x.mcap", moving("a", "b"))
+    robot = arm("a", "b")
     what = "is a bag; expected no column map"
     refused(what, path, robot, columns={"effort": None})
     (tmp_path / "map.yaml").write_text("scale: {time: *}")
@@ -475,7 +481,8 @@ FOLLOWED = [
 @pytest.mark.parametrize(("own", "came"), FOLLOWED)
 def test_proposed_options_are_accepted(tmp_path, own, came):
     """The options of a finding make states, as a shell passes them."""
-    path, urdf = write_mcap(tmp_path / "x.mcap", moving(*came)), urdf_of(*own)
+    path = write_mcap(tmp_path / "x.mcap", moving(*came))
+    urdf = urdf_of(*own)
     (finding,) = dd.read_recording(path, urdf).findings
     options = re.search(r"--joint-names (.*?) \(joint_names\)", finding.text)
     entries = [word.split("=") for word in shlex.split(options[1])]

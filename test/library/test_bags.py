@@ -132,7 +132,8 @@ def test_records_that_are_no_messages(tmp_path):
 @pytest.mark.parametrize("profiles", ["", ", offered_qos_profiles TEXT"])
 def test_older_sqlite(tmp_path, profiles):
     """Topics have fewer columns, and no definitions. Rows that are no messages are counted."""
-    path, rows = tmp_path / "x.db3", [(message.log_time, message.data) for message in numbered(100)]
+    path = tmp_path / "x.db3"
+    rows = [(message.log_time, message.data) for message in numbered(100)]
     with sqlite3.connect(path) as database:
         database.execute(
             f"CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, "
@@ -190,7 +191,8 @@ def test_folders_that_differ_from_their_metadata(tmp_path):
     content = write_mcap(folder / "bag_1.mcap", messages[300:600]).read_bytes()
     (folder / "bag_1.mcap").write_bytes(content[: len(content) // 2])
     numbers, findings = read(folder)
-    count, lost = len(numbers) - 300, unread(findings)
+    count = len(numbers) - 300
+    lost = unread(findings)
     assert 0 < count < 300 and numbers == [*range(300, 300 + count), *range(600, 900)]
     assert "bag_0.mcap" in lost[0] and all("bag_1.mcap" in text for text in lost[1:]) and lost[1:]
 
@@ -282,7 +284,8 @@ def test_mcap_that_is_cut_or_has_a_flipped_bit(tmp_path, compression, options):
     """It is read up to its last whole chunk. Chunks have CRCs, so no message changes; missing ones
     are named.
     """
-    path, before = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options), 0
+    path = write_mcap(tmp_path / "x.mcap", numbered(25), compression, **options)
+    before = 0
     content = path.read_bytes()
     for end in (*some_of(range(0, len(content), 11), 14), len(content) - 1):
         path.write_bytes(content[:end])
@@ -345,7 +348,8 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
     """Bytes that are overwritten, inserted or removed cause no other error, whatever sizes they
     pretend.
     """
-    path, messages = tmp_path / f"x.{kind}", numbered(60)
+    path = tmp_path / f"x.{kind}"
+    messages = numbered(60)
     if kind == "mcap":
         options = data.draw(st.sampled_from([{}, {"enable_crcs": False}, {"use_chunking": False}]))
         write_mcap(path, messages, data.draw(st.sampled_from(COMPRESSIONS)), **options)
@@ -370,7 +374,8 @@ def test_garbage_in_the_middle(tmp_path, data, kind):
 
 def chunks(content):
     """Return where the chunks of a file begin."""
-    result, at = [], 8
+    result = []
+    at = 8
     while at < len(content) - 8:
         kind, size = struct.unpack_from("<BQ", content, at)
         if kind == 6:
@@ -460,7 +465,8 @@ def database(tmp_path_factory):
 
 def test_damaged_sqlite(tmp_path, database):
     """It is read up to a page that is overwritten. Of one that is cut nothing is read."""
-    path, result = tmp_path / "x.db3", set()
+    path = tmp_path / "x.db3"
+    result = set()
     for share in (0.999, 0.05):
         path.write_bytes(database[: int(share * len(database))])
         (lost,) = unread(read(path)[1])
@@ -481,7 +487,8 @@ def test_the_journal_of_a_killed_recorder(tmp_path, database, mode):
     """What was committed is read, in a copy; what was not is taken back. The files do not
     change.
     """
-    live, left = tmp_path / "live.db3", tmp_path / "left"
+    live = tmp_path / "live.db3"
+    left = tmp_path / "left"
     left.mkdir()
     live.write_bytes(database)
     connection = sqlite3.connect(live, isolation_level=None)
@@ -517,7 +524,8 @@ def test_ros1_without_its_index(tmp_path):
     """As a recorder that was killed leaves it, and a copy that was not finished. Others of its
     folder are read.
     """
-    path, messages = tmp_path / "bag" / "b.bag", numbered(120)
+    path = tmp_path / "bag" / "b.bag"
+    messages = numbered(120)
     path.parent.mkdir()
     content = write_ros1(path, messages[60:]).read_bytes()
     write_mcap(path.with_name("a.mcap"), messages[:60])

@@ -118,7 +118,8 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
     for which, names in (("Velocity", velocity), ("Position", position)):
         key = f"{which} limits of {names} are missing" if names else f"{which} limits"
         assert (key in str(error.value)) == bool(names)
-    fast, there = {"*": 0.3} if velocity else None, {"*": (-0.4, 0.2)} if position else None
+    fast = {"*": 0.3} if velocity else None
+    there = {"*": (-0.4, 0.2)} if position else None
     result = excite(model, trials=2, velocity=1.0, velocity_limits=fast, ranges=there)
     slow, narrow = (
         np.array([name in (names or "") for name in BOTH.split(", ")])
@@ -174,7 +175,8 @@ def test_command(arm, tmp_path, capsys):
     """The command writes the trajectory, and a message that the controller follows within the
     limits of velocity.
     """
-    out, message = tmp_path / "out.json", tmp_path / "out.yaml"
+    out = tmp_path / "out.json"
+    message = tmp_path / "out.yaml"
     locks = "locked_joints=[panda_finger_joint1=0, panda_finger_joint2=0]"
     options = [
         "--trials",
@@ -187,7 +189,8 @@ def test_command(arm, tmp_path, capsys):
         "4",
     ]
     assert main(["excite", "panda", *options, "-o", str(out), "--trajectory", str(message)]) == 0
-    content, sent = json.loads(out.read_text()), yaml.safe_load(message.read_text())
+    content = json.loads(out.read_text())
+    sent = yaml.safe_load(message.read_text())
     points = sent["points"]
     assert sent["joint_names"] == content["joints"] == list(arm.dof_names)
     times = [
@@ -203,12 +206,13 @@ def test_command(arm, tmp_path, capsys):
         columns, [content[name] for name in ("position", "velocity", "acceleration")], atol=1e-9
     )
     assert abs(columns[0][:, 0]).max() <= 0.5 + 1e-9
-    there = np.ones(len(points), dtype=bool)
+    there = np.ones(len(points), bool)
     followed = Trajectory(Waypoints(np.array(times), *columns, there, there), arm.dof_names)
     followed.begin(0, columns[0][0], np.zeros(arm.nv))
     assert (followed.fastest() <= arm.velocity_limit).all()
     out.unlink()
-    fixed, zero = tmp_path / "fixed.urdf", tmp_path / "zero.urdf"
+    fixed = tmp_path / "fixed.urdf"
+    zero = tmp_path / "zero.urdf"
     fixed.write_text(two_joints(FILLED, FILLED, kind="fixed"))
     zero.write_text(two_joints(ZERO, ZERO))
     for arguments, key in (

@@ -37,7 +37,9 @@ BAD = "tuesday/broken.mcap", "tuesday/idle.mcap"
 
 def good(model, seconds, seed=1):
     """Return messages of one driver, 500 Hz with jitter, with times of reception."""
-    driver, rng, count = Driver(model, seed), np.random.default_rng(seed), int(500 * seconds)
+    driver = Driver(model, seed)
+    rng = np.random.default_rng(seed)
+    count = int(500 * seconds)
     stamps = START + np.arange(count) * 2 * MS + rng.integers(-1000, 1000, count)
     return [(driver.good(int(stamp)), int(stamp) + 200_000) for stamp in stamps]
 
@@ -57,7 +59,8 @@ def archive(tmp_path_factory):
     garbage.
     """
     folder = tmp_path_factory.mktemp("archive")
-    panda, ur5 = dd.load_robot("panda"), dd.load_robot("ur5")
+    panda = dd.load_robot("panda")
+    ur5 = dd.load_robot("ur5")
     elsewhere = [(serialized(START, ["elsewhere"], [0.0]), START)]
     pairs = (
         good(panda, 3.0),
@@ -91,7 +94,8 @@ def scheduler():
 @pytest.fixture(scope="module")
 def expected(archive, tmp_path_factory):
     """Summaries of recordings that are analysed by themselves, by path."""
-    out, result = tmp_path_factory.mktemp("expected") / "summary.json", {}
+    out = tmp_path_factory.mktemp("expected") / "summary.json"
+    result = {}
     for path in (str(archive / name) for name in GOOD):
         assert main(["analyse", path, "--json", str(out), "--quiet"]) in (0, 1)
         result[path] = json.loads(out.read_text(encoding="utf-8"))
@@ -133,7 +137,8 @@ def check(rows, out, expected, archive):
 @pytest.fixture(scope="module")
 def analysed(archive, scheduler, tmp_path_factory):
     """Rows and folder of an archive that is analysed in the test's process."""
-    out, counts = tmp_path_factory.mktemp("out"), []
+    out = tmp_path_factory.mktemp("out")
+    counts = []
     rows = dd.analyse_fleet(
         archive / "**" / "*.mcap",
         out,
@@ -171,13 +176,15 @@ def test_restart(analysed, archive, scheduler, tmp_path):
         return {path.stem.rpartition("-")[0] for path in after if before.get(path) != after[path]}
 
     assert again() == set()
-    lost, touched = next(out.glob("monday-arm-*.json")), archive / "tuesday" / "arm.mcap"
+    lost = next(out.glob("monday-arm-*.json"))
+    touched = archive / "tuesday" / "arm.mcap"
     lost.unlink()
     (out / f"{lost.stem}.parquet.part").touch()  # of a run that was killed
     assert again() == {"monday-arm"} and not [*out.glob("*.part")]
     os.utime(touched, ns=(touched.stat().st_atime_ns, touched.stat().st_mtime_ns + S))
     assert again() == {"tuesday-arm"}
-    patterns, options = [str(archive / GOOD[0]), *patterns[-1:]], {}
+    patterns = [str(archive / GOOD[0]), *patterns[-1:]]
+    options = {}
     for more in (
         {"parameters": {"plausibility.jump": 0.5}},
         {"gain": 30.0},
@@ -189,7 +196,8 @@ def test_restart(analysed, archive, scheduler, tmp_path):
 
 def test_options_of_all_recordings(tmp_path, scheduler):
     """Topics and names of joints are those of read_recording."""
-    topics, names = ("/one", "/two"), {"left_*": "*"}
+    topics = "/one", "/two"
+    names = {"left_*": "*"}
     path = write_mcap(tmp_path / "x.mcap", few(["left_a", "left_b"], topics))
     options = {"topic": topics, "scheduler": scheduler, "model": arm("a", "b")}
     (row,) = dd.analyse_fleet([path], tmp_path / "out", joint_names=names, **options)
@@ -264,7 +272,9 @@ def test_the_page(analysed, archive, expected):
 def test_strange_names(tmp_path, scheduler):
     """Names of files and robots with characters of HTML, and bytes that are no UTF-8."""
     strange = "<i>&'\""
-    folder, out, urdf = tmp_path / strange, tmp_path / "out", tmp_path / "arm.urdf"
+    folder = tmp_path / strange
+    out = tmp_path / "out"
+    urdf = tmp_path / "arm.urdf"
     folder.mkdir()
     urdf.write_text(re.sub('name="[^"]*"', f'name="{html.escape(strange)}"', urdf_of("a"), count=1))
     paths = [
@@ -294,7 +304,8 @@ def test_wrong_arguments(tmp_path, monkeypatch):
 @pytest.mark.full
 def test_killed_worker(tmp_path, archive, expected):
     """A new process continues with what the killed one had not finished."""
-    out, finished = tmp_path / "out", {}
+    out = tmp_path / "out"
+    finished = {}
 
     def workers():
         children = psutil.Process().children(recursive=True)

@@ -106,7 +106,8 @@ BITS = (
 def mutate_tree(rng, root):
     """Change one thing in a tree of elements."""
     elements = list(root.iter())
-    element, other = rng.choice(elements), rng.choice(elements)
+    element = rng.choice(elements)
+    other = rng.choice(elements)
     name = rng.choice(sorted(element.attrib) or ["name"])
     action = rng.randrange(8)
     if action < 3:

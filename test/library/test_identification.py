@@ -204,7 +204,8 @@ def test_payload(panda, known, seed):
         else recording(start, oracle, 100 + seed, 20.0, noise=1.0, resist=np.zeros_like)
     )
     result = dd.identify(data, start, "payload:panda_hand", reference=reference)
-    stated, (mass, centre, _) = result.quality["payload"], LOAD
+    stated = result.quality["payload"]
+    mass, centre, _ = LOAD
     assert stated["mass"] == pytest.approx(mass, rel=6e-3)
     np.testing.assert_allclose(stated["com"], centre, atol=3e-3)
     assert abs(stated["mass"] - mass) < 2.0 * stated["mass_deviation"]
@@ -229,7 +230,8 @@ def test_payload_without_noise_beside_a_reference(panda):
         for arm, seed in ((loaded(oracle), 11), (oracle, 111))
     )
     quality = dd.identify(data, start, "payload:panda_hand", reference=reference).quality
-    payload, (mass, centre, inertia) = quality["payload"], LOAD
+    payload = quality["payload"]
+    mass, centre, inertia = LOAD
     assert quality["effort_delay"] == [0.0]
     assert payload["mass"] == pytest.approx(mass, rel=2e-3)
     np.testing.assert_allclose(payload["com"], centre, atol=1e-3)
@@ -325,7 +327,9 @@ def test_units_are_judged_first(panda, noisy, factors, message):
 def test_a_joint_that_does_not_move_keeps_its_friction(panda):
     model, oracle = panda
     t, q, qd, qdd = motion(model, 6, 20.0, 250.0)
-    q[:, 4], qd[:, 4], qdd[:, 4] = q[0, 4], 0.0, 0.0
+    q[:, 4] = q[0, 4]
+    qd[:, 4] = 0.0
+    qdd[:, 4] = 0.0
     tau = efforts(oracle, q, qd, qdd) + friction(qd)
     result = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
     assert result.quality["velocity_delay"] == [0.0]
@@ -431,7 +435,7 @@ def eventful(panda):
     fine[500] = fine[499]
     rows = np.r_[0:12_000, 12_100:20_005, 20_300 : len(fine), 0 : len(fine) - 3000]
     data = recorded(model, *(column[rows] for column in (fine, q, qd, tau)))
-    moved = np.zeros(len(rows), dtype=bool)
+    moved = np.zeros(len(rows), bool)
     moved[[30_000, 30_004, 60_000]] = True
     return dd.Recording(model, replace(data.states, jumped=moved), data.offset, {}, [])
 
@@ -466,7 +470,8 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
 def test_held_out_part_of_delayed_velocities(panda):
     """All states that have velocities."""
     model, oracle = panda
-    data, delay = recording(model, oracle, 6, 10.0, 100.0), 0.0123
+    data = recording(model, oracle, 6, 10.0, 100.0)
+    delay = 0.0123
     late = np.column_stack([np.interp(data.t - delay, data.t, column) for column in data.qd.T])
     data = changed(data, qd=late)
     stamp = data.states.stamp - np.where(data.t < data.t[500], 0, 5 * 10**9)  # a restart

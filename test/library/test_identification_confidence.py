@@ -48,7 +48,9 @@ def arm():
 
 def recording(arm, seed, duration=20.0, missing=(), gains=1.0):
     """Return a noisy motion at 100 Hz with late velocities, and without efforts of some joints."""
-    (model, oracle), t, rng = arm, np.arange(0.0, duration, 0.01), np.random.default_rng(seed)
+    model, oracle = arm
+    t = np.arange(0.0, duration, 0.01)
+    rng = np.random.default_rng(seed)
     q, qd, qdd = fourier(rng, t, np.full(6, -2.0), np.full(6, 2.0))
     weight = np.abs(efforts(oracle, q, 0.0 * qd, 0.0 * qd))
     coulomb = (TRUTH["friction"] + TRUTH["load_friction"] * weight) * np.tanh(qd / V0)
@@ -145,9 +147,13 @@ def test_intervals_of_a_payload_contain_errors_of_gains(name):
 
     σ is at most twice the errors' spread, which 20 runs give to 16 %.
     """
-    arm, errors, deviations = Arm(name), [], []
-    mass, oracle = 2.0, arm.oracle({arm.link: (2.0, [0.03, -0.02, 0.08], 4e-3 * np.eye(3))})
-    model, t = arm.dynamics.model, np.arange(0.0, 20.0, 0.01)
+    arm = Arm(name)
+    errors = []
+    deviations = []
+    mass = 2.0
+    oracle = arm.oracle({arm.link: (2.0, [0.03, -0.02, 0.08], 4e-3 * np.eye(3))})
+    model = arm.dynamics.model
+    t = np.arange(0.0, 20.0, 0.01)
     for seed in range(20):
         rng = np.random.default_rng(seed)
         q, qd, qdd = arm.motion(rng, t, 1.7)
@@ -173,16 +179,20 @@ def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
     """As many as its rank at random states; with the columns of their first symbols they give its
     torques.
     """
-    text, rng = robot(path).urdf, np.random.default_rng(1)
+    text = robot(path).urdf
+    rng = np.random.default_rng(1)
     model = dd.load_urdf(text, locked_joints=locked)
     oracle = Oracle(text, model.dof_names, locked_joints=locked)
     layout = Layout(model, Regressors(model))
-    base, rows, torques = BaseParameters(layout), [], []
+    base = BaseParameters(layout)
+    rows = []
+    torques = []
     for q, qd, qdd in rng.uniform(-2.0, 2.0, (40, 3, model.nv)):
         state = oracle.configuration(q), oracle.to_pin(qd), oracle.to_pin(qdd)
         rows.append(pin.computeJointTorqueRegressor(oracle.model, oracle.data, *state).copy())
         torques.append(pin.rnea(oracle.model, oracle.data, *state))
-    Y, tau = np.vstack(rows), np.concatenate(torques)
+    Y = np.vstack(rows)
+    tau = np.concatenate(torques)
     singular = np.linalg.svd(Y, compute_uv=False)
     assert len(base.combinations) == rank == np.count_nonzero(singular > 1e-10 * singular[0])
     columns = []
@@ -199,9 +209,12 @@ def test_base_parameters_are_those_of_pinocchios_regressor(path, locked, rank):
 def test_a_motion_that_excites_a_part_of_the_base_parameters(arm):
     """Of an arm whose first joint stands, the recordings do not show the inertia about its axis."""
     model, oracle = arm
-    t, rng = np.arange(0.0, 8.0, 0.01), np.random.default_rng(3)
+    t = np.arange(0.0, 8.0, 0.01)
+    rng = np.random.default_rng(3)
     q, qd, qdd = fourier(rng, t, np.full(6, -2.0), np.full(6, 2.0))
-    q[:, 0], qd[:, 0], qdd[:, 0] = 0.3, 0.0, 0.0
+    q[:, 0] = 0.3
+    qd[:, 0] = 0.0
+    qdd[:, 0] = 0.0
     tau = efforts(oracle, q, qd, qdd) + 2.0 * np.tanh(qd / V0) + 0.1 * rng.normal(size=q.shape)
     result = dd.identify(recorded(model, t, q, qd, tau), model, "friction")
     assert result.quality["taken"] == ["friction"]
@@ -228,7 +241,8 @@ def test_intervals_of_base_parameters(arm):
     """From inertias wrong by a third, within 2 σ of the data alone."""
     model = arm[0]
     layout = Layout(model, Regressors(model))
-    truth, ratios = BaseParameters(layout).matrix @ layout.known[: layout.robot], []
+    truth = BaseParameters(layout).matrix @ layout.known[: layout.robot]
+    ratios = []
     for seed in range(5):
         result = dd.identify(recording(arm, seed, 30.0), model.perturbed(0.35, 10 + seed))
         assert "inertias" in result.quality["taken"]

@@ -91,8 +91,10 @@ def test_causes_are_named_on_a_desk_arm(arm, cause):
 @pytest.mark.parametrize("speed", [0.3, 2.5], ids=["by gravity", "by inertia"])
 def test_a_factor_of_all_joints_is_named(arm, factor, speed):
     t, q, qd, _ = motion(rate=50.0)
-    t, qd = t / speed, speed * qd
-    dynamics, qdd = dd.DiagonalDynamics(arm), np.gradient(qd, t, axis=0)
+    t = t / speed
+    qd = speed * qd
+    dynamics = dd.DiagonalDynamics(arm)
+    qdd = np.gradient(qd, t, axis=0)
     tau = factor * dynamics.inverse_dynamics(q, qd, qdd)
     with pytest.raises(
         dd.InputError, match="efforts of all joints seem to have another unit: they"
@@ -126,7 +128,8 @@ def test_an_unknown_payload_is_no_fault_of_efforts(arm, lacks, moving):
     model, real = (loaded, arm) if lacks else (arm, loaded)
     t, q, qd, _ = motion()
     is_moving = np.isin(np.arange(3), moving)
-    q, qd = np.where(is_moving, q, 0.3), np.where(is_moving, qd, 0.0)
+    q = np.where(is_moving, q, 0.3)
+    qd = np.where(is_moving, qd, 0.0)
     tau = dd.DiagonalDynamics(real).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
     result = dd.identify(recorded(model, t, q, qd, worn(tau, qd)), model, "friction")
     printed = " ".join(result.quality["findings"])
@@ -296,10 +299,13 @@ def test_axes_whose_gravity_does_not_change(kind, factor, key):
     """Inertia tells unit and sign, though a rotor may be part of it; efforts in closed form: mass
     or inertia times q̈.
     """
-    model, (t, q, qd, tau) = dd.load_urdf(axes_alone(kind)), motion()
-    count, weight = model.nv, (0.0, 0.0, 9.81 * MASSES[2])[: model.nv]
+    model = dd.load_urdf(axes_alone(kind))
+    t, q, qd, tau = motion()
+    count = model.nv
+    weight = (0.0, 0.0, 9.81 * MASSES[2])[: model.nv]
     carried = np.cumsum(MASSES[::-1])[::-1] if kind == "prismatic" else np.array([0.2])
-    q, qd = q[:, :count], qd[:, :count]
+    q = q[:, :count]
+    qd = qd[:, :count]
     efforts = (
         factor * (carried * np.gradient(qd, t, axis=0) + weight)
         + (factor == 0.0) * noise(tau, 1.0)[:, :count]
@@ -324,11 +330,13 @@ def commanded(tmp_path, capsys, command, columns, *options):
 
 def test_joints_that_move_one_after_the_other(arm):
     """Stiction holds the others at any torque within their friction."""
-    friction, recordings = np.array([0.03, 0.02, 0.01]), []
+    friction = np.array([0.03, 0.02, 0.01])
+    recordings = []
     for k, level in enumerate((0.9, -0.8, 0.7)):
         moves = np.arange(3) == k
         t, q, qd, _ = motion()
-        q, qd = np.where(moves, q, 0.3), np.where(moves, qd, 0.0)
+        q = np.where(moves, q, 0.3)
+        qd = np.where(moves, qd, 0.0)
         tau = dd.DiagonalDynamics(arm).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
         tau += friction * np.where(moves, np.tanh(qd / arm.friction_velocity), level)
         recordings.append(recording(t, q, qd, tau))
@@ -458,7 +466,8 @@ def test_each_parameter_has_its_own_motion(arm):
     """
     t, q, qd, _ = motion()
     q[:, 2], qd[:, 2] = 0.3 * q[:, 2] / np.ptp(q[:, 2]), 0.3 * qd[:, 2] / np.ptp(q[:, 2])
-    q[:, 0], qd[:, 0] = 0.1 * t, 0.1
+    q[:, 0] = 0.1 * t
+    qd[:, 0] = 0.1
     tau = dd.DiagonalDynamics(arm).inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
     tau = tau + 0.03 * np.tanh(qd / 5e-3) * [0.0, 1.0, 1.0] + 0.05
     joints = dd.identify(
@@ -531,7 +540,8 @@ def nothing_seen(tau, qd):
 )
 def test_results_of_exit_status_1(tmp_path, capsys, changed, key):
     t, q, qd, tau = motion()
-    columns, out = (t, q, qd, changed(tau, qd)), tmp_path / "quality.json"
+    columns = (t, q, qd, changed(tau, qd))
+    out = tmp_path / "quality.json"
     status, printed = commanded(
         tmp_path, capsys, "identify", columns, "--what", "friction", "--json", str(out)
     )

@@ -85,7 +85,8 @@ def test_every_solution_is_physical(count, payload):
     problem = Problem(rows.T @ rows, rows.T @ (rows @ target), [body], np.zeros(0, int))
     x, _ = solve(problem, inertias.parameters_of_pseudo(prior))
     assert inertias.is_physical(x)
-    gradient, J = problem.A @ x - problem.b, inertias.pseudo_inertia(x)
+    gradient = problem.A @ x - problem.b
+    J = inertias.pseudo_inertia(x)
     barrier = weight * np.tensordot(inertias.BASIS, np.linalg.inv(prior) - np.linalg.inv(J), 2)
     scale = np.abs(gradient).max() + weight * np.abs(np.linalg.inv(J)).max()
     np.testing.assert_allclose(gradient, -barrier, atol=1e-4 * scale)
@@ -119,12 +120,14 @@ def test_rows_are_pinocchios(one):
     """Y_p and Y_g − Y_∂ times parameters are M q̇ and g − Cᵀq̇; joints of an embedded mimic joint G
     are Gᵀ times these.
     """
-    (inputs, mimic), rng = one, np.random.default_rng(2)
+    inputs, mimic = one
+    rng = np.random.default_rng(2)
     model, free = (
         dd.load_urdf(inputs.urdf, mimic=how, **inputs.options) for how in (mimic, "free")
     )
     oracle = Oracle(inputs.urdf, free.dof_names, floating_base=free.floating_base)
-    G, start = np.eye(free.nv), 0.0
+    G = np.eye(free.nv)
+    start = 0.0
     if free.nv > model.nv:
         leaders = [model.mimics.get(name, (name, 1.0, 0.0)) for name in free.dof_names]
         start = np.array([offset for _, _, offset in leaders])
@@ -137,7 +140,8 @@ def test_rows_are_pinocchios(one):
     regressors = Regressors(model, range(1, len(model.bodies)))
     for _ in range(3):
         x = np.append(choose_inertias(model, oracle, rng), np.zeros(6 * model.nv))
-        q, qd = model.random(rng), rng.normal(size=model.nv)
+        q = model.random(rng)
+        qd = rng.normal(size=model.nv)
         q_free = q if len(G) == model.nv else G @ q + start
         state = oracle.configuration(q_free)
         v = oracle.to_pin(G @ qd)
@@ -173,7 +177,8 @@ def test_filtered_rows_hold_for_the_true_parameters():
     for interval in (4e-3, 1e-3):
         rng = np.random.default_rng(5)
         t = np.cumsum(rng.uniform(0.5, 1.5, round(3.0 / interval))) * interval
-        w, phase = rng.uniform(2.0, 4.0, model.nv), rng.uniform(0.0, 6.0, model.nv)
+        w = rng.uniform(2.0, 4.0, model.nv)
+        phase = rng.uniform(0.0, 6.0, model.nv)
         mean = np.where(np.isfinite(model.lower), 0.5 * (model.lower + model.upper), 0.0)
         angles = t[:, None] * w + phase
         q = mean + 0.3 * np.sin(angles)
@@ -197,9 +202,12 @@ def test_filtered_rows_hold_for_the_true_parameters():
 
 def test_rows_of_unknown_efforts_say_nothing():
     """Whatever number stands for them; the rows of the other joints are as they were."""
-    model, rng = dd.load_urdf(PANDA.urdf, mimic="free"), np.random.default_rng(0)
-    t, (q, qd, tau) = 0.01 * np.arange(200), rng.normal(size=(3, 200, model.nv))
-    true_parameters, regressors = np.arange(model.nv) != 3, Regressors(model)
+    model = dd.load_urdf(PANDA.urdf, mimic="free")
+    rng = np.random.default_rng(0)
+    t = 0.01 * np.arange(200)
+    q, qd, tau = rng.normal(size=(3, 200, model.nv))
+    true_parameters = np.arange(model.nv) != 3
+    regressors = Regressors(model)
     whole = regressors.sum_segment(t, q, qd, tau)
     part = regressors.sum_segment(t, q, qd, tau, true_parameters)
     assert whole[3].any() and not part[3].any()
@@ -211,7 +219,7 @@ def test_rows_of_unknown_efforts_say_nothing():
 def test_the_file_has_the_friction_velocity_that_was_fitted_with(column):
     model = dd.load_urdf(PANDA.urdf, mimic="free", friction_velocity=0.02)
     layout = Layout(model, Regressors(model))
-    free = np.zeros(layout.size, dtype=bool)
+    free = np.zeros(layout.size, bool)
     free[layout.own(column)[2]] = True
     expected = None if column == OFFSET else 0.02
     assert parameters_of(layout, layout.known, free).friction_velocity == expected

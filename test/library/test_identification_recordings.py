@@ -69,7 +69,8 @@ def panda(measured):
 def torque_error(model, recording):
     """Root mean square of the effort's error below 5 Hz, the mean over joints [N m]."""
     first = np.r_[True, np.diff(recording.t) > 0.0]
-    t, n = recording.t[first], model.nv
+    t = recording.t[first]
+    n = model.nv
     even = np.linspace(t[0], t[-1], len(t))
     interval = even[1] - even[0]
     columns = np.hstack([recording.q, recording.qd, recording.tau])[first]
@@ -106,7 +107,8 @@ def test_second_half_by_the_first(request, arm, middle, urdf, friction, inertias
     the first half.
     """
     model, read = request.getfixturevalue(arm)
-    first, second = read(None, middle), read(middle, None)
+    first = read(None, middle)
+    second = read(middle, None)
     assert urdf[0] < torque_error(without_friction(model), second) < urdf[1]
     for options, taken, limit in (
         ((("friction", "rotors"),), {"friction"}, friction),
@@ -163,7 +165,9 @@ def test_the_hand_that_the_panda_lacks(measured):
 )
 def test_balance_of_the_panda(tmp_path, hand):
     """The model without the hand explains what it should; with the hand, a payload is missing."""
-    path, urdf, out = path_of("panda"), tmp_path / "panda.urdf", tmp_path / "summary.json"
+    path = path_of("panda")
+    urdf = tmp_path / "panda.urdf"
+    out = tmp_path / "summary.json"
     text = Path(find_urdf("panda")).read_text(encoding="utf-8")
     urdf.write_text(text if hand else without_hand(text), encoding="utf-8")
     locked = f"locked_joints={[f'{name}={position}' for name, position in HELD.items()]}"
@@ -181,7 +185,8 @@ def test_balance_of_the_panda(tmp_path, hand):
 @FULL
 def test_balance_of_the_kuka(tmp_path):
     """In slow motion the change of kinetic and potential energy is explained."""
-    path, out = path_of("kuka"), tmp_path / "summary.json"
+    path = path_of("kuka")
+    out = tmp_path / "summary.json"
     urdf = str(path.with_name("kuka_lwr4.urdf"))
     main(["analyse", str(path), "--urdf", urdf, "--quiet", "--json", str(out)])
     summary = json.loads(out.read_text())

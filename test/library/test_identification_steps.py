@@ -37,7 +37,8 @@ def recording(model, oracle, seed, duration=15.0, noise=0.3, resist=lambda qd, g
     """Return a motion at 100 Hz with Pinocchio's efforts; noise 1 is 1e-4 rad, 1e-2 rad/s and 3 N
     m.
     """
-    t, rng = np.arange(0.0, duration, 0.01), np.random.default_rng(seed)
+    t = np.arange(0.0, duration, 0.01)
+    rng = np.random.default_rng(seed)
     q, qd, qdd = fourier(rng, t, np.full(model.nv, -2.0), np.full(model.nv, 2.0))
     tau = efforts(oracle, q, qd, qdd) + resist(qd, efforts(oracle, q, 0.0 * qd, 0.0 * qd))
     q_noise, qd_noise, tau_noise = noise * rng.normal(size=(3, *q.shape))
@@ -103,7 +104,9 @@ def test_a_pendulum_takes_the_few_parameters_that_it_has(seed):
     0.118.
     """
     true, wrong = (PENDULUM.format(inertia) for inertia in (0.01, 0.118))
-    model, rng, t = dd.load_urdf(wrong), np.random.default_rng(seed), np.arange(0.0, 15.0, 0.01)
+    model = dd.load_urdf(wrong)
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 15.0, 0.01)
     q, qd, qdd = fourier(rng, t, np.array([-2.0]), np.array([2.0]), fastest=5.0)
     tau = efforts(Oracle(true, model.dof_names), q, qd, qdd) + 0.05 * qd + 0.1 * np.tanh(qd / 5e-3)
     result = dd.identify(recorded(model, t, q, qd, tau + 0.02 * rng.normal(size=tau.shape)), model)
@@ -138,7 +141,8 @@ def test_friction_of_gears(geared):
     errors are.
     """
     truth, results = geared
-    names, errors = results[0].model.dof_names, []
+    names = results[0].model.dof_names
+    errors = []
     for result in results:
         assert result.quality["taken"] == ["friction", "gears"]
         deviations = result.parameters.origin["quality"]["deviations"]
@@ -171,10 +175,12 @@ def test_efforts_of_some_joints_only(worn, kind):
     """Nothing is fitted to an effort that no sensor measured; the others are identified, and the
     joint is named.
     """
-    tau, model = worn.tau.copy(), worn.model
+    tau = worn.tau.copy()
+    model = worn.model
     tau[:, 3] = {"missing": np.nan, "constant": 2.5}[kind]
     result = dd.identify(changed(worn, tau=tau), model, ("friction", "inertias"))
-    quality, others = result.quality, np.array([0, 1, 2, 4, 5])
+    quality = result.quality
+    others = np.array([0, 1, 2, 4, 5])
     assert "friction" in quality["taken"] and model.dof_names[3] not in result.parameters.joints
     np.testing.assert_allclose(result.model.friction[others], FRICTION[others], rtol=0.15)
     assert any("efforts of wrist_1_joint are" in text for text in quality["findings"])
@@ -237,7 +243,8 @@ def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
 
 
 def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
-    validate, count = quality.validate, np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
+    validate = quality.validate
+    count = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
 
     def validate_with_one_quiet_joint(models, *arguments):
         result, curves = validate(models, *arguments)
@@ -296,19 +303,24 @@ def test_friction_of_joints_that_stick(seed):
     """
     model = dd.load_urdf(desk_arm.URDF)
     true = {"friction": [0.03, 0.05, 0.04], "damping": [0.02, 0.02, 0.01]}
-    simulation, dynamics = dd.Simulation(model, **true), dd.DiagonalDynamics(model)
+    simulation = dd.Simulation(model, **true)
+    dynamics = dd.DiagonalDynamics(model)
     t, q, qd, _ = desk_arm.motion(20.0, 1000.0, seed=seed)
-    stands, states = t % 4.0 > 3.0, []
+    stands = t % 4.0 > 3.0
+    states = []
     moved = np.cumsum(~stands) - 1
-    q, qd = q[moved], np.where(stands[:, None], 0.0, qd[moved])
+    q = q[moved]
+    qd = np.where(stands[:, None], 0.0, qd[moved])
     simulation.reset(q[0], qd[0])
     for wanted, rate in zip(q, qd, strict=True):
-        at, v = simulation.q, simulation.qd
+        at = simulation.q
+        v = simulation.qd
         tau = dynamics.inverse_dynamics(at, v, 400.0 * (wanted - at) + 40.0 * (rate - v))
         tau += true["friction"] * np.sign(rate) + true["damping"] * rate
         states.append((at, v, tau))
         simulation.advance(tau)
-    rng, columns = np.random.default_rng(seed), np.array(states)[::5].swapaxes(0, 1)
+    rng = np.random.default_rng(seed)
+    columns = np.array(states)[::5].swapaxes(0, 1)
     noise = np.array([1e-5, 1e-3, 5e-3])[:, None, None] * rng.normal(size=columns.shape)
     result = dd.identify(recorded(model, t[::5], *(columns + noise)), model, "friction")
     assert (columns[1] == 0.0).mean() > 0.1 and result.quality["taken"] == ["friction"]
@@ -344,7 +356,8 @@ def test_friction_of_a_coupled_wrist(wrist):
     for data in wrist[1:]:  # the gate has 10 CPU-s
         model = data.model.with_parameters(COUPLING)
         result = dd.identify(recorded(model, data.t, data.q, data.qd, data.tau), model, "friction")
-        motor, deviations = result.model.couplings["wrist_3_joint"], result.quality["deviations"]
+        motor = result.model.couplings["wrist_3_joint"]
+        deviations = result.quality["deviations"]
         for value, truth, key in (
             (motor.damping, 0.4, "motor_damping"),
             (motor.friction, 0.9, "motor_friction"),
@@ -369,9 +382,11 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     if one of them is.
     """
     data = wrist[0]
-    path, table = tmp_path / "wrist.yaml", tmp_path / "x.npz"
+    path = tmp_path / "wrist.yaml"
+    table = tmp_path / "x.npz"
     dd.Parameters.from_dict(COUPLING | {"motor_efforts": True}).save(path)
-    model, efforts = dd.load_urdf(UR5, parameters=path), data.tau.copy()
+    model = dd.load_urdf(UR5, parameters=path)
+    efforts = data.tau.copy()
     efforts[:, 4] -= RATIO * data.tau[:, 5]
     efforts[-1, 5] = np.nan
     names = data.model.dof_names
@@ -384,7 +399,8 @@ def test_efforts_of_coupled_motors(wrist, tmp_path):
     read = dd.read_recording(table, model, parameters={"plausibility.beyond_velocity": 0.0})
     np.testing.assert_allclose(read.tau[:-1], data.tau[:-1], atol=1e-9)
     assert np.isnan(read.tau[-1, 4:]).all() and np.isfinite(read.tau[-1, :4]).all()
-    rate, unit = np.array([0, 0, 0, 0, 2.0, -0.5]), {"damping": 0.4, "friction": 0.9}
+    rate = np.array([0, 0, 0, 0, 2.0, -0.5])
+    unit = {"damping": 0.4, "friction": 0.9}
     coupled = {"couplings": {"wrist_3_joint": COUPLING["couplings"]["wrist_3_joint"] | unit}}
     torque = dd.DiagonalDynamics(data.model.with_parameters(coupled)).friction_torque(rate)
     np.testing.assert_allclose(
@@ -415,7 +431,8 @@ def test_a_known_payload_shows_gains_of_light_joints(arm, seed):
     model, _ = arm
     gains = np.array([0.1, 0.11, 0.12, 0.09, 0.02, 0.03])
     resist = {"resist": friction, "noise": 0.1}
-    loaded, unloaded = Oracle(UR5, model.dof_names), Oracle(UR5, model.dof_names)
+    loaded = Oracle(UR5, model.dof_names)
+    unloaded = Oracle(UR5, model.dof_names)
     loaded.append_body("wrist_3_link", 2.805, (0.04, 0.11, 0.02), np.diag([4e-3, 4e-3, 5e-3]))
     carrying, reference = (
         recording(model, oracle, seed + k, **resist) for k, oracle in enumerate((loaded, unloaded))
@@ -455,12 +472,14 @@ def test_gains_of_the_file_are_applied_once(tmp_path):
     """Readers multiply by them, options have precedence, efforts of other joints are unknown, and
     gains of gains are 1.
     """
-    names, gains = ("pan", "lift", "elbow"), np.array([0.5, 0.02, 0.05])
+    names = "pan", "lift", "elbow"
+    gains = np.array([0.5, 0.02, 0.05])
     t, q, qd, tau = desk_arm.motion(20.0)
     table = desk_arm.write_table(tmp_path / "raw.csv", t, q, qd, tau / gains)
     (tmp_path / "desk.urdf").write_text(desk_arm.URDF)
     arguments = [str(table), "--urdf", str(tmp_path / "desk.urdf"), "--what", "gains", "--quiet"]
-    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    first = tmp_path / "first.yaml"
+    second = tmp_path / "second.yaml"
     assert main(["identify", *arguments, "-o", str(first)]) in (0, 1)
     assert main(["identify", *arguments, "--parameters", str(first), "-o", str(second)]) in (0, 1)
     for path in (first, second):
@@ -483,7 +502,8 @@ def test_gains_of_the_file_are_applied_once(tmp_path):
 
 
 def test_gains_beneath_noise_are_unknown():
-    model, (t, q, qd, tau) = dd.load_urdf(desk_arm.URDF), desk_arm.motion(20.0)
+    model = dd.load_urdf(desk_arm.URDF)
+    t, q, qd, tau = desk_arm.motion(20.0)
     tau[:, 2] += 6.0 * tau[:, 2].std() * np.random.default_rng(5).normal(size=len(t))
     gains = dd.identify(desk_arm.recording(t, q, qd, tau), model, "gains").quality["effort_gain"]
     assert [name for name, gain in gains.items() if gain] == ["lift"]

@@ -23,7 +23,7 @@ LONG = 1e6 * S
 
 def accept(assembler, names, stamp, position, velocity=()):
     """Have an assembler judge a joint state stamped `stamp` [ns]."""
-    values = [np.array(field, dtype=float) for field in (position, velocity, ())]
+    values = [np.array(field, float) for field in (position, velocity, ())]
     return assembler.accept_values(names, *divmod(int(stamp), S), values, 0)
 
 
@@ -125,7 +125,8 @@ def test_many_positions_of_each_stamp(count, dt, time):
 
 def texts(period, count, position, velocity, timeout=0.5):
     """Return the text after each state of two joints, by functions of time."""
-    names, result = ("shoulder", "elbow"), []
+    names = "shoulder", "elbow"
+    result = []
     assembler = StateAssembler(Joints(names), Options(stuck_timeout=timeout))
     for k in range(count):
         accept(

@@ -58,7 +58,8 @@ def streams(draw):
     parameters = draw(st.sampled_from(cases)).parameters | draw(st.sampled_from(cases)).parameters
     steps = st.sampled_from([step for case in cases for step in case.steps[:5]])
     delays = st.sampled_from((0, 0, 1, 5 * MS, 2 * S))
-    messages, delay = [], 0
+    messages = []
+    delay = 0
     for step in draw(st.lists(steps, min_size=5, max_size=40)):
         delay += draw(delays)
         messages.append(Message(step.raw, step.now + delay, step.odometry))
@@ -110,7 +111,7 @@ def test_efforts_without_gravity():
 
 # --- rejected messages
 
-ACCEPTED = ("stale joint", "stale odometry")
+ACCEPTED = "stale joint", "stale odometry"
 """Causes of states that are rejected, while the message itself is accepted."""
 
 SUSPECTS = (
@@ -123,10 +124,10 @@ SUSPECTS = (
 )
 """Causes of messages that time, a clock or the robot may turn out to have followed."""
 
-TURNED = ("time jumped back", "positions jumped")
+TURNED = "time jumped back", "positions jumped"
 """Counters of messages that confirm this."""
 
-NAMED = ("received", "odometry received")
+NAMED = "received", "odometry received"
 """Counters that rejected messages may raise, or keep from being raised, for themselves and
 others.
 """
@@ -134,7 +135,8 @@ others.
 
 def rejections(robot, parameters, messages):
     """Return the place and the cause of each rejected message."""
-    reader, result = Reader(model(robot), parameters), []
+    reader = Reader(model(robot), parameters)
+    result = []
     for k, message in enumerate(messages):
         before = Counter(reader.counts)
         reader.read(message)

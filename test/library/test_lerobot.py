@@ -18,7 +18,7 @@ from hostile import MS, START, Driver
 FPS, LENGTHS = 50, (40, 25, 31)
 JOINTS = tuple(f"panda_joint{k}" for k in range(1, 8))
 RADIANS = {"scale": {"position": "rad"}}
-OWN = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+OWN = "timestamp", "frame_index", "episode_index", "index", "task_index"
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,8 @@ def test_episodes_are_recordings(dataset, arm, motion):
 
 def test_the_command_analyses_all_episodes(dataset, tmp_path, capsys):
     """A dataset stands for its episodes, in the order of their numbers."""
-    out, columns = tmp_path / "all.json", tmp_path / "map.yaml"
+    out = tmp_path / "all.json"
+    columns = tmp_path / "map.yaml"
     columns.write_text("scale: {position: rad}")
     arguments = ["analyse", str(dataset), "--urdf", "panda", "--set", "locked_joints=*"]
     arguments += ["--columns", str(columns)]
@@ -161,7 +162,7 @@ def test_the_unit_of_positions_is_asked_for(dataset, arm):
             dd.read_recording(f"{dataset}#0", arm, columns)
 
 
-DESK = ("shoulder_pan", "elbow_flex", "gripper")
+DESK = "shoulder_pan", "elbow_flex", "gripper"
 
 
 def test_units_and_names_are_never_guessed(tmp_path):

@@ -73,7 +73,8 @@ def test_energy_is_stacked_by_joint(count, recording, monkeypatch):
     t, K = curve(axes, "K")
     assert np.allclose(t, T[:2000], atol=1e-12) and np.allclose(K, s.kinetic_energy, rtol=1e-12)
     shares = dict(zip(PANDA.dof_names, s.energy_share.T, strict=True))
-    below, others = np.zeros(len(t)), set(PANDA.dof_names)
+    below = np.zeros(len(t))
+    others = set(PANDA.dof_names)
     for layer in axes.collections:
         at, top = layer.get_paths()[0].vertices.T
         edge = np.array([top[at == x].max() for x in t[::100]])
@@ -81,7 +82,8 @@ def test_energy_is_stacked_by_joint(count, recording, monkeypatch):
         chosen = others if label == "3 others" else {label}
         expected = sum(shares[joint] for joint in chosen)
         assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
-        others, below = others - chosen, below + expected
+        others = others - chosen
+        below = below + expected
     assert not others and axes.get_ylabel() == "kinetic energy [J]"
 
 
@@ -98,7 +100,8 @@ def test_gaps_have_no_line(recording):
 def test_peaks_are_drawn():
     """The largest of 100 000 values, and the smallest, at its time."""
     velocity = np.full((100_000, 8), 1.0)
-    velocity[12345], velocity[54321] = 0.5, 2.0
+    velocity[12345] = 0.5
+    velocity[54321] = 2.0
     at, K = curve(dd.plot.energy(sliding(velocity), np.arange(100_000) * 1e-3), "K")
     assert len(K) < 5000
     assert (K.min(), K.max()) == pytest.approx((1.0, 16.0))

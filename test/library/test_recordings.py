@@ -59,7 +59,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
     """To the last bit, of hostile recordings in pieces of any size; all that a case is about
     occurs.
     """
-    case, total = CASES[name], Counter()
+    case = CASES[name]
+    total = Counter()
     for seed in seeds:
         messages = hostile_messages(case, seed)
         path = write_case(tmp_path / "x.mcap", messages)
@@ -105,7 +106,8 @@ def test_states_and_counts_are_the_monitors(tmp_path, name, seeds):
 
 def test_part_of_a_recording(tmp_path, panda):
     pairs = driven(panda, 1000)
-    path, first = states_written(tmp_path / "x.mcap", pairs), pairs[0][1]
+    path = states_written(tmp_path / "x.mcap", pairs)
+    first = pairs[0][1]
     part = dd.read_recording(path, panda, start=0.5, end=1.25)
     whole = dd.read_recording(path, panda)
     assert whole.findings == [] and "1000 states" in repr(whole)

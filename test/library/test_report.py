@@ -61,9 +61,11 @@ def test_columns_of_tables(tmp_path):
     xml = urdf_of("turn", "slide").replace('"slide" type="continuous"', '"slide" type="prismatic"')
     xml = xml.replace("</joint>", '<dynamics damping="0.5"/></joint>', 1)
     (tmp_path / "arm.urdf").write_text(xml)
-    model, t = dd.load_urdf(xml), np.arange(400) / 500.0
+    model = dd.load_urdf(xml)
+    t = np.arange(400) / 500.0
     q = np.stack([np.sin(3.0 * t), 0.1 * np.cos(2.0 * t)], axis=1)
-    qd, tau = np.gradient(q, t, axis=0), np.stack([1.0 + t, 5.0 - t], axis=1)
+    qd = np.gradient(q, t, axis=0)
+    tau = np.stack([1.0 + t, 5.0 - t], axis=1)
     tau[100:120, 1] = np.nan
     np.savez(tmp_path / "arm.npz", t=t, q=q, qd=qd, tau=tau)
     paths = [str(tmp_path / name) for name in ("arm.npz", "arm.urdf", "out.parquet", "out.csv")]
@@ -83,7 +85,8 @@ def test_columns_of_tables(tmp_path):
     s = dd.DiagonalDynamics(model).evaluate(
         q, qd, np.where(unknown[:, None], 0.0, tau), friction=True
     )
-    hidden, stamps = np.where(unknown, np.nan, 1.0), np.rint(t * 1e9)
+    hidden = np.where(unknown, np.nan, 1.0)
+    stamps = np.rint(t * 1e9)
     expected = {"stamp": stamps, "oldest_stamp": stamps, "kinetic_energy": s.kinetic_energy}
     expected |= {"base_energy": s.base_energy, "power": s.effort_power * hidden}
     expected |= {
@@ -129,7 +132,8 @@ def test_columns_of_tables(tmp_path):
 
 def test_names_that_are_no_utf8(recording):
     """Of recordings and outputs; a link stays one, and the file that it leads to is replaced."""
-    folder, name = recording.folder / os.fsdecode(b"caf\xe9"), os.fsdecode(b"\xff")
+    folder = recording.folder / os.fsdecode(b"caf\xe9")
+    name = os.fsdecode(b"\xff")
     folder.mkdir()
     (folder / "older").write_text("of yesterday")
     paths = {kind: folder / f"{name}.{kind}" for kind in ("mcap", "parquet", "csv")}
@@ -157,8 +161,10 @@ def in_pieces(states, size):
 
 
 def test_no_peak_is_missing_from_the_overview():
-    rng, count = np.random.default_rng(3), 40_000
-    K, norm = np.cumsum(rng.normal(size=count)), np.abs(rng.normal(size=count))
+    rng = np.random.default_rng(3)
+    count = 40_000
+    K = np.cumsum(rng.normal(size=count))
+    norm = np.abs(rng.normal(size=count))
     norm[::7] = np.nan
     overview = Overview(500)
     for piece in in_pieces(states_of(np.arange(count) * 1e-3, K=K, norm=norm), 7001):
@@ -186,7 +192,8 @@ def test_all_states_around_contacts_are_kept(size):
             contacts.finish()
         )
 
-    t, edges = np.arange(20_000) * 1e-3, [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
+    t = np.arange(20_000) * 1e-3
+    edges = [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
     collision = np.any(
         [(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)],
         axis=0,
@@ -235,7 +242,8 @@ def test_packed_numbers_come_back():
     """Steps of noisy columns are a third of its standard deviation, and never coarser than the
     signal needs.
     """
-    rng, t = np.random.default_rng(6), np.linspace(0.0, 9.0, 3000)
+    rng = np.random.default_rng(6)
+    t = np.linspace(0.0, 9.0, 3000)
     columns = (
         np.sin(t),
         1e-9 * rng.normal(size=3000),
@@ -243,7 +251,8 @@ def test_packed_numbers_come_back():
         np.full(3000, 2.5),
     )
     numbers = np.stack(columns, axis=1)
-    numbers[100:200, 0], numbers[5, 1] = np.nan, np.inf
+    numbers[100:200, 0] = np.nan
+    numbers[5, 1] = np.inf
     packed = pack(numbers)
     result = unpacked(packed.data, packed.columns, len(numbers))
     numbers[5, 1] = np.nan
@@ -262,7 +271,7 @@ def test_meshes_have_fewer_vertices_and_the_largest_are_left_out():
     rng = np.random.default_rng(7)
     points = rng.normal(size=(3000, 3)).astype("<f4")
     faces = rng.integers(0, 3000, (9000, 3)).astype("<u4")
-    data = np.array([3000, 9000], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
+    data = np.array([3000, 9000], "<u4").tobytes() + points.tobytes() + faces.tobytes()
     whole = len(pack_mesh(data))
     assert set(pack_meshes({"a": data, "b": data}, 2 * whole)) == {"a", "b"}
     assert len(pack_meshes({"a": data, "b": data}, whole)) == 1
@@ -278,12 +287,14 @@ def track_of(told, blocks, track):
     """Return times of a track, and its fields by name with their states."""
     first, *others = (blocks[k] for k in track["blocks"])
     steps = np.frombuffer(gzip.decompress(first), np.uint8).reshape(-1, track["rows"])
-    sizes, result = {field["name"]: field["size"] for field in told["layout"]["fields"]}, {}
+    sizes = {field["name"]: field["size"] for field in told["layout"]["fields"]}
+    result = {}
     for part, data in zip(track["parts"], others, strict=False):
         every = slice(None, None, part["every"])
         numbers = unpacked(data, part["columns"], -(-track["rows"] // part["every"]))
         for name in part["fields"]:
-            result[name], numbers = (numbers[:, : sizes[name]], every), numbers[:, sizes[name] :]
+            result[name] = (numbers[:, : sizes[name]], every)
+            numbers = numbers[:, sizes[name] :]
     return np.cumsum(256.0 ** np.arange(len(steps)) @ steps) * 0.5e-6, result
 
 
@@ -325,12 +336,15 @@ def test_the_numbers_are_those_of_frames(recording):
         points.names
     )
     maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
-    hand, places = content["layout"]["end_effector"], maker.layout.places
+    hand = content["layout"]["end_effector"]
+    places = maker.layout.places
     for track in content["tracks"]:
         t, result = track_of(content, blocks, track)
         which = np.rint(t * RATE).astype(int)
         np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
-        q, qd, tau = recording.q[which], recording.qd[which], recording.tau[which]
+        q = recording.q[which]
+        qd = recording.qd[which]
+        tau = recording.tau[which]
         evaluation = recording.dyn.evaluate(q, qd, tau)
         states = States.of(t, q, qd, tau, evaluation)
         numbers = maker.frames(
@@ -342,10 +356,12 @@ def test_the_numbers_are_those_of_frames(recording):
         numbers[:, mass] = np.log10(numbers[:, mass])
         smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
         for name in COMPARED:
-            (columns, every), expected = result[name], numbers[:, places[name]]
+            columns, every = result[name]
+            expected = numbers[:, places[name]]
             is_slow = name in SLOW and track is whole
             assert (every.step or 1) == (EVERY if is_slow else 1)
-            error, size = np.abs(columns - expected[every]), np.abs(expected).max()
+            error = np.abs(columns - expected[every])
+            size = np.abs(expected).max()
             if name.startswith("p_"):
                 assert (error[smooth] <= 2e-3 * size).all(), name
             elif name.startswith("contact_limits"):
@@ -370,7 +386,8 @@ def test_contacts_of_which_nothing_is_known(recording, capsys, given, efforts, m
     if not efforts:
         del columns["tau"]
     _, summary = recording.analyse("part", "--set", *given, **columns)
-    observer, printed = summary["observer"], " ".join(capsys.readouterr().out.split())
+    observer = summary["observer"]
+    printed = " ".join(capsys.readouterr().out.split())
     assert (observer["missing"], observer["observed"], summary["collisions"]) == (
         missing,
         749 * efforts,
@@ -457,7 +474,8 @@ def test_contacts_and_the_touched_link(recording):
     """A weak push is a contact and no collision. States of both have the link and the force that
     the library estimates.
     """
-    names, covariance = recording.model.dof_names, np.diag([0.2, 0.3, 0.1]) ** 2
+    names = recording.model.dof_names
+    covariance = np.diag([0.2, 0.3, 0.1]) ** 2
     (recording.folder / "pushes.yaml").write_text(
         f"""/**:
   ros__parameters:
@@ -477,7 +495,8 @@ def test_contacts_and_the_touched_link(recording):
     assert content["layout"]["frames"] == ["tool"]
     times, result = track_of(content, blocks, content["tracks"][0])
     fields = {name: columns for name, (columns, _) in result.items()}
-    flags, links = fields["flags"][:, 0].astype(int), recording.model.link_names
+    flags = fields["flags"][:, 0].astype(int)
+    links = recording.model.link_names
     pushed = (flags & (CAUSES["contact"] | CAUSES["collision"])) > 0
     assert all(pushed[np.abs(times - at) < 0.3].sum() > 4 for at in (2.2, 5.2))
     assert np.isnan(fields["touched_link"][~pushed]).all() and np.isfinite(fields["wrench"]).any()

@@ -27,9 +27,9 @@ from diag_dynamics.recordings.tables.table import Table
 from diag_dynamics.recordings.tables.template import write_template
 from examples import examples
 
-JOINTS = ("shoulder", "elbow", "wrist")
+JOINTS = "shoulder", "elbow", "wrist"
 """Of the robot, from the base to the tip."""
-FIELDS = ("position", "velocity", "effort")
+FIELDS = "position", "velocity", "effort"
 ROWS = 5
 LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0, "missing_velocity": "estimate"} | {
     "plausibility.jump": 0.0
@@ -115,7 +115,8 @@ TIMES = {"t": 1.0, "Time [ms]": 1e3, "timestamp_us": 1e6, "header.stamp": 1.0, "
 @st.composite
 def headers(draw, kind):
     """Return cells by header in any order, and the factor of positions to SI."""
-    form, unit = draw(st.sampled_from(kind)), draw(st.sampled_from(sorted(LIMITS)))
+    form = draw(st.sampled_from(kind))
+    unit = draw(st.sampled_from(sorted(LIMITS)))
     first = draw(st.integers(0, 1))
     labels = JOINTS if kind is NAMED else range(first, first + len(JOINTS))
     time = draw(st.sampled_from(sorted(TIMES)))
@@ -158,7 +159,7 @@ def test_changed_headers_are_never_read_wrong(tmp_path_factory, data, at, letter
     except dd.InputError:
         return
     rows = np.rint((recording.t - 0.01) * 100).astype(int)
-    scales = (factor, 1.0, 1.0)
+    scales = factor, 1.0, 1.0
     for values, truth, scale in zip(
         (recording.q, recording.qd, recording.tau), TRUTH, scales, strict=True
     ):
@@ -206,7 +207,8 @@ def test_values_without_a_name_are_counted(tmp_path):
 
 def test_arrays_are_read_by_their_names(tmp_path):
     """Arrays and lists of as many columns as joints."""
-    t, (q, qd, tau) = np.arange(1, ROWS + 1) / 100, np.array(TRUTH)
+    t = np.arange(1, ROWS + 1) / 100
+    q, qd, tau = np.array(TRUTH)
     np.savez(tmp_path / "x.npz", times=t, positions=q, velocities=qd, torques=tau, target=q)
     recording = read(tmp_path / "x.npz")
     require_truth(recording)
@@ -282,7 +284,7 @@ def test_comments_and_metadata_that_may_state_an_order_are_an_error(tmp_path, co
     np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.array(JOINTS, object))
     with pytest.raises(dd.InputError, match=r"'names: .*' may state their order"):
         read(tmp_path / "x.npz")
-    np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.ones(3, dtype=bool))
+    np.savez(tmp_path / "x.npz", t=[1.0], q=np.ones((1, 3)), names=np.ones(3, bool))
     assert "position" in str(read(tmp_path / "x.npz").findings)
 
 
@@ -308,7 +310,7 @@ def test_numbers_of_fewer_joints_are_those_that_carry_the_others(tmp_path, paren
     """What else they may be is an error; `locked_joints` has the joints without columns."""
     columns = {f"q{k}": cells("position", joint) for k, joint in enumerate(JOINTS, 1)}
     path = write(tmp_path, {"t": [0.1 * row for row in range(ROWS)], **columns})
-    inertia = (0.1, 0, 0, 0.1, 0, 0.1)
+    inertia = 0.1, 0, 0, 0.1, 0, 0.1
     parts = [robots.link("l0")]
     for k, (parent, name) in enumerate(zip(parents, names, strict=True), 1):
         parts += [robots.link(f"l{k}", 1.0, (0, 0.1, 0), inertia)]

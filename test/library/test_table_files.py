@@ -36,8 +36,8 @@ from diag_dynamics.recordings.recording import Reading
 from examples import examples
 from pages import blocks_of
 
-ARM = ("shoulder", "elbow", "wrist")
-FIELDS = ("position", "velocity", "effort")
+ARM = "shoulder", "elbow", "wrist"
+FIELDS = "position", "velocity", "effort"
 LOOSE = {"joint_timeout": ["*=0"], "stuck_timeout": 0.0} | {"plausibility.jump": 0.0}
 """Parameters by which every finite number with a velocity is a state."""
 FREE = LOOSE | {"missing_velocity": "estimate", "velocity_filter_time": 0.0}
@@ -176,7 +176,8 @@ def long_text():
     """A text of several pieces that no packer does in one go, the last line of which is no row; and
     its positions.
     """
-    positions, pad = [random.Random(4).random() + 1e-6 * k for k in range(25_000)], "x" * 20
+    positions = [random.Random(4).random() + 1e-6 * k for k in range(25_000)]
+    pad = "x" * 20
     rows = "".join(f"{k / 1000},{entry},0,{pad}\n" for k, entry in enumerate(positions))
     return f"t,q1,qd1,pad\n{rows}1\n".encode(), positions
 
@@ -286,7 +287,8 @@ def test_a_damaged_row_group_is_left_out(written):
     content = bytearray(path.read_bytes())
     for group in (3, 9):
         chunk = parquet.ParquetFile(path).metadata.row_group(group).column(1)
-        begin, size = chunk.data_page_offset, chunk.total_compressed_size
+        begin = chunk.data_page_offset
+        size = chunk.total_compressed_size
         content[begin : begin + size] = b"\xff" * size
     path.write_bytes(content)
     recording = read(path)
@@ -389,7 +391,8 @@ def found(recording):
         [round(10 * (x - 0.02), 6) for x in entry[-1]]
         for entry in (states.position, states.velocity, states.effort)
     )
-    estimated, effort = states.velocity_estimated[-1], states.effort_known[-1]
+    estimated = states.velocity_estimated[-1]
+    effort = states.effort_known[-1]
     return (
         round(10 * (recording.t[-1] - 0.02)),
         q,
@@ -806,7 +809,8 @@ def test_logs_of_universal_robots(written, delimiter):
     values = np.random.default_rng(2).normal(size=(30, len(header)))
     values[:, 0] = 1000 + np.arange(30) / 500
     lines = [delimiter.join(header), *(delimiter.join(map(repr, row)) for row in values.tolist())]
-    path, at = written("\n".join(lines) + "\n"), {name: header.index(f"{name}_0") for name in RTDE}
+    path = written("\n".join(lines) + "\n")
+    at = {name: header.index(f"{name}_0") for name in RTDE}
     recording = read(path, {key: entry for key, entry in columns.items() if key != "scale"}, UR)
     for numbers, name in (
         (recording.q, "actual_q"),
@@ -876,7 +880,8 @@ def test_a_rate_in_place_of_times(written):
 
 def test_files_side_by_side(tmp_path):
     """Headers may have joints, numbers or nothing."""
-    values, t = side_by_side(30_000), np.arange(30_000) / 500
+    values = side_by_side(30_000)
+    t = np.arange(30_000) / 500
     for names, more in ((ARM, {}), (("j1", "j2", "j3"), {}), ((), {"header": False})):
         paths = [
             save(tmp_path, f"log_{name}.csv", None, entry, names) for name, entry in values.items()
@@ -901,7 +906,8 @@ def test_files_side_by_side(tmp_path):
 
 
 def test_files_that_are_not_side_by_side(tmp_path):
-    values, t = side_by_side(50), np.arange(50) / 500
+    values = side_by_side(50)
+    t = np.arange(50) / 500
     paths = [save(tmp_path, f"{name}.csv", t, values["q"]) for name in ("q", "cmd_qd")]
     assert read(paths, None, ARM).states.velocity_estimated.all()
     q = save(tmp_path, "q.csv", t, values["q"])
@@ -919,7 +925,8 @@ def test_files_that_are_not_side_by_side(tmp_path):
 
 def test_efforts_that_begin_late(tmp_path):
     """A column of lists without values in the first rows is read as the others are."""
-    count, late = 400, 150
+    count = 400
+    late = 150
     efforts = [None] * late + [[0.5]] * (count - late)
     columns = {"t": 0.01 * np.arange(count), "position": [[0.1]] * count, "effort": efforts}
     parquet.write_table(pa.table(columns), tmp_path / "late.parquet", row_group_size=100)

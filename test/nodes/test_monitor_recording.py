@@ -40,7 +40,8 @@ class Live:
     """A monitor whose clock is the time of reception of each message."""
 
     def __init__(self, peer, namespace, urdf, parameters):
-        self.peer, self.name = peer, f"{namespace}/diag_dynamics"
+        self.peer = peer
+        self.name = f"{namespace}/diag_dynamics"
         self.inputs = {
             "/joint_states": peer.publisher(JointState, f"{namespace}/joint_states"),
             "/odom": peer.publisher(Odometry, f"{namespace}/odom"),
@@ -82,7 +83,7 @@ ARM = """<robot name="arm"><link name="base"/>
 <origin xyz="0 0 0.4"/><axis xyz="0 1 0.5"/>
 <limit lower="-0.45" upper="3" velocity="4" effort="90"/><dynamics damping="0.3" friction="0.6"/>
 </joint></robot>"""
-JOINTS = ("lift", "turn")
+JOINTS = "lift", "turn"
 PUSHED = {"external_torque.gain": 30.0, "collision.threshold": ["norm=6"], "max_age": 0.0}
 ALARMS = {
     "external_torque.gain": 30.0,
@@ -159,12 +160,17 @@ def pushed_messages():
     """Return messages of an arm that is pushed in motion and at rest, with a gap, a jump, and
     missing or held values.
     """
-    model, rng = pin.buildModelFromXML(ARM), np.random.default_rng(3)
-    data, messages = model.createData(), []
-    damping, friction = np.array([0.8, 0.3]), np.array([1.5, 0.6])
+    model = pin.buildModelFromXML(ARM)
+    rng = np.random.default_rng(3)
+    data = model.createData()
+    messages = []
+    damping = np.array([0.8, 0.3])
+    friction = np.array([1.5, 0.6])
     for k in range(900):
-        t, phase = 0.01 * k, np.array([0.0, 1.0])
-        w, a = np.array([2.0, 3.1]), np.array([0.7, 0.5])
+        t = 0.01 * k
+        phase = np.array([0.0, 1.0])
+        w = np.array([2.0, 3.1])
+        a = np.array([0.7, 0.5])
         q = a * np.sin(w * t + phase)
         qd = a * w * np.cos(w * t + phase)
         qdd = -a * w * w * np.sin(w * t + phase)
@@ -215,7 +221,8 @@ def analysed(folder, parameters, topics=("external_torque",)):
         yaml.safe_dump({"/**": {"ros__parameters": parameters}}), encoding="utf-8"
     )
     arguments = ["--urdf", str(folder / "arm.urdf"), "--parameters", str(folder / "monitor.yaml")]
-    out, summary = folder / "out.mcap", folder / "summary.json"
+    out = folder / "out.mcap"
+    summary = folder / "summary.json"
     outputs = ["--json", str(summary), "--mcap", str(out), "--topics", ",".join(topics), "--quiet"]
     assert main(["analyse", str(folder / "in.mcap"), *arguments, *outputs]) < 2
     with out.open("rb") as stream:

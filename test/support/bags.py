@@ -125,7 +125,8 @@ def write_mcap(
     with open(path, "wb") as file:
         writer = Writer(file, compression=compression, chunk_size=chunk_size, **options)
         writer.start(profile="ros2")
-        schemas, channels = {}, {}
+        schemas = {}
+        channels = {}
         for message in messages:
             if message.type not in schemas:
                 schemas[message.type] = writer.register_schema(

@@ -76,7 +76,9 @@ class Reader:
 
     def __init__(self, robot, parameters):
         chosen = settings(parameters)
-        self.counts, self.states, self.rejections = Counter(), [], []
+        self.counts = Counter()
+        self.states = []
+        self.rejections = []
         self.base = (
             OdometryBase(robot, chosen.values["odom_twist_frame"] == "header")
             if robot.floating_base
@@ -155,7 +157,9 @@ def read_messages(robot, parameters, messages):
 
 def read_columns(robot, parameters, messages, pieces=1):
     """Return the result by the columns of a recording, read in some pieces."""
-    intake, decoder, states = Intake(robot, settings(parameters)), Decoder(), []
+    intake = Intake(robot, settings(parameters))
+    decoder = Decoder()
+    states = []
     kinds = np.array([JOINT_STATE, ODOMETRY])
     for part in np.array_split(np.arange(len(messages)), pieces):
         result = intake.read(decode_messages(decoder, recorded([messages[k] for k in part]), kinds))
@@ -183,12 +187,12 @@ def read_columns(robot, parameters, messages, pieces=1):
 
 def recorded(messages):
     """Return messages as readers of bags give them."""
-    size = np.array([len(message.raw) for message in messages], dtype=int)
+    size = np.array([len(message.raw) for message in messages], int)
     data = np.frombuffer(b"".join(message.raw for message in messages), dtype=np.uint8)
-    times = np.array([message.now for message in messages], dtype=int)
+    times = np.array([message.now for message in messages], int)
     return Messages(
         data,
-        np.array([int(message.odometry) for message in messages], dtype=int),
+        np.array([int(message.odometry) for message in messages], int),
         np.cumsum(size) - size,
         size,
         times,

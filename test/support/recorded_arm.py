@@ -32,7 +32,8 @@ class Recording:
     """A recording of an arm that swings, pushed once; and reports of it."""
 
     def __init__(self, folder):
-        self.folder, self.urdf = folder, folder / "arm.urdf"
+        self.folder = folder
+        self.urdf = folder / "arm.urdf"
         self.urdf.write_text(ARM)
         (folder / "limits.yaml").write_text(
             "regions: {nobody: {mass: 3.0, stiffness: 20000, force: 60}}"
@@ -45,7 +46,9 @@ class Recording:
         t = np.arange(0.0, LENGTH, 1.0 / RATE)
         pace = 0.7 + 0.3 * np.arange(self.model.nv)
         phase = pace * t[:, None]
-        q, qd, qdd = 0.6 * np.sin(phase), 0.6 * pace * np.cos(phase), -0.6 * pace**2 * np.sin(phase)
+        q = 0.6 * np.sin(phase)
+        qd = 0.6 * pace * np.cos(phase)
+        qdd = -0.6 * pace**2 * np.sin(phase)
         tau = self.dyn.inverse_dynamics(q, qd, qdd)
         for (begin, end), force in zip(pushes, forces, strict=False):
             tau[(t >= begin) & (t < end), 1] -= force

@@ -82,11 +82,13 @@ class Base:
     """Sends odometry of a base in slow motion, with whatever goes wrong with it."""
 
     def __init__(self, link, seed):
-        self.link, self.rng = link, np.random.default_rng(seed)
+        self.link = link
+        self.rng = np.random.default_rng(seed)
 
     def message(self, stamp, odd):
         """Return the bytes of an odometry, which may be odd in one of many ways."""
-        t, link = (stamp - START) / S, self.link
+        t = (stamp - START) / S
+        link = self.link
         turn = np.array([0.1 * np.sin(t), 0.2 * np.cos(t), 0.3, 1.0])
         pose = np.concatenate([np.sin([t, 2 * t, 3 * t]), turn / np.linalg.norm(turn)])
         twist = 0.1 * np.cos([t, 2 * t, 3 * t, 3 * t, 2 * t, t])
@@ -123,7 +125,8 @@ def hostile_messages(case, seed, count=900):
     pairs = hostile(model, seed, count, drivers=drivers)
     messages = [Message("/joint_states", now, raw) for raw, now in pairs]
     if model.floating_base:
-        rng, base = np.random.default_rng(seed), Base(model.root_link, seed)
+        rng = np.random.default_rng(seed)
+        base = Base(model.root_link, seed)
         for k, (_, now) in enumerate(pairs):
             if k >= 5 and not count // 2 < k < count // 2 + 40 and rng.random() < 0.7:
                 at = now + MS
