@@ -65,23 +65,8 @@ def parsed_yaml(text: str, title: str) -> Any:
     yaml = require("yaml", title)
     try:
         return yaml.load(text, _loader())
-    except yaml.YAMLError as error:
-        raise InputError(f"{title} is no YAML: {_describe(error, text)}") from error
-    except (ValueError, RecursionError) as error:  # ValueError: an invalid date, a key twice
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: an invalid date
         raise InputError(f"{title} is no YAML: {' '.join(str(error).split())}") from error
-
-
-def _describe(error: Any, text: str) -> str:
-    """Return the line at which YAML cannot be read on, and what to do."""
-    mark, lines = getattr(error, "problem_mark", None), text.splitlines()
-    if mark is None:
-        return f"a character at position {getattr(error, 'position', 0)} is not allowed in it."
-    if mark.line >= len(lines) or not "".join(lines[mark.line :])[mark.column :].strip():
-        return f"it ends within a value at line {len(lines)}. Is the file complete?"
-    if "alias" in str(error):
-        return f"line {mark.line + 1}. Put a text that begins with * in quotes."
-    place = f"line {mark.line + 1}, column {mark.column + 1}, at '{lines[mark.line].strip():.40}'"
-    return f"{place}. Check brackets, quotes, colons and indentation there."
 
 
 def yaml_text(content: Any, in_braces: bool = False) -> str:
