@@ -18,9 +18,9 @@ from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
-from diag_dynamics.description.records import Remark
+from diag_dynamics.description.records import Description, Remark
 from diag_dynamics.description.text import folder_of, read_text
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
 from diag_dynamics.inspection.urdf import Found, Urdf
@@ -99,7 +99,7 @@ def inspect_robot(
     source : str, bytes, os.PathLike or file
         As of :func:`load_urdf`, or the path of an MJCF. Meshes that the URDF names are read.
     floating_base : bool
-        Whether the root link moves freely; an MJCF says that itself.
+        Whether the root link moves freely.
     xacro_args : dict, optional
         Arguments of a xacro file, by name.
     loops : optional
@@ -113,23 +113,15 @@ def inspect_robot(
     ------
     UrdfError
         There is no such file, or it is no XML of a robot at all.
-    InputError
-        floating_base is True for an MJCF without a free body, or with several.
     """
     folder = folder_of(source)
     is_path = folder is not None and isinstance(source, (str, os.PathLike))
     options: dict[str, Any] = {} if loops is None else {"loops": loops}
     if is_mjcf(source) and not xacro_args:
-        description = read_mjcf(source)
-        if floating_base and not description.floating_base:
-            raise InputError(
-                "floating_base is True; expected False: the MJCF has no free body, or several."
-            )
-        urdf, load = Urdf(description), partial(load_urdf, description)
+        robot: Description | str = read_mjcf(source)
     else:
-        text = read_text(source, xacro_args)
-        urdf = Urdf(text, folder)
-        load = partial(load_urdf, text, floating_base=floating_base)
+        robot = read_text(source, xacro_args)
+    urdf, load = Urdf(robot, folder), partial(load_urdf, robot, floating_base=floating_base)
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         model, poses, rows = _load(load, options)
         urdf.stands = model is not None and not model.floating_base

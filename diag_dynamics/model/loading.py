@@ -29,13 +29,10 @@ from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.remarks import unphysical
 from diag_dynamics.description.text import read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
-from diag_dynamics.exceptions import InputError, LoopWarning
+from diag_dynamics.exceptions import LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
 
 LoopsLike = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Loop | Mapping[str, Any]] | None
-
-# Options of load_urdf that an MJCF has itself, or that belong to the text of a URDF
-OPTIONS = ("gravity", "floating_base", "armature", "xacro_args")
 
 NEAR_SINGULAR = np.sin(np.radians(10.0))
 """Cosine of the middle angle of a ball joint's hinges below which there is a warning."""
@@ -203,8 +200,8 @@ def load_robot(name: str, **options: Any) -> RobotModel:
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`, but for
-    gravity, floating_base and armature, which the file has.
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`; without
+    them gravity, floating_base and armature are those of the file.
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
@@ -233,9 +230,4 @@ def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
         The start is within 10° of the singularity of a ball joint's hinges. `inspect` and `analyse`
         name these, too; nodes do not read an MJCF.
     """
-    for name in OPTIONS:
-        if name in options:
-            raise InputError(
-                f"{name} is what the MJCF says; change the file, or use with_gravity of the model."
-            )
     return load_urdf(read_mjcf(source), **options)

@@ -194,7 +194,6 @@ REFUSED = [  # command line, message; the exit status is 2
     (f"inspect arm.xml {ESTIMATE}", "is an MJCF. MuJoCo estimates"),
     (f"inspect bare.urdf --json {ESTIMATE}", "not allowed with argument --json"),
     ("inspect bare.urdf --estimate-inertias 1000 -o arm.xml", "which exists. Choose another name"),
-    ("inspect arm.xml --floating-base", "floating_base is True; expected False"),
     ("inspect arm.urdf.xacro", "Give side:=VALUE"),
     ("inspect arm.urdf.xacro side:=a side:=b", "'side' is 'a' and 'b'; expected one value"),
     (
