@@ -139,12 +139,6 @@ LINKS = {
         "Usual for identified parameters. A floating base needs correct inertias.",
     ),
     "small": Check("note", "1", f"inertia nearly that of a point: {RATIO}", UNITS, True),
-    "turned": Check(
-        "warning",
-        "",
-        "inertia about the wrong axis of a bar or a disc",
-        "Turn the <inertial>'s origin as the geometry's, or exchange ixx, iyy and izz.",
-    ),
     "identity": Check(
         "warning",
         "m",

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
-from diag_dynamics.description.geometry import Solid
 from diag_dynamics.description.remarks import unphysical
 from diag_dynamics.inspection.urdf import ROLES, Body, Found, Link, Urdf
 
@@ -23,7 +21,6 @@ WIDE = 1.1  # radius of gyration over the distance of the farthest point; 1 boun
 POINT = 0.02  # the same ratio of nearly a point; a solid ball has 0.63
 SHARE = 0.1  # fraction of a body's mass below which a point mass does not matter
 SAME = 3  # sizes of links with one inertia from which it is a copy; two sides have one size
-SLENDER = 4.0  # ratio of moments from which a shape is a bar
 
 
 def possible_inertias(urdf: Urdf) -> Found:
@@ -117,26 +114,6 @@ def _felt_moment(urdf: Urdf, body: Body, link: Link) -> float:
         return largest
     axis = joint.axis
     return float(axis @ link.inertia @ axis / (axis @ axis))
-
-
-def inertia_axes(urdf: Urdf) -> Found:
-    """Find bars and discs with the inertia of one along another axis."""
-    for body in urdf.measured_bodies:
-        for link in filter(urdf.has_inertia, body.links):
-            R, is_main = body.placements[link.name][:3, :3], link.mass >= 0.8 * body.mass
-            inertia = R @ link.inertia @ R.T
-            if is_main and all(_is_turned(solid, inertia) for solid in body.solids.values()):
-                yield "turned", link.name, 0.0
-
-
-def _is_turned(solid: Solid, inertia: Array) -> bool:
-    (u1, u2, u3), axes = np.linalg.eigh(solid.inertia)
-    low, _, high = np.linalg.eigvalsh(inertia)
-    along, across = (float(axis @ inertia @ axis) for axis in (axes[:, 0], axes[:, 2]))
-    if u2 > SLENDER * u1 and u3 < 1.5 * u2:  # a bar turns most easily about its length
-        return bool(low < 0.5 * high and along > 0.9 * high)
-    is_disc = u2 < 1.2 * u1 and u3 > 1.6 * u2  # which turns least easily about its axis
-    return bool(is_disc and high > 1.5 * low and across < 1.1 * low)
 
 
 def placeholders(urdf: Urdf) -> Found:

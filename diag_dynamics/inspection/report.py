@@ -33,7 +33,7 @@ keeps results from being computed, in part or wholly."""
 # Skipped for an MJCF, whose geometry is not read
 OF_GEOMETRY = (
     *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),
-    *(links.gyration, links.inertia_axes, links.meshes),
+    *(links.gyration, links.meshes),
 )
 OF_XML = (
     *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY[:-1], links.placeholders),

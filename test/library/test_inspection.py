@@ -165,7 +165,6 @@ MISTAKES = (
         moments(LOWER, 6e-6, 6e-6, 6e-6),
     ),
     ("gyration", "note", "base", 0.9**0.5 / np.hypot(0.15 * 2**0.5, 0.05), moments(BASE, 9, 9, 9)),
-    ("inertia_axes", "warning", "left_lower", None, moments(LOWER, 0.0093, 0.0093, 0.0006)),
     ("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2), moments(UPPER, 1, 1, 1)),
     ("placeholders", "note", "ball0 ball1 ball2", None, more(BALLS)),
     ("meshes", "warning", "left_upper", None, arm(BOX, '<mesh filename="package://no/a.stl"/>')),
