@@ -286,17 +286,6 @@ class Form(NamedTuple):
     linear: Array
     quadratic: Array
 
-    def without(self, locked: Mapping[str, float]) -> Form:
-        """Return the form with the positions of modes that are held in its constants."""
-        eta = np.array([locked.get(name, 0.0) for name in self.sources])
-        free = [k for k, name in enumerate(self.sources) if name not in locked]
-        bent = self.quadratic @ eta
-        constant = self.constant + self.linear @ eta + 0.5 * bent @ eta
-        sources = tuple(self.sources[k] for k in free)
-        return Form(
-            sources, float(constant), (self.linear + bent)[free], self.quadratic[np.ix_(free, free)]
-        )
-
 
 class Flexible(NamedTuple):
     """Flexible links of a robot, forms of the joints that follow modes, and joints of each link."""
@@ -309,18 +298,6 @@ class Flexible(NamedTuple):
     def joints(self) -> frozenset[str]:
         """All joints that are modes or follow them."""
         return frozenset().union(*self.groups)
-
-    def without(self, locked: dict[str, float]) -> tuple[Flexible, dict[str, float]]:
-        """Return the links without modes that are held, and all joints that are held then."""
-        if wrong := sorted(self.forms.keys() & locked.keys()):
-            raise InputError(
-                f"locked_joints: '{wrong[0]}' follows modes of a flexible link. Lock these."
-            )
-        forms = {name: form.without(locked) for name, form in self.forms.items()}
-        rigid = {name: form.constant for name, form in forms.items() if not form.sources}
-        forms = {name: form for name, form in forms.items() if form.sources}
-        groups = tuple(group - locked.keys() - rigid.keys() for group in self.groups)
-        return Flexible(self.links, forms, groups), locked | rigid
 
 
 class Remark(NamedTuple):

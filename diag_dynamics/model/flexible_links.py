@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import warn
 from diag_dynamics.description.flexible_links import LARGE_SLOPE
 from diag_dynamics.description.records import FlexibleLink
+from diag_dynamics.model.joint_types import places
 
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
@@ -29,31 +29,22 @@ def bending_energy(curvature: Array, slope: Array) -> float:
 
 def modal_effort(model: RobotModel, q: Array, qd: Array) -> Array:
     """Return the efforts of stiffness and damping of all modes, shape (nv,)."""
-    effort, locked = np.zeros(model.nv), model.locked_joints
+    effort = np.zeros(model.nv)
     for link in model.flexible_links.values():
-        values = link.effort(
-            _values(link, model.coordinate_names, q, locked),
-            _values(link, model.dof_names, qd, dict.fromkeys(locked, 0.0)),
-        )
-        for name, value in zip(link.modes, values, strict=True):
-            if name not in locked:
-                effort[model.dof_names.index(name)] = value
+        dofs = places(link.modes, model.dof_names)
+        effort[dofs] = link.effort(_positions(model, link, q), qd[dofs])
     return effort
 
 
-def _values(
-    link: FlexibleLink, names: tuple[str, ...], values: Array, locked: Mapping[str, float]
-) -> Array:
-    """Return the entries of a link's modes in a vector, and values of locked modes."""
-    return np.array(
-        [locked[mode] if mode in locked else values[names.index(mode)] for mode in link.modes]
-    )
+def _positions(model: RobotModel, link: FlexibleLink, q: Array) -> Array:
+    """Return the positions of a link's modes."""
+    return q[places(link.modes, model.coordinate_names)]
 
 
 def warn_of_slopes(model: RobotModel, q: Array) -> None:
     """Warn of links that bend beyond what assumed modes can describe."""
     for name, link in model.flexible_links.items():
-        if link.slope(_values(link, model.coordinate_names, q, model.locked_joints)) > LARGE_SLOPE:
+        if link.slope(_positions(model, link, q)) > LARGE_SLOPE:
             warn(
                 f"The slope of flexible link '{name}' exceeds {LARGE_SLOPE:g} rad. "
                 "Divide it into two links."

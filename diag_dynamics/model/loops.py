@@ -132,7 +132,11 @@ def coupled_tree(
 ) -> Tree:
     """Return the tree of a description that has loops, curves or flexible links."""
     curves = {} if description.mimic == "free" else description.curves
-    flexible, locked = description.flexible.without(locked)
+    flexible = description.flexible
+    if wrong := sorted(flexible.joints & locked.keys()):
+        raise InputError(
+            f"locked_joints: '{wrong[0]}' is of a flexible link. Take a rigid link, or fewer modes."
+        )
     if not (description.loops or curves or flexible.forms):
         return Tree(description, locked, mimics)
     curves = resolve_curves(description, curves, mimics, locked)

@@ -69,10 +69,7 @@ SIMULATION = Table(
     ),  # q of an evaluation and at the start of a step [rad, m]
     **dict.fromkeys(BY_DOF, array(float)),
     moment=array(float),  # result of first_moment
-    bends=array(
-        float, 3
-    ),  # curvature and slope of points of flexible links by q, and those of modes that are held
-    held_bends=array(float, 2),
+    bends=array(float, 3),  # curvature and slope of points of flexible links by q
 )
 
 opened = SIMULATION.opened
@@ -96,7 +93,7 @@ class Memory:
             "moment": np.zeros(3),
             "follower_damping": np.zeros(len(model.bodies)),
             "follower_friction": np.zeros(len(model.bodies)),
-            **_bends(model),
+            "bends": _bends(model),
             **{name: np.zeros(nv) for name in BY_DOF},
         }
         self.use(model)
@@ -125,14 +122,9 @@ class Memory:
 
 
 def _bends(model):
-    """Return `bends`, (points, 2, nv), and `held_bends`, (points, 2), of :func:`bending_energy`."""
-    bends, locked_bends = [np.zeros((0, 2, model.nv))], [np.zeros((0, 2))]
+    """Return `bends`, (points, 2, nv), of :func:`bending_energy`."""
+    bends = [np.zeros((0, 2, model.nv))]
     for link in model.flexible_links.values():
         bends.append(np.zeros((len(link.bends), 2, model.nv)))
-        locked_bends.append(np.zeros((len(link.bends), 2)))
-        for k, mode in enumerate(link.modes):
-            if mode in model.locked_joints:
-                locked_bends[-1] += link.bends[:, :, k] * model.locked_joints[mode]
-            else:
-                bends[-1][:, :, model.dof_names.index(mode)] = link.bends[:, :, k]
-    return {"bends": np.concatenate(bends), "held_bends": np.concatenate(locked_bends)}
+        bends[-1][:, :, [model.dof_names.index(mode) for mode in link.modes]] = link.bends
+    return np.concatenate(bends)

@@ -97,7 +97,7 @@ def _add_bending_efforts(address):
     """Add −∂/∂η of ½ Σ κ²(σ² + σ⁴): see :func:`bending_energy`."""
     sim = opened(address)
     for p in range(len(sim.bends)):
-        curvature, slope = sim.held_bends[p, 0], sim.held_bends[p, 1]
+        curvature, slope = 0.0, 0.0
         for k in range(len(sim.pushed)):
             curvature += sim.bends[p, 0, k] * sim.place[sim.coordinate[k]]
             slope += sim.bends[p, 1, k] * sim.place[sim.coordinate[k]]

@@ -488,8 +488,7 @@ class Simulation:
     def _bending_energy(self, q):
         """Return the strain energy of flexible links beyond that of linear springs [J]."""
         memory = self._memory
-        bent = memory["bends"] @ q[memory["coordinate"]] + memory["held_bends"]
-        return bending_energy(*bent.T)
+        return bending_energy(*(memory["bends"] @ q[memory["coordinate"]]).T)
 
     def _energies_at_start(self):
         """Return energies at the last reset; computed on first use because resets must be fast."""
