@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -232,8 +232,8 @@ class _BatchRows(dict[int, Array]):
 class BatchEvaluation(Evaluation):
     """All quantities of :class:`Evaluation` at T states, with a leading axis of length T.
 
-    Numbers such as `kinetic_energy` are arrays of shape (T,). A batch is a sequence: an index
-    returns the Evaluation of one state, a slice a batch.
+    Numbers such as `kinetic_energy` are arrays of shape (T,). An index returns the Evaluation of
+    one state.
     """
 
     __slots__ = ("_parts",)
@@ -281,19 +281,10 @@ class BatchEvaluation(Evaluation):
     def __iter__(self) -> Iterator[Evaluation]:
         return (self[t] for t in range(len(self)))
 
-    @overload
-    def __getitem__(self, t: int) -> Evaluation: ...
-    @overload
-    def __getitem__(self, t: slice) -> BatchEvaluation: ...
-    def __getitem__(self, t: int | slice) -> Evaluation | BatchEvaluation:
+    def __getitem__(self, t: int) -> Evaluation:
         results, numbers, positions, speeds = self._parts
-        if isinstance(t, slice):  # a copy, because kernels require C order
-            parts = results[:, t], numbers[:, t], positions[t], speeds[t]
-            memory = BatchMemory(*(np.array(part, order="C") for part in parts))
-            terms = (None if x is None else x[t].copy() for x in (self._external, self._friction))
-            return BatchEvaluation(self._model, memory, self._with_tau, *terms)
         if not isinstance(t, (int, np.integer)):
-            raise InputError(f"{t!r} is no index of a batch, expected a whole number or a slice.")
+            raise InputError(f"{t!r} is no index of a batch, expected a whole number.")
         if not -len(self) <= t < len(self):
             raise IndexError(f"state {t} of a batch of {len(self)}")
         nv, nq = self._model.nv, self._model.nq

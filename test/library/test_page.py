@@ -277,9 +277,9 @@ def test_many_states_are_as_one_by_one(panda):
     whole = FrameMaker(dyn).frames(States.of(t, q, qd, tau, batch))
     for ends in (range(41), (0, 15, 40)):
         maker = FrameMaker(dyn)
-        parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        parts = [(slice(a, b), (q[a:b], qd[a:b], tau[a:b])) for a, b in itertools.pairwise(ends)]
         frames = np.concatenate(
-            [maker.frames(States.of(t[k], q[k], qd[k], tau[k], batch[k])) for k in parts]
+            [maker.frames(States.of(t[k], *x, dyn.evaluate(*x))) for k, x in parts]
         )
         np.testing.assert_array_equal(frames["t"], whole["t"])
         np.testing.assert_allclose(frames["numbers"], whole["numbers"], rtol=1e-5, atol=1e-4)
