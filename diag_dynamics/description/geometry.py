@@ -19,7 +19,7 @@ from diag_dynamics.description.elements import LARGEST, floats, placement_of
 from diag_dynamics.description.meshes import Meshes
 from diag_dynamics.description.urdf import parse_urdf
 from diag_dynamics.description.urdf_writer import insert_inertia
-from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.rigid_body import RigidBody
 
 KINDS = {  # shapes that are known, and how many numbers each attribute has
@@ -32,10 +32,6 @@ KINDS = {  # shapes that are known, and how many numbers each attribute has
 
 CUBE = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 """Corners of a cube, in units of half its edge."""
-
-LARGEST_DENSITY = (
-    30000.0  # largest density accepted [kg/m³]; osmium, the densest element, has 22 590
-)
 
 
 class Shape(NamedTuple):
@@ -52,14 +48,12 @@ class Shape(NamedTuple):
 
 
 class Solid(NamedTuple):
-    """Volume [m³], centre (3,) [m] and inertia (3, 3) of unit density about it [m⁵] of shapes.
+    """Shapes as a body of density 1: mass [m³], centre [m] and inertia [m⁵].
 
     The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes.
     """
 
-    volume: float
-    centre: Array
-    inertia: Array
+    body: RigidBody
     corners: Array
     of: tuple[str, ...]
 
@@ -109,7 +103,7 @@ def solid_of(shape: Shape, meshes: Meshes) -> Solid:
     A mesh that is not watertight counts by its convex hull.
     """
     solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape.kind, *shape.numbers)
-    if not solid.volume > 0.0:
+    if not solid.body.mass > 0.0:
         raise UrdfError(f"{solid.of[0]} encloses no volume.")
     return moved(solid, shape.placement)
 
@@ -135,7 +129,8 @@ def _primitive(kind: str, *numbers: float) -> Solid:
             r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0
         )
         squares = np.array([across, across, along])
-    return Solid(volume, np.zeros(3), np.diag(squares.sum() - squares), CUBE * half, (kind,))
+    body = RigidBody(volume, np.zeros(3), np.diag(squares.sum() - squares))
+    return Solid(body, CUBE * half, (kind,))
 
 
 def _mesh(shape: Shape, meshes: Meshes) -> Solid:
@@ -154,35 +149,20 @@ def _mesh(shape: Shape, meshes: Meshes) -> Solid:
         elif mesh.volume < 0.0:  # all faces look inward
             mesh.invert()
         properties = mesh.mass_properties
-    return Solid(
-        float(properties.volume),
-        np.array(properties.center_mass),
-        np.array(properties.inertia),
-        corners,
-        (of,),
-    )
+    centre, inertia = np.array(properties.center_mass), np.array(properties.inertia)
+    return Solid(RigidBody(float(properties.volume), centre, inertia), corners, (of,))
 
 
 def united(solids: Iterable[Solid]) -> Solid:
     """Return several solids as one; where they overlap, the volume counts as often."""
-    parts = list(solids)
-    body = RigidBody.union(*map(_body, parts))
-    corners = np.concatenate([part.corners for part in parts])
-    return Solid(
-        body.mass, body.centre, body.inertia, corners, sum((part.of for part in parts), ())
-    )
+    bodies, corners, of = zip(*solids, strict=True)
+    return Solid(RigidBody.union(*bodies), np.concatenate(corners), sum(of, ()))
 
 
 def moved(solid: Solid, placement: Array) -> Solid:
     """Return a solid in the axes in which its own ones have this placement (4x4)."""
-    body = _body(solid).moved(placement)
     corners = solid.corners @ placement[:3, :3].T + placement[:3, 3]
-    return solid._replace(centre=body.centre, inertia=body.inertia, corners=corners)
-
-
-def _body(solid: Solid) -> RigidBody:
-    """Return a solid as a body of density 1."""
-    return RigidBody(solid.volume, solid.centre, solid.inertia)
+    return solid._replace(body=solid.body.moved(placement), corners=corners)
 
 
 # --- Estimated inertias
@@ -212,11 +192,6 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     meshes are replaced by their convex hull. Meshes begin from `folder`.
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
-    if rho > LARGEST_DENSITY:
-        raise InputError(
-            f"estimate_inertias is {density!r}, expected up to {LARGEST_DENSITY:g} kg/m³; "
-            "steel has 7850."
-        )
     robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
     estimates, failed = [], {}
     for link in robot.findall("link"):
@@ -226,12 +201,12 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
         ):
             continue
         try:
-            role, solid = _measured_link(link, meshes)
+            role, (volume, _, of) = _measured_link(link, meshes)
         except UrdfError as error:
             failed[name] = str(error)
             continue
-        source = f"{role} {' + '.join(solid.of)}"
-        body = RigidBody(rho * solid.volume, solid.centre, rho * solid.inertia)
+        source = f"{role} {' + '.join(of)}"
+        body = RigidBody(rho * volume.mass, volume.centre, rho * volume.inertia)
         insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", body)
         estimates.append(Estimate(name, body, source))
     text = etree.tostring(robot.getroottree(), encoding="unicode")

@@ -127,7 +127,7 @@ def placeholders(urdf: Urdf) -> Found:
             groups.setdefault((link.mass, *rounded), []).append(link)
     for (mass, *moments), links in groups.items():
         solids = [link.solids.get("collision") or link.solids.get("visual") for link in links]
-        volumes = np.sort([solid.volume for solid in solids if solid])
+        volumes = np.sort([solid.body.mass for solid in solids if solid])
         sizes = 1 + np.count_nonzero(volumes[1:] > 1.05 * volumes[:-1]) if len(volumes) else 0
         for link in links if sizes >= SAME else ():
             yield "copied", link.name, 0.0, (mass, moments[-1], sizes)

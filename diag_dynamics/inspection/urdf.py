@@ -97,7 +97,7 @@ class Body:
                 self.is_measured = False
             elif solids:
                 self.solids[role] = united(solids)
-        self.densities = {role: self.mass / solid.volume for role, solid in self.solids.items()}
+        self.densities = {role: self.mass / solid.body.mass for role, solid in self.solids.items()}
         self.corners = np.array([x for solid in self.solids.values() for x in solid.corners])
 
 

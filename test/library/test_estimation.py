@@ -83,9 +83,9 @@ PRIMITIVES = {
 def test_primitives_against_pinocchio(kind):
     reference, numbers, volume, reach = PRIMITIVES[kind]
     result, expected = solid(kind, numbers), reference(volume, *numbers)
-    assert result.volume == pytest.approx(volume, rel=1e-12)
-    assert np.abs(result.centre).max() < 1e-15
-    close(result.inertia, expected.inertia)
+    assert result.body.mass == pytest.approx(volume, rel=1e-12)
+    assert np.abs(result.body.centre).max() < 1e-15
+    close(result.body.inertia, expected.inertia)
     assert (np.abs(result.corners).max(axis=0) >= np.array(reach) - 1e-12).all()
 
 
@@ -93,13 +93,13 @@ def test_placements_against_pinocchio():
     placement = placed((0.3, -0.7, 1.9), (1.0, 2.0, -3.0))
     result = solid("box", (0.2, 0.5, 0.9), placement)
     box = pin.Inertia.FromBox(0.09, 0.2, 0.5, 0.9).se3Action(pin.SE3(placement))
-    close(result.centre, box.lever)
-    close(result.inertia, box.inertia)
+    close(result.body.centre, box.lever)
+    close(result.body.inertia, box.inertia)
     twice = united([result, solid("cylinder", (0.1, 0.3))])
     both = box + pin.Inertia.FromCylinder(np.pi * 0.1**2 * 0.3, 0.1, 0.3)
-    assert twice.volume == pytest.approx(both.mass, rel=1e-12)
-    close(twice.centre, both.lever)
-    close(twice.inertia, both.inertia)
+    assert twice.body.mass == pytest.approx(both.mass, rel=1e-12)
+    close(twice.body.centre, both.lever)
+    close(twice.body.inertia, both.inertia)
 
 
 def mesh(folder, name, scale=(1.0, 1.0, 1.0)):
@@ -113,29 +113,29 @@ def test_meshes_against_closed_forms(tmp_path):
     for scale in ((1.0, 1.0, 1.0), (2.0, 1.0, 0.5), (-1.0, 1.0, 1.0)):
         result = mesh(tmp_path, "box.stl", scale)
         expected = solid("box", tuple(size * np.abs(scale)))
-        assert result.volume == pytest.approx(expected.volume, rel=1e-6) and result.of == (
+        assert result.body.mass == pytest.approx(expected.body.mass, rel=1e-6) and result.of == (
             "box.stl",
         )
-        close(result.centre, 0.5 * size * scale, 1e-6)
-        close(result.inertia, expected.inertia, 1e-6)
+        close(result.body.centre, 0.5 * size * scale, 1e-6)
+        close(result.body.inertia, expected.body.inertia, 1e-6)
     stl(tmp_path / "inward.stl", BOX, [face[::-1] for face in FACES])
-    assert mesh(tmp_path, "inward.stl").volume == pytest.approx(1.0, rel=1e-6)
+    assert mesh(tmp_path, "inward.stl").body.mass == pytest.approx(1.0, rel=1e-6)
 
     corners = np.array([[0, 0, 0], [0.3, 0, 0.1], [0, 0.4, 0], [0.1, 0.1, 0.5]])
     stl(tmp_path / "tetrahedron.stl", corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
     result = mesh(tmp_path, "tetrahedron.stl")
     volume, centre = abs(np.linalg.det(corners[1:] - corners[0])) / 6.0, corners.mean(axis=0)
     second = volume / 20.0 * sum(np.outer(c, c) for c in corners - centre)
-    assert result.volume == pytest.approx(volume, rel=1e-6)
-    close(result.centre, centre, 1e-6)
-    close(result.inertia, np.trace(second) * np.eye(3) - second, 1e-6)
+    assert result.body.mass == pytest.approx(volume, rel=1e-6)
+    close(result.body.centre, centre, 1e-6)
+    close(result.body.inertia, np.trace(second) * np.eye(3) - second, 1e-6)
 
 
 def test_open_and_damaged_meshes(tmp_path):
     """An open mesh has the volume of its convex hull."""
     stl(tmp_path / "open.stl", BOX, FACES[2:])
     result = mesh(tmp_path, "open.stl")
-    assert result.volume == pytest.approx(1.0, rel=1e-6) and result.of == (
+    assert result.body.mass == pytest.approx(1.0, rel=1e-6) and result.of == (
         "convex hull of open.stl",
     )
     stl(tmp_path / "flat.stl", BOX, FACES[:2])
@@ -172,7 +172,7 @@ def test_collada_in_centimetres(tmp_path):
     document.scenes.append(collada.scene.Scene("scene", [node]))
     document.scene = document.scenes[0]
     document.write(str(tmp_path / "box.dae"))
-    assert mesh(tmp_path, "box.dae").volume == pytest.approx(1.0, rel=1e-6)
+    assert mesh(tmp_path, "box.dae").body.mass == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -321,7 +321,7 @@ def test_lost_meshes(tmp_path):
     assert list(result.failed) == ["lower"] and "mesh 'b--ox" in result.failed["lower"]
 
 
-@pytest.mark.parametrize("density", [0.0, np.inf, "1000", 1e6])
+@pytest.mark.parametrize("density", [0.0, np.inf, "1000"])
 def test_bad_densities(density):
     with pytest.raises(dd.InputError, match=r"^estimate_inertias"):
         estimated(BARE, density, None)
