@@ -37,8 +37,8 @@ fraction."""
 class FollowerState(NamedTuple):
     """Followers at a state, f of them, and how they depend on the independent joints.
 
-    `position` [rad, m] and `rate` [rad/s, m/s] have the shape (f,), `ratios` G = ∂rate/∂q̇ and
-    `ratio_rates` Ġ have (f, nv). `singularity` is the smallest |R_kk| of J_d = QR by the longest
+    `position` [rad, m] and `rate` [rad/s, m/s] have the shape (f,), `ratios` G = ∂rate/∂q̇ has
+    (f, nv). `singularity` is the smallest |R_kk| of J_d = QR by the longest
     column of J of each closed group, in the order of `RobotModel.loops`: near 0 the independent
     joints do not determine the others.
     """
@@ -47,13 +47,7 @@ class FollowerState(NamedTuple):
     position: Array
     rate: Array
     ratios: Array
-    ratio_rates: Array
     singularity: tuple[float, ...]
-
-    def reflected(self, effort: Array) -> Array:
-        """Return Gᵀτ [N m, N], shape (nv,), for efforts τ of followers, shape (f,)."""
-        reflected: Array = self.ratios.T @ effort
-        return reflected
 
 
 class FollowerMotion:
@@ -87,7 +81,7 @@ class FollowerMotion:
         rows = ratios[self._rows]
         G = rows[:, 1 : 1 + nv]
         singularity = tuple(loops.ratio.tolist()) if loops else ()
-        return FollowerState(self.names, rows[:, 0], G @ qd, G, rows[:, 1 + nv :], singularity)
+        return FollowerState(self.names, rows[:, 0], G @ qd, G, singularity)
 
 
 def loop_error(model: RobotModel, status: int) -> LoopError:

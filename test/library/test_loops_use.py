@@ -63,17 +63,12 @@ def tip_of_rocker(crank):
 
 @pytest.mark.parametrize("crank", ANGLES)
 def test_followers_of_a_four_bar(bar, crank):
-    """Positions, G and Ġ of coupler and rocker follow from the law of cosines."""
+    """Positions and G of coupler and rocker follow from the law of cosines."""
     result = bar.followers_at([crank, 0.3], [1.7, -2.0])
     assert result.names == ("coupler", "rocker")
     np.testing.assert_allclose(result.position, four_bar_followers(crank), atol=1e-12)
     np.testing.assert_allclose(result.ratios, np.outer(rates_of(crank), [1.0, 0.0]), atol=1e-8)
     np.testing.assert_allclose(result.rate, 1.7 * rates_of(crank), atol=1e-8)
-    second = (rates_of(crank + 1e-4) - rates_of(crank - 1e-4)) / 2e-4
-    np.testing.assert_allclose(result.ratio_rates[:, 0], 1.7 * second, atol=1e-5)
-    np.testing.assert_allclose(
-        result.reflected([2.0, -3.0]), [rates_of(crank) @ [2.0, -3.0], 0.0], atol=1e-8
-    )
 
 
 def test_followers_of_mimic_joints():
