@@ -35,7 +35,6 @@ class FlexibleEvaluation(NamedTuple):
     spring_torque: Array  # τ_J [N m, N], shape (nf,)
     motor_energy: Array  # ½Bθ̇² [J], shape (nf,)
     spring_energy: Array  # ½k(θ − q)² [J], shape (nf,)
-    gravity_energy: float  # −g·Σ m_i c_i [J]
     kinetic_power: float  # K̇ of links and motors, νᵀ(ε − ε_g), and of wrenches [W]
     spring_power: Array  # k(θ − q)(θ̇ − q̇) [W], shape (nf,)
     loss: Array  # d(θ̇ − q̇)² [W], shape (nf,)
@@ -125,7 +124,6 @@ class FlexibleDynamics:
             spring_torque=torque,
             motor_energy=0.5 * nu**2,
             spring_energy=0.5 * self.stiffness * stretch**2,
-            gravity_energy=self.link.potential_energy(q),
             kinetic_power=float(s.power or 0.0) + float(nu @ epsilon),
             spring_power=self.stiffness * stretch * rate,
             loss=self.damping * rate**2,
