@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
     from diag_dynamics.model.tree import Tree
 
-MAX_LISTED = 50  # largest number of joints that a message lists
-
 _UPPER = np.triu_indices(3)
 
 
@@ -173,15 +171,13 @@ def reject_massless(
         if inertial is not None and (inertial.mass or np.any(inertial.inertia))
     }
     lines = []
-    for k in massless[:MAX_LISTED]:
+    for k in massless:
         link = joints[k].joint.child
         is_heavy = tree.last_body[joints[k].name] in heavy
         why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
         lines.append(
             f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}"
         )
-    if len(massless) > MAX_LISTED:
-        lines.append(f"… and {len(massless) - MAX_LISTED} more")
     advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
     single = next((name for name in names if name in model.coordinate_names), None)
     if single is not None:
