@@ -76,10 +76,6 @@ def urdf_text(source: Any) -> str:
         raise UrdfError(
             f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>."
         )
-    if "<!DOCTYPE" in text[: text.find("<robot")]:
-        raise UrdfError(
-            "The URDF has a DOCTYPE, which is not accepted: entities are never expanded."
-        )
     return _corrected(text)
 
 

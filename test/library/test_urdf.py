@@ -233,7 +233,7 @@ BROKEN = {
     ),
     "external entity": (
         '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="&a;"/>',
-        "DOCTYPE",
+        "external entity",
     ),
     # tree
     "not a robot": ("<sdf/>", "<sdf>"),
