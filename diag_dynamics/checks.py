@@ -77,16 +77,12 @@ def whole(name: str, value: object) -> int:
 
 
 def number(
-    name: str,
-    value: object,
-    expected: str,
-    valid: Callable[[float], bool] = math.isfinite,
-    unit: str = "",
+    name: str, value: object, expected: str, valid: Callable[[float], bool] = math.isfinite
 ) -> float:
-    """Return a finite number for which `valid` is true; errors say `expected` and `unit`."""
+    """Return a finite number for which `valid` is true; errors say `expected`."""
     x = value if type(value) is float else _single(value)
     if not (math.isfinite(x) and valid(x)):
-        raise InputError(f"{name} is {value!r}{unit}, expected {expected}.")
+        raise InputError(f"{name} is {value!r}, expected {expected}.")
     return x
 
 

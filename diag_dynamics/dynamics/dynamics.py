@@ -20,7 +20,7 @@ from diag_dynamics.arrays import (
     StatesLike,
     VectorLike,
 )
-from diag_dynamics.checks import check_finite, is_rows, numbers, rows, unit, vector
+from diag_dynamics.checks import check_finite, instance, is_rows, numbers, rows, unit, vector
 from diag_dynamics.collision.contact_points import ContactPoint, ContactPoints
 from diag_dynamics.collision.predicted_contact import Impact, PredictedContact, impact
 from diag_dynamics.dynamics import calls, external_wrench, noise
@@ -86,9 +86,7 @@ class DiagonalDynamics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        if not isinstance(model, RobotModel):
-            raise InputError(f"model is {model!r:.100}, expected a RobotModel of load_urdf.")
-        self.model = model
+        self.model = instance("model", model, RobotModel)
         self._arguments, self._caller = Arguments(model), calls.SweepCaller(model)
         self._zero, self._robot = self._arguments.zero, self._caller.robot
         self._loops = bool(model.loops)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
-from diag_dynamics.checks import in_order, instance, number, per_name, vector
+from diag_dynamics.checks import in_order, instance, per_name, positive, vector
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
 from diag_dynamics.dynamics.flexible import FlexibleDynamics
@@ -142,8 +142,7 @@ class Simulation:
         effort_limits: bool | VectorLike | float = True,
         effort_offset: VectorLike | float | None = None,
     ) -> None:
-        if not isinstance(model, RobotModel):
-            raise InputError(f"model is {model!r:.100}, expected a RobotModel of load_urdf.")
+        instance("model", model, RobotModel)
         for name, motor in model.couplings.items():
             if motor.damping or motor.friction:
                 raise UnsupportedError(
@@ -153,7 +152,7 @@ class Simulation:
         self._use(FlexibleDynamics(model))
         self._memory = Memory(self.dynamics.model)
         self._set_friction_of_followers()
-        self.step_size = number("step", step, "a finite number > 0", lambda x: x > 0.0, unit=" s")
+        self.step_size = positive("step", step, "[s]")
         self.damping = model.damping if damping is None else damping
         self.friction = model.friction if friction is None else friction
         offset = model.effort_offset if effort_offset is None else effort_offset

@@ -51,7 +51,7 @@ def test_number_of_any_kind_is_a_float(value):
             "x is 0.0, expected a finite number > 0 [1/s]",
         ),
         (lambda: checks.not_negative("x", -1, "[s]"), "x is -1, expected a finite number >= 0 [s]"),
-        (lambda: checks.number("x", "0", "a number", unit=" s"), "x is '0' s, expected a number"),
+        (lambda: checks.number("x", "0", "a number"), "x is '0', expected a number"),
         (lambda: checks.choice("x", "c", ("a", "b")), "x is 'c', expected one of 'a', 'b'"),
         (lambda: checks.whole("x", True), "x is True, expected a whole number >= 1"),
         (
