@@ -145,12 +145,6 @@ LINKS = {
         "placeholder of 1 kg m² about all axes, that of a ball of diameter",
         ESTIMATE,
     ),
-    "copied": Check(
-        "note",
-        "",
-        "the same inertia, of {:g} kg and up to {:g} kg m², at links of {} sizes",
-        "Fine for one motor in different housings.",
-    ),
     "missing": Check(
         "warning",
         "",

@@ -20,7 +20,7 @@ OUTSIDE = 0.1  # distance of a centre of mass from the box, over its diagonal; T
 WIDE = 1.1  # radius of gyration over the distance of the farthest point; 1 bounds any body
 POINT = 0.02  # the same ratio of nearly a point; a solid ball has 0.63
 SHARE = 0.1  # fraction of a body's mass below which a point mass does not matter
-SAME = 3  # sizes of links with one inertia from which it is a copy; two sides have one size
+SAME = 3  # links of one density from which it is that of CAD
 
 
 def possible_inertias(urdf: Urdf) -> Found:
@@ -117,20 +117,10 @@ def _felt_moment(urdf: Urdf, body: Body, link: Link) -> float:
 
 
 def placeholders(urdf: Urdf) -> Found:
-    """Find the identity, and one inertia at links of several sizes."""
-    groups: dict[tuple[float, ...], list[Link]] = {}
+    """Find inertias of 1 kg m² about all axes."""
     for link in filter(urdf.has_inertia, urdf.links.values()):
         if np.allclose(link.inertia, np.eye(3), rtol=0.0, atol=1e-9):
             yield "identity", link.name, 2.0 * np.sqrt(2.5 / link.mass)
-        else:
-            rounded = np.round(np.linalg.eigvalsh(link.inertia), 12)
-            groups.setdefault((link.mass, *rounded), []).append(link)
-    for (mass, *moments), links in groups.items():
-        solids = [link.solids.get("collision") or link.solids.get("visual") for link in links]
-        volumes = np.sort([solid.body.mass for solid in solids if solid])
-        sizes = 1 + np.count_nonzero(volumes[1:] > 1.05 * volumes[:-1]) if len(volumes) else 0
-        for link in links if sizes >= SAME else ():
-            yield "copied", link.name, 0.0, (mass, moments[-1], sizes)
 
 
 def meshes(urdf: Urdf) -> Found:

@@ -114,7 +114,6 @@ ROTOR = (
     '<drake:rotor_inertia value="2e-6"/>'
     '<drake:gear_ratio value="100"/></actuator></transmission>'
 )
-BALLS = "".join(welded(f"ball{k}", 0.5, 0.001, 0.05 + 0.01 * k) for k in range(3))
 SEEN_TOOL = '<link name="tool"><visual><geometry><sphere radius="0.01"/></geometry></visual></link>'
 SHAPELESS = re.sub(r"<collision>.{1,90}box size=\"0.4.*?</collision>", "", ARM)
 HEAVY = arm(MASS, '<mass value="3200"/>')
@@ -166,7 +165,6 @@ MISTAKES = (
     ),
     ("gyration", "note", "base", 0.9**0.5 / np.hypot(0.15 * 2**0.5, 0.05), moments(BASE, 9, 9, 9)),
     ("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2), moments(UPPER, 1, 1, 1)),
-    ("placeholders", "note", "ball0 ball1 ball2", None, more(BALLS)),
     ("meshes", "warning", "left_upper", None, arm(BOX, '<mesh filename="package://no/a.stl"/>')),
     ("meshes", "note", "left_upper", None, arm(BOX, "<cone/>")),
     ("meshes", "note", "left_upper", None, arm(BOX, '<box size="0.4 0 0.09"/>')),
