@@ -231,8 +231,7 @@ def _reject_unsupported(c: _Compiled) -> None:
     """Reject what changes M, C, ν or K and cannot be modelled."""
     elsewhere = [a for a in c.actuators if a not in c.actuated]
     for kind, objects, reason in (
-        ("joint", c.nonzero(c.balls, "dof_armature"), "is a ball joint and has armature"),
-        ("joint", c.nonzero(c.free, "dof_armature"), "is free and has armature"),
+        ("joint", c.nonzero([*c.balls, *c.free], "dof_armature"), "is no hinge and has armature"),
         (
             "actuator",
             c.nonzero(elsewhere, "actuator_armature"),
@@ -281,14 +280,12 @@ def _omitted_objects(c: _Compiled) -> Iterator[tuple[str, Iterable[int]]]:
         yield "spring of joint", c.nonzero(c.joints, "jnt_stiffness", "jnt_stiffnesspoly")
     if damper:
         elsewhere = [a for a in c.actuators if a not in c.actuated]
-        yield "damping of free joint", c.nonzero(c.free, "dof_damping")
-        yield "damping of ball joint", c.nonzero(c.balls, "dof_damping")
+        yield "damping of joint", c.nonzero([*c.free, *c.balls], "dof_damping")
         yield "nonlinear damping of joint", c.nonzero(c.joints, "dof_dampingpoly")
         yield "damping of actuator", c.nonzero(elsewhere, "actuator_damping")
         yield "nonlinear damping of actuator", c.nonzero(c.actuators, "actuator_dampingpoly")
     if not c.is_disabled("frictionloss"):
-        yield "friction loss of free joint", c.nonzero(c.free, "dof_frictionloss")
-        yield "friction loss of ball joint", c.nonzero(c.balls, "dof_frictionloss")
+        yield "friction loss of joint", c.nonzero([*c.free, *c.balls], "dof_frictionloss")
     if spring or damper:
         if np.any(m.opt.gravity) and not c.is_disabled("gravity"):
             carried = c.nonzero(c.nonzero(c.bodies, "body_gravcomp"), "body_mass")
