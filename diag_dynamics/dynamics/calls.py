@@ -259,14 +259,12 @@ class SweepCaller:
         if self._has_roots:
             resisting += model.root_friction * root_of_rate(qd, v0)
         if self._depends_on_load or self._has_friction:
-            with np.errstate(over="ignore"):
-                direction = np.tanh(qd / v0) if v0 else np.sign(qd)
             load = np.abs(self.gravity_torque(at)) if self._depends_on_load else 0.0
-            resisting += (model.friction + model.load_friction * load) * direction
+            resisting += (model.friction + model.load_friction * load) * direction(qd, v0)
         if model.couplings:
             rates = qd @ model.motor_rates.T
-            turned = np.tanh(rates / v0) if v0 else np.sign(rates)
-            resisting += (self._motors[0] * rates + self._motors[1] * turned) @ model.motor_rates
+            damping, friction = self._motors
+            resisting += (damping * rates + friction * direction(rates, v0)) @ model.motor_rates
         if self._followers:
             rows = zip(at.q.reshape(-1, model.nq), qd.reshape(-1, model.nv), strict=True)
             resisting += np.reshape(
@@ -280,8 +278,8 @@ class SweepCaller:
         model = self.model
         G, v0 = now.ratios[len(model.mimics) :], model.friction_velocity
         rate = G @ qd
-        direction = np.tanh(rate / v0) if v0 else np.sign(rate)
-        friction: Array = (model.follower_damping * rate + model.follower_friction * direction) @ G
+        coulomb = model.follower_friction * direction(rate, v0)
+        friction: Array = (model.follower_damping * rate + coulomb) @ G
         return friction
 
     def gravity_torque(self, at: States) -> Array:
@@ -427,6 +425,12 @@ class SweepCaller:
             partial(self.contact_limits, points=points),
         )
         return PredictedContact(points, *outputs)
+
+
+def direction(qd: Array, v0: float) -> Array:
+    """Return tanh(q̇/v₀), the sign of q̇ if v₀ is 0."""
+    with np.errstate(over="ignore"):
+        return np.tanh(qd / v0) if v0 else np.sign(qd)
 
 
 def root_of_rate(qd: Array, v0: float) -> Array:

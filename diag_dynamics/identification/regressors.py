@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from diag_dynamics.dynamics.calls import root_of_rate
+from diag_dynamics.dynamics.calls import direction, root_of_rate
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.numerics import kernel as nk
@@ -124,7 +124,7 @@ class Regressors:
             y[:, first_own + OFFSET] = 1.0
             y[:, first_own + len(OWN)] = tau[part]
             v0 = self._friction_velocity
-            y[:, first_own + FRICTION] = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
+            y[:, first_own + FRICTION] = direction(rates, v0)
             if self.load_of:
                 y[:, first_own + LOAD] = (
                     np.abs(self.load_of.gravity_torque(q[part])) * y[:, first_own + FRICTION]
@@ -142,9 +142,8 @@ class Regressors:
 
     def _fill_motors(self, y, rates):
         """Write rates and directions of coupled motors, times ratios, into rows of their joints."""
-        v0 = self._friction_velocity
         rates = rates @ self._motor_rates.T
-        turned = np.tanh(rates / v0) if v0 > 0.0 else np.sign(rates)
+        turned = direction(rates, self._friction_velocity)
         for k, motors in enumerate(self._motors):
             first = self.rows[k].stop - 1 - len(OWN) - 2 * len(motors)
             for column, motor in enumerate(motors):
