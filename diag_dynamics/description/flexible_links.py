@@ -101,12 +101,7 @@ def _beam(
     counts = numbers(
         f"{where}: modes", entries.get("modes", (2, 2, 0)), (3,), "three numbers of modes"
     )
-    if (
-        (counts != counts.astype(int)).any()
-        or (counts < 0).any()
-        or (counts > MAX_MODES).any()
-        or not counts.any()
-    ):
+    if not (counts.any() and np.isin(counts, range(MAX_MODES + 1)).all()):
         raise InputError(
             f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to "
             f"{MAX_MODES}."

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MasslessLinkError
+from diag_dynamics.rigid_body import symmetric
 from diag_dynamics.sweeps import followers
 from diag_dynamics.sweeps.joints import REMOTE, SINGULAR
 from diag_dynamics.sweeps.memory import Workspace
@@ -22,8 +23,6 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
     from diag_dynamics.model.tree import Tree
-
-_UPPER = np.triu_indices(3)
 
 
 def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int64], Array]:
@@ -116,7 +115,7 @@ def _placed(
     for i, body in enumerate(bodies):
         moment = _cross(body["first_moment"])
         P[i, :3, :3], P[i, :3, 3:], P[i, 3:, :3] = body["mass"] * np.eye(3), moment.T, moment
-        P[i, 3:, 3:][_UPPER] = P[i, 3:, 3:].T[_UPPER] = body["inertia"]
+        P[i, 3:, 3:] = symmetric(body["inertia"])
         R, p = np.eye(3), np.zeros(3)
         if i > 0 and body["rank"] == 0:
             R, p = _placement(body, q, position[i])
