@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Container, Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import numpy as np
@@ -101,11 +101,8 @@ def describe_urdf(element: Any) -> Description:
 
 
 def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:
-    """Return the links and joints of a <robot> element that can be read, even if others cannot.
-
-    A joint lacks numbers that cannot be read.
-    """
-    reduced = _Reduced(suppress(UrdfError))
+    """Return the links and joints of a <robot> element that can be read, even if others cannot."""
+    reduced = _Reduced()
     for link in element.findall("link"):
         with suppress(UrdfError):
             reduced.add_link(link)
@@ -160,10 +157,9 @@ def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, floa
                 fields[name] = float(value)
     if joint.mimic is not None:
         fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
-    origin = origins.get(joint.name, np.eye(4))
     fields["armature"] = armature.get(joint.name, 0.0)
     ends = joint.parent, joint.child
-    return Joint(joint.name, joint.type, *ends, origin, joint.axis, **fields)
+    return Joint(joint.name, joint.type, *ends, origins[joint.name], joint.axis, **fields)
 
 
 def _reject_loops(robot: Any) -> None:
@@ -246,23 +242,16 @@ def _expanded(value: str | None, where: str) -> str | None:
     return value
 
 
-_STRICT = nullcontext()
-
-
 class _Reduced:
-    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read.
+    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read."""
 
-    `reading` is the context in which numbers of joints are read.
-    """
-
-    def __init__(self, reading: AbstractContextManager[object] = _STRICT) -> None:
-        self._reading = reading
+    def __init__(self) -> None:
         self.links: dict[str, None] = {}
         self._element = etree.Element("robot", name="robot")
         self._carriers: dict[str, str] = {}  # joint of each link that has a parent
         self._joints: dict[str, None] = {}
         self._placements: dict[str, Array] = {}  # of inertials in their links
-        self._origins: dict[str, Array] = {}  # of joints; absent if it cannot be read
+        self._origins: dict[str, Array] = {}  # of joints
 
     def add_link(self, link: Any) -> None:
         """Copy a link."""
@@ -303,15 +292,14 @@ class _Reduced:
                 f"'{name}'; {TREE} Remove the joint that closes it."
             )
         self._carriers[child] = name
-        self._element.append(copy)
-        _copy_numbers(joint, copy, JOINT, where, self._reading)
-        with self._reading:
-            self._origins[name] = placement_of(joint.find("origin"), where)
+        _copy_numbers(joint, copy, JOINT, where)
+        self._origins[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
             source = joint.find("mimic").get("joint", "")
             mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
         if kind == "planar" and copy.find("axis") is None:  # its default differs
             etree.SubElement(copy, "axis", xyz="0 0 1")
+        self._element.append(copy)
 
     def read(self, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
         """Return the records of links and joints. Importing yourdfpy takes a second."""
@@ -354,11 +342,7 @@ def _name(element: Any, names: dict[str, None]) -> str:
 
 
 def _copy_numbers(
-    element: Any,
-    copy: Any,
-    tags: Mapping[str, Mapping[str, int]],
-    where: str,
-    reading: AbstractContextManager[object] = _STRICT,
+    element: Any, copy: Any, tags: Mapping[str, Mapping[str, int]], where: str
 ) -> None:
     """Copy the first child of each tag, with the attributes that hold so many numbers."""
     for tag, attributes in tags.items():
@@ -369,9 +353,8 @@ def _copy_numbers(
         for attribute, count in attributes.items():
             text = child.get(attribute)
             if text is not None and (text.strip() or tag != "limit"):
-                with reading:
-                    numbers = numbers_of(child, attribute, count, where, tag == "limit")
-                    target.set(attribute, " ".join(map(repr, numbers)))
+                numbers = numbers_of(child, attribute, count, where, tag == "limit")
+                target.set(attribute, " ".join(map(repr, numbers)))
 
 
 def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
