@@ -18,8 +18,6 @@ from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError, UrdfError
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
-# Scheme of a URL; one letter, as in C:, is a drive
-_REMOTE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 
 
 def find_mesh(name: str, folder: Path | None) -> Path:
@@ -32,24 +30,15 @@ def find_mesh(name: str, folder: Path | None) -> Path:
     if match := _PACKAGE.fullmatch(name.strip()):
         package, file = match.groups()
         places = [share / file for share in _packages(package, folder)]
-        where = (
-            f"no package '{package}' around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH "
-            "has it"
-        )
-    elif _REMOTE.match(name) and not name.startswith("file:"):
-        raise UrdfError(f"mesh '{name}' is no file.")
     else:
         path = Path(os.path.expanduser(re.sub(r"^file:(//)?", "", name.strip())))
         places = [path] if path.is_absolute() else [folder / path] if folder else []
-        where = (
-            "no such file"
-            if places
-            else "a relative path, and the URDF has no folder that it could begin from"
-        )
     for place in places:
         if place.is_file():
             return place
-    raise UrdfError(f"mesh '{name}' cannot be found: {where}.")
+    raise UrdfError(
+        f"mesh '{name}' cannot be found around the URDF, in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH."
+    )
 
 
 def _packages(package: str, folder: Path | None) -> list[Path]:

@@ -228,7 +228,7 @@ def test_paths_of_meshes(tmp_path, monkeypatch):
     for name in VALID:
         assert find_mesh(name.format(mesh=file), urdf).resolve() == file
     for name, folder in (*((name, urdf) for name in LOST), ("a.stl", None)):
-        with pytest.raises(dd.UrdfError, match=r"cannot be found|is no file|relative path"):
+        with pytest.raises(dd.UrdfError, match="cannot be found"):
             find_mesh(name, folder)
     for variable, path in (
         ("ROS_PACKAGE_PATH", "robots"),

@@ -574,7 +574,7 @@ def test_what_cannot_be_drawn_is_listed_and_replaced_by_an_ellipsoid(tmp_path, m
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "box.stl")
     causes = {
         "package://nowhere/arm.stl": "cannot be found",
-        "http://example.org/arm.stl": "is no file",
+        "http://example.org/arm.stl": "cannot be found",
     }
     causes |= {"secret.txt": "is none of .stl", "broken.stl": ""}
     drawn, library = scene(*map(mesh, causes), visual('<cone size="1"/>'), folders=[tmp_path])
