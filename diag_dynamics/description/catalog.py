@@ -106,11 +106,6 @@ def robot_source(robot: str, arguments: Sequence[str] = ()) -> str:
     """
     name, in_name = split_arguments(robot)
     path = os.path.expanduser(name)
-    if os.path.isdir(path):
-        raise InputError(
-            f"robot is '{name}', a folder; expected a URDF, xacro or MJCF file, "
-            "or a robot by its name."
-        )
     if not os.path.isfile(path):
         path = str(robot_path(name))
     values = in_name | arguments_of(arguments)
