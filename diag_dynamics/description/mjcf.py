@@ -301,13 +301,8 @@ def _effort_limits(c: _Compiled) -> Array:
     """Return the effort limit of each joint [N m, N], infinite where there is none."""
     sums: dict[int, float] = {}
     for a, j in c.actuated.items():
-        group = int(c.m.actuator_group[a])
-        if not (
-            c.is_disabled("actuation")
-            or (0 <= group <= 30 and c.m.opt.disableactuator >> group & 1)
-        ):
-            gear = abs(c.gear(a))
-            sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
+        gear = abs(c.gear(a))
+        sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
     limits = np.array([sums.get(j, np.inf) for j in c.joints])
     of_joint = np.where(
         c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf
@@ -324,7 +319,7 @@ def _largest_force(c: _Compiled, a: int) -> float:
         c.kinds(f"mjt{part}", f"actuator_{part.lower()}type")[a] for part in ("Gain", "Bias", "Dyn")
     ]
     is_motor = kinds == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
-    if is_motor and m.actuator_ctrllimited[control] and not c.is_disabled("clampctrl"):
+    if is_motor and m.actuator_ctrllimited[control]:
         force = min(
             force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max())
         )
