@@ -70,8 +70,8 @@ def short(value: object) -> str:
     return shortened(repr(value), 80)
 
 
-def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits in ASCII, as web/src/format.js does.
+def number(value: float) -> str:
+    """Return a number with three significant digits in ASCII, as web/src/format.js does.
 
     :data:`UNKNOWN` for NaN and infinity; with an exponent from 10⁵ on and below 10⁻³.
     """
@@ -81,11 +81,11 @@ def number(value: float, digits: int = 3) -> str:
         return "0"
     size = abs(value)
     if size >= 1e5 or size < 1e-3:
-        mantissa, exponent = f"{value:.{max(0, digits - 2)}e}".split("e")
+        mantissa, exponent = f"{value:.1e}".split("e")
         return f"{mantissa}e{int(exponent)}"
-    rounded = float(f"{size:.{digits - 1}e}")  # 9.997 has as many decimals as 10.0
-    decimals = max(0, digits - 1 - math.floor(math.log10(rounded)))
-    return f"{value:.{min(decimals, digits + 1)}f}"
+    rounded = float(f"{size:.2e}")  # 9.997 has as many decimals as 10.0
+    decimals = max(0, 2 - math.floor(math.log10(rounded)))
+    return f"{value:.{min(decimals, 4)}f}"
 
 
 def distinct(*values: float, digits: int = 6) -> list[str]:
