@@ -132,11 +132,7 @@ ENDS = {
 def loops_of(robot: Any) -> tuple[Loop, ...]:
     """Return the closed loops of a parsed `<robot>` element."""
     elements = [element for tag in ENDS for element in robot.findall(tag)]
-    loops = tuple(_loop(element, f"{element.tag}{k}") for k, element in enumerate(elements))
-    for k, loop in enumerate(loops):
-        if loop.name in [earlier.name for earlier in loops[:k]]:
-            raise UrdfError(f"Two loops have the name '{loop.name}'.")
-    return loops
+    return tuple(_loop(element, f"{element.tag}{k}") for k, element in enumerate(elements))
 
 
 def _loop(element: Any, name: str) -> Loop:

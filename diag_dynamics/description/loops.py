@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -53,9 +52,6 @@ def with_couplings(description: Description, couplings: Couplings) -> Descriptio
         raise InputError(f"{name}: loops is {entries!r}, expected a list.")
     in_file = {loop.name: loop._asdict() for loop in description.loops}
     loops = tuple(_loop(name, k, entry, in_file) for k, entry in enumerate(entries))
-    for loop_name, count in Counter(loop.name for loop in loops).items():
-        if count > 1:
-            raise InputError(f"{name}: two loops have the name '{loop_name}'.")
     curves = dict(description.curves)
     for joint, entry in mapping(f"{name}: mimics", content.get("mimics") or {}).items():
         is_curve = isinstance(entry, Curve)

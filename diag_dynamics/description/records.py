@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -163,6 +163,11 @@ class Loop(NamedTuple):
         offsets = [np.zeros(3), axis, across][: LOOP_TYPES[self.type]]
         a, b = self.a.placement, self.b.placement
         return [(a[:3, 3] + a[:3, :3] @ x, b[:3, 3] + b[:3, :3] @ x) for x in offsets]
+
+
+def loop_names(loops: Sequence[Loop]) -> str:
+    """Return the names of loops for texts."""
+    return f"loop{'s' * (len(loops) > 1)} {listed([repr(loop.name) for loop in loops])}"
 
 
 class Inertial(NamedTuple):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.records import Mimic
+from diag_dynamics.description.records import Mimic, loop_names
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.rotations import wrap_angle
@@ -98,11 +98,7 @@ def loop_error(model: RobotModel, status: int) -> LoopError:
 
 def loop_title(model: RobotModel, number: int) -> str:
     """Return the names of the loops of a closed group, and its joints."""
-    names = listed([f"'{loop.name}'" for loop in model.loops[number]])
-    return (
-        f"loop{'s' * (len(model.loops[number]) > 1)} {names} "
-        f"({', '.join(model.loop_joints[number])})"
-    )
+    return f"{loop_names(model.loops[number])} ({', '.join(model.loop_joints[number])})"
 
 
 def closed(model: RobotModel, q: Array) -> Array:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from itertools import combinations
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from diag_dynamics.description.records import (
     Form,
     Loop,
     Mimic,
+    loop_names,
 )
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
 from diag_dynamics.model.tree import Tree, joints_between, path_to
@@ -155,6 +157,9 @@ def close(
     followers: dict[str, tuple[str, ...]] = {f: (curve.source,) for f, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
+    for name, count in Counter(loop.name for loop in loops).items():
+        if count > 1:
+            raise LoopError(f"two loops have the name '{name}'. Rename one of them.")
     cut = _Cut(tree)
     start = cut.start(loops)
     linear = {
@@ -197,10 +202,7 @@ def _choose(
 ) -> None:
     """Close a group near start values, and divide its joints into independent and dependent."""
     names = [name for name in cut.names if name in group.joints]
-    title = (
-        f"{'loop' if len(group.loops) == 1 else 'loops'} "
-        f"{listed([repr(loop.name) for loop in group.loops])}"
-    )
+    title = loop_names(group.loops)
     if several := group.joints - set(names):
         raise LoopError(
             f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one."
