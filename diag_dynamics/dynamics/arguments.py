@@ -59,18 +59,19 @@ class Arguments:
                 vectors[name] = checks.vector(name, x, names, finite=False)
         return States(q, vectors)
 
-    def many(self, q: Any, number: int | None, **vectors: Any) -> States:
-        """Return the arguments of many states, for a number of threads or all processors."""
+    def states(self, q: Any, number: int | None, **vectors: Any) -> States:
+        """Return the arguments of one state, or of many if q has rows.
+
+        Many are for a number of threads or all processors.
+        """
+        if not checks.is_rows(q):
+            return self.one(q, **vectors)
         q, names = checks.rows("q", q, self._model.coordinate_names), self._model.dof_names
         for name, x in vectors.items():
             is_zero = x is self.zero
             vectors[name] = x[None] if is_zero else checks.rows(name, x, names, len(q))
         number = threads.cores() if number is None else checks.whole("threads", number)
         return States(q, vectors, number)
-
-    def states(self, q: Any, number: int | None, **vectors: Any) -> States:
-        """Return the arguments of one state, or of many if q has rows."""
-        return self.many(q, number, **vectors) if checks.is_rows(q) else self.one(q, **vectors)
 
 
 class Loads:

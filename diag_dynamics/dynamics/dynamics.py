@@ -280,8 +280,7 @@ class DiagonalDynamics:
 
     def gravity_torque(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return g(q) [N m, N], shape (nv,): the effort that balances gravity at rest."""
-        at = self._arguments.states(q, threads, qd=self._zero, qdd=self._zero)
-        return self._caller.vector(calls.INVERSE_DYNAMICS, at)
+        return self._caller.gravity_torque(self._arguments.states(q, threads))
 
     def potential_energy(self, q: StatesLike, *, threads: int | None = None) -> Any:
         """Return U = −g·Σ m_i c_i [J] of all links in the field of gravity; of rows an array (T,).
