@@ -17,10 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from lxml import etree
-
 from diag_dynamics.description.checks import warn
-from diag_dynamics.description.elements import is_xacro, local_name
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.text import short
@@ -38,8 +35,9 @@ FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
 
 DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
 
-NO_CALL = (
-    "The file has no <link>: it defines macros and calls none. Load the xacro file that calls them."
+NO_LINK = (
+    "The file has no <link>: it defines macros and calls none, or is an SRDF of MoveIt. "
+    "Load the URDF, or the xacro file that calls them."
 )
 
 # The declared encoding, but for UTF-16 and UTF-32, which have a mark where they are used
@@ -233,18 +231,10 @@ def expanded(source: Any, arguments: Any) -> Any:
         if missing := sorted(mappings.used.difference(mappings)):
             reason += f". Give {missing[0]}:=VALUE behind the path (xacro_args)."
         raise UrdfError(f"xacro cannot expand '{path}': {reason}") from error
-    if not document.getElementsByTagName("link") and _only_defines(path):
-        raise UrdfError(f"'{path}': {NO_CALL}")
+    if not document.getElementsByTagName("link"):
+        raise UrdfError(f"'{path}': {NO_LINK}")
     if unused := [name for name in texts if name not in mappings.used]:
         used = ", ".join(sorted(mappings.used)) or "none"
         listed = ", ".join(map(repr, unused))
         warn(f"The xacro argument {listed} has no effect on '{path}'; it uses {used}.")
     return document.toxml()
-
-
-def _only_defines(path: str) -> bool:
-    """Return whether a file has elements of xacro that only define or include."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, recover=True)
-    elements = etree.parse(path, parser).getroot().iterchildren(etree.Element)
-    names = {local_name(element) for element in elements if is_xacro(element)}
-    return bool(names) and names <= {*DEFINITIONS, "include"}

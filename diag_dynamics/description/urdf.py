@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 from collections.abc import Container, Iterable, Mapping
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from lxml import etree
@@ -38,7 +38,7 @@ from diag_dynamics.description.records import (
     Mimic,
 )
 from diag_dynamics.description.remarks import remarks_of
-from diag_dynamics.description.text import DEFINITIONS, NO_CALL
+from diag_dynamics.description.text import DEFINITIONS, NO_LINK
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.text import listed, short
 
@@ -87,7 +87,7 @@ def describe_urdf(element: Any) -> Description:
     for link in element.findall("link"):
         reduced.add_link(link)
     if not reduced.links:
-        _reject_no_links(element)
+        raise UrdfError(NO_LINK)
     for joint in element.findall("joint"):
         reduced.add_joint(joint)
     armature, ignored = reflected_inertias(element)
@@ -225,12 +225,6 @@ def _reject_xacro(robot: Any) -> None:
                 stack.append(element)
             elif local_name(element) not in DEFINITIONS:
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
-
-
-def _reject_no_links(robot: Any) -> NoReturn:
-    if any(map(is_xacro, robot.iterchildren(etree.Element))):  # definitions: _reject_xacro
-        raise UrdfError(NO_CALL)
-    raise UrdfError("The URDF has no <link>. Is the file an SRDF of MoveIt?")
 
 
 def _expanded(value: str | None, where: str) -> str | None:
