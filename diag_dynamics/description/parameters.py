@@ -170,8 +170,7 @@ class Parameters:
             return content
         content = mapping(source, content, tuple(cls.__dataclass_fields__))
         motors, velocity = content.get("motor_efforts", False), content.get("friction_velocity")
-        if not isinstance(motors, bool):
-            raise InputError(f"{source}: motor_efforts is {motors!r}, expected true or false.")
+        choice(f"{source}: motor_efforts", motors, (True, False))
         if velocity is not None:
             velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
         fields: dict[str, Any] = {"motor_efforts": motors, "friction_velocity": velocity}

@@ -108,7 +108,8 @@ class FlexibleDynamics:
     ) -> FlexibleEvaluation:
         """Return all terms and energies at one state as a :class:`FlexibleEvaluation`."""
         stretch, rate = self._stretch(q, theta, qd, thetad)
-        effort, motor = self._efforts(tau, torque := self.stiffness * stretch + self.damping * rate)
+        torque = self.spring_torque(q, theta, qd, thetad)
+        effort, motor = self._efforts(tau, torque)
         s = self.link.evaluate(q, qd, effort, f_ext, frame=frame)
         nu, epsilon = (
             np.sqrt(self.rotor_inertia) * vector("thetad", thetad, self.names),
