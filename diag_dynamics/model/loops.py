@@ -232,7 +232,10 @@ def _choose(
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
     poses = []
-    for q in cut.moved(start, names, basis[rank:]):
+    columns, directions = cut.columns(names), basis[rank:]
+    for step in (*directions, *-directions):
+        q = start.copy()
+        q[columns] += MAX_STEP * step
         J_there, gap_there = cut.close(q, names, group, set())
         if gap_there < 1e-9:
             poses.append(J_there)
@@ -262,7 +265,7 @@ def _choose(
         )
     group.closures.extend(closures)
     result.followers.update(dict.fromkeys(followers, tuple(independent)))
-    result.start.update(cut.positions(start, names))
+    result.start.update(zip(names, start[columns].tolist(), strict=True))
 
 
 def _ratio(J: Array, names: list[str], followers: list[str]) -> float:
@@ -390,19 +393,8 @@ class _Cut:
                 q[self._q[name]] = earlier.start[name]
         return q
 
-    def moved(self, q: Array, names: list[str], directions: Array) -> list[Array]:
-        """Return positions on both sides of q along directions of joints."""
-        moved = []
-        for step in (*directions, *-directions):
-            moved.append(q.copy())
-            moved[-1][self._columns(names)] += MAX_STEP * step
-        return moved
-
-    def positions(self, q: Array, names: list[str]) -> dict[str, float]:
-        """Return positions by joint."""
-        return {name: float(q[self._q[name]]) for name in names}
-
-    def _columns(self, names: list[str]) -> list[int]:
+    def columns(self, names: list[str]) -> list[int]:
+        """Return the places of joints in q."""
         return [self._q[name] for name in names]
 
     def _on_body(self, link: str, point: Array) -> tuple[int, Array]:
@@ -443,7 +435,7 @@ class _Cut:
         Return J there, and the gap that remains. Positions of `held` joints stay. No step is made
         along singular values below `dependent`, by the largest.
         """
-        moves, columns = np.array([name not in held for name in names]), self._columns(names)
+        moves, columns = np.array([name not in held for name in names]), self.columns(names)
         phi, J = self._equations(q, names, group)
         gap = float(np.linalg.norm(phi))
         damping = FIRST_DAMPING
@@ -489,7 +481,7 @@ class _Cut:
         columns = []
         for _ in range(3):
             moved = q.copy()
-            moved[self._columns(names)] += rng.uniform(-1.0, 1.0, len(names))
+            moved[self.columns(names)] += rng.uniform(-1.0, 1.0, len(names))
             J = self._equations(moved, names, group)[1][: 3 * len(pairs)]
             columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
         M = np.concatenate(columns, axis=2)
