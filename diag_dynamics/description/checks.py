@@ -215,12 +215,6 @@ JOINTS = {
         "mimic joints with narrower limits than their source joint, by",
         "Limit the source joint to the range of the mimic joint.",
     ),
-    "slow": Check(
-        "note",
-        "1",
-        "mimic joints driven above their velocity limit by their source joint, by the factor",
-        "Limit the source joint to the velocity of the mimic joint.",
-    ),
     "singular": Check(
         "error",
         "kg m², kg",

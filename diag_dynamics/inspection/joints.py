@@ -102,12 +102,10 @@ def mimic_joints(urdf: Urdf) -> Found:
         mimic = joint.mimic
         if mimic is None or mimic.leader not in joints:
             continue
-        source, factor = joints[mimic.leader], abs(mimic.multiplier)
+        source = joints[mimic.leader]
         ends = joint.lower, joint.upper, source.lower, source.upper
         if np.isfinite(ends).all() and joint.type in BEYOND and source.type in BEYOND:
             low, high = sorted(mimic.multiplier * x + mimic.offset for x in ends[2:])
             beyond = max(joint.lower - low, high - joint.upper)
             if beyond > 0.01 * (high - low):
                 yield "short", joint.name, beyond
-        if joint.velocity > 0.0 and np.inf > factor * source.velocity > 1.01 * joint.velocity:
-            yield "slow", joint.name, factor * source.velocity / joint.velocity

@@ -195,7 +195,6 @@ MISTAKES = (
     ("velocity_limits", "note", "elbow", None, arm('velocity="3"', "")),
     ("velocity_limits", "warning", "elbow", None, arm('velocity="3"', 'velocity="0"')),
     ("mimic_joints", "note", "follows", 0.5, mimic('multiplier="-2" offset="0.5"', -4.5, 5.0, 9)),
-    ("mimic_joints", "note", "follows", 3.0, mimic('multiplier="2"', -5, 5, 2)),
     ("rotor_inertia", "note", "elbow", 1e3 * 0.0363 * 3 / 200, arm('effort="20"', 'effort="200"')),
     ("gravity", "note", "shoulder", None, arm('effort="24"', 'effort="12"')),
     ("gravity", "warning", "shoulder", None, arm('effort="24"', 'effort="2"')),
