@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from lxml import etree
 
 from diag_dynamics.description.parameters import JointParameters, Parameters, with_parameters
-from diag_dynamics.description.urdf import describe_urdf, parse_urdf
+from diag_dynamics.description.urdf import INERTIAL, describe_urdf, parse_urdf
 from diag_dynamics.rigid_body import RigidBody
-
-ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 def insert_inertia(link: Any, comment: str, body: RigidBody) -> None:
@@ -25,8 +24,8 @@ def insert_inertia(link: Any, comment: str, body: RigidBody) -> None:
     inertial.append(_comment(comment))
     etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, body.centre.tolist())), rpy="0 0 0")
     etree.SubElement(inertial, "mass", value=repr(float(body.mass)))
-    entries = {name: repr(float(body.inertia[place])) for name, place in ENTRIES.items()}
-    etree.SubElement(inertial, "inertia", entries)
+    moments = map(repr, body.inertia[np.triu_indices(3)].tolist())
+    etree.SubElement(inertial, "inertia", dict(zip(INERTIAL["inertia"], moments, strict=True)))
     _insert_first(link, inertial)
 
 

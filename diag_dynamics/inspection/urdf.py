@@ -21,11 +21,10 @@ from diag_dynamics.description.geometry import Solid, moved, shapes_of, solid_of
 from diag_dynamics.description.meshes import Meshes, find_mesh
 from diag_dynamics.description.records import Description, Joint, Remark
 from diag_dynamics.description.remarks import NEGLIGIBLE, remarks_of
-from diag_dynamics.description.urdf import parse_urdf, readable_parts
+from diag_dynamics.description.urdf import INERTIAL, parse_urdf, readable_parts
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
 
 ROLES = ("visual", "collision")
-INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 Found = Iterator[tuple[Any, ...]]
 """Results of a check: fields of a Remark."""
@@ -71,7 +70,7 @@ def _described_link(link: records.Link) -> Link:
 
 def _half_digit(inertia: Any) -> float:
     """Return half a unit of the last digit of an element's moments of inertia."""
-    digits = [Decimal(inertia.get(name)) for name in INERTIA]
+    digits = [Decimal(inertia.get(name)) for name in INERTIAL["inertia"]]
     exponents = [int(digit.as_tuple().exponent) for digit in digits if digit]
     return 0.5 * 10.0 ** max(min(exponents, default=-300), -300)
 
