@@ -8,7 +8,11 @@ from typing import Any
 
 from diag_dynamics.exceptions import InputError
 
-PACKAGES = {"yaml": "pyyaml", "distributed": "'dask[distributed]'"}
+PACKAGES = {
+    "yaml": "pyyaml",
+    "distributed": "'dask[distributed]'",
+    "trimesh": "'trimesh[easy]'",
+}
 """Names of packages that differ from those of their modules."""
 
 

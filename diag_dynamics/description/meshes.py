@@ -8,14 +8,14 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diag_dynamics.description.text import GIT_LFS
-from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.exceptions import UrdfError
+from diag_dynamics.optional import require
 
 _PACKAGE = re.compile(r"(?:package|model)://+([^/]+)/+(.+)")  # some exporters write a third slash
 
@@ -69,12 +69,7 @@ class Meshes:
 
 
 def _read(name: str, path: Path) -> Any:
-    try:
-        trimesh = import_module("trimesh")
-    except ImportError as error:
-        raise InputError(
-            f"mesh '{name}' needs trimesh to be read: pip install 'trimesh[easy]'."
-        ) from error
+    trimesh = require("trimesh", f"mesh '{name}'")
     with suppress(OSError), path.open("rb") as file:
         if file.read(len(GIT_LFS)) == GIT_LFS:
             raise UrdfError(f"mesh '{name}' is a pointer of Git LFS. Run git lfs pull.")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from importlib import import_module
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -28,6 +27,7 @@ from diag_dynamics.description.records import (
 )
 from diag_dynamics.description.urdf import checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
+from diag_dynamics.optional import require
 
 # MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
 # the version
@@ -213,10 +213,7 @@ class _Compiled:
 
 def _compile(source: object) -> tuple[Any, Any]:
     """Return the module mujoco, and its model of an MJCF given by path or text."""
-    try:
-        mujoco = import_module("mujoco")
-    except ImportError as error:
-        raise InputError("An MJCF needs MuJoCo's parser: pip install mujoco.") from error
+    mujoco = require("mujoco", "an MJCF")
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"source is {source!r}, expected the path of an MJCF, or its text.")
     try:

@@ -13,13 +13,14 @@ import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from diag_dynamics.checks import mapping
 from diag_dynamics.description.checks import warn
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
+from diag_dynamics.optional import require
 from diag_dynamics.text import short
 
 # Largest URDF accepted; the largest public robot descriptions have some 200 kB
@@ -193,9 +194,7 @@ def expanded(source: Any, arguments: Any) -> Any:
 
     Return another source as it is.
     """
-    if arguments is not None and not isinstance(arguments, Mapping):
-        raise InputError(f"xacro_args is {arguments!r}, expected a dict by name.")
-    arguments = dict(arguments or {})
+    arguments = dict(mapping("xacro_args", {} if arguments is None else arguments))
     if isinstance(source, str):
         source, in_path = split_arguments(source)
         arguments = in_path | arguments
@@ -211,13 +210,7 @@ def expanded(source: Any, arguments: Any) -> Any:
         raise UrdfError(f"Cannot read the xacro file '{path}': no such file.")
     with open(path, "rb") as file:
         reject_other_kinds(file.read(10_000))
-    try:
-        xacro = import_module("xacro")
-    except ImportError as error:
-        text = (
-            f"'{path}' is a xacro file, and the package xacro is not installed: pip install xacro."
-        )
-        raise UrdfError(text) from error
+    xacro = require("xacro", f"'{path}'")
     # As xacro's command line has them
     texts = {
         str(name): str(x).lower() if isinstance(x, bool) else str(x)

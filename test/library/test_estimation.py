@@ -330,7 +330,7 @@ def test_bad_densities(density):
 def test_without_trimesh(bare, monkeypatch):
     """Primitives need no library."""
     monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(dd.InputError, match=r"b--ox\.stl' needs trimesh"):
+    with pytest.raises(dd.InputError, match=r"b--ox\.stl' needs the package trimesh"):
         estimated(BARE, 500.0, bare.parent)
     text = BARE.replace('<mesh filename="b--ox.stl"/>', '<box size="0.1 0.1 0.1"/>')
     assert len(estimated(text, 500.0, bare.parent).estimates) == 3

@@ -164,7 +164,7 @@ def test_xacro_errors(xacro_file, monkeypatch):
     packages.get_package_share_directory = not_found
     assert_error(dd.UrdfError, "xacro cannot expand .*'arm' not found", xacro_file)
     monkeypatch.setitem(sys.modules, "xacro", None)
-    assert_error(dd.UrdfError, "pip install xacro", xacro_file)
+    assert_error(dd.InputError, "pip install xacro", xacro_file)
     assert_error(dd.UrdfError, "unexpanded xacro", XACRO)
     xacro_file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12\n")
     assert_error(dd.UrdfError, "a pointer of Git LFS", xacro_file)
