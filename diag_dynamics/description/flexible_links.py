@@ -107,15 +107,10 @@ def _beam(
             f"{MAX_MODES}."
         )
     n_y, n_z, n_x = (int(n) for n in counts)
-    EI = numbers(f"{where}: EI", entries["EI"], (2,), "two numbers > 0 [N m²]")
-    if not (EI > 0.0).all():
-        raise InputError(f"{where}: EI is {EI.tolist()}, expected two numbers > 0 [N m²].")
+    EI = per_name(f"{where}: EI", entries["EI"], ("y", "z"), "a finite number > 0 [N m²]")
     GJ = positive(f"{where}: GJ", entries.get("GJ"), "[N m²]") if n_x else 1.0
-    if n_x and not polar > 0.0:
-        raise InputError(
-            f"{where}: its inertia about the beam is {polar:g} kg m², "
-            "expected more than 0 for torsion."
-        )
+    if n_x:
+        positive(f"{where}: its inertia about the beam", polar, "[kg m²] for torsion")
     length = float(np.linalg.norm(vector_))
     planes = [_normal_modes(n, 2, length, EI[k], mass) for k, n in enumerate((n_y, n_z))]
     twist = _normal_modes(n_x, 1, length, GJ, polar)
@@ -196,14 +191,11 @@ def _elements(link: str, origins: Mapping[str, Array], entries: Mapping[str, Any
     """
     where = f"flexible link '{link}'"
     n = np.size(entries["frequencies"])
-    frequencies = numbers(
-        f"{where}: frequencies", entries["frequencies"], (n,), "numbers > 0 [rad/s]"
-    )
-    if not n or not (frequencies > 0.0).all() or not isinstance(entries["nodes"], list | tuple):
-        raise InputError(
-            f"{where} has frequencies {entries['frequencies']!r}, expected numbers > 0 [rad/s], "
-            "and a list of nodes."
-        )
+    names = tuple(f"{link}/m{k + 1}" for k in range(n))
+    expected = "a finite number > 0 [rad/s]"
+    frequencies = per_name(f"{where}: frequencies", entries["frequencies"], names, expected)
+    if not n or not isinstance(entries["nodes"], list | tuple):
+        raise InputError(f"{where} has no frequencies, or not a list of nodes. Give both.")
     axes = _axes(next(iter(origins.values())))
 
     def station(name: str, entry: Any, keys: tuple[str, ...], at: Array | None = None) -> Station:
@@ -224,10 +216,8 @@ def _elements(link: str, origins: Mapping[str, Array], entries: Mapping[str, Any
         joint: station(f"tip '{joint}'", entry, TIP, origins[joint])
         for joint, entry in entries["tips"].items()
     }
-    names, bends = tuple(f"{link}/m{k + 1}" for k in range(n)), np.zeros((0, 2, n))
-    return FlexibleLink(
-        names, axes, frequencies, _ratios(where, entries, names), nodes, tips, bends
-    )
+    ratios, bends = _ratios(where, entries, names), np.zeros((0, 2, n))
+    return FlexibleLink(names, axes, frequencies, ratios, nodes, tips, bends)
 
 
 # --- The robot ------------------------------------------------------------------------------------

@@ -51,9 +51,7 @@ def point_of_wrench(
     max_deviation: tuple[float, float],
 ) -> PointOfWrench:
     """Return the checked point of :meth:`DiagonalDynamics.wrench`."""
-    scale = checks.numbers("max_deviation", max_deviation, (2,), "two numbers > 0 [N, N m]")
-    if not (scale > 0.0).all():
-        raise InputError(f"max_deviation is {max_deviation!r}, expected two numbers > 0 [N, N m].")
+    scale = checks.per_name("max_deviation", max_deviation, ("force", "moment"))
     body, rotation, in_body = point_in_body(model, link, point, frame)
     if body == 0 and model.nv:
         raise InputError(f"link is '{link}'; expected a link that a joint moves.")

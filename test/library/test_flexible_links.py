@@ -448,7 +448,7 @@ WRONG = [
     ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff', expected one of tip"),
     ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),
     ({"a": LINKS["a"] | {"modes": [7, 0, 0]}}, "modes are"),
-    ({"a": LINKS["a"] | {"EI": [1.0, -1.0]}}, "two numbers > 0"),
+    ({"a": LINKS["a"] | {"EI": [1.0, -1.0]}}, "a finite number > 0 [N m²]"),
     ({"a": LINKS["a"] | {"damping_ratio": -0.1}}, "damping_ratio"),
     (
         {"a": LINKS["a"] | {"mass": 2.0}},
