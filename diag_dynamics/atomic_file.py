@@ -19,7 +19,8 @@ class AtomicFile:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(os.path.expanduser(os.fspath(path)))
         self._target = Path(os.path.realpath(self.path)) if self.path.is_symlink() else self.path
-        self._is_direct, self.name = self.path.exists() and not self.path.is_file(), str(self.path)
+        self._is_direct = self.path.exists() and not self.path.is_file()
+        self.name = str(self.path)
         if not self._is_direct and not self._target.parent.is_dir():
             raise InputError(
                 f"'{self.path}' cannot be written: there is no folder '{self._target.parent}'."

@@ -129,7 +129,8 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
     Values of other types are returned unchanged.
     """
     if has_names(value):
-        labels, entries = list(value.keys()), dict(value.items())
+        labels = list(value.keys())
+        entries = dict(value.items())
         if len(entries) < len(labels):
             twice = next(label for label in labels if labels.count(label) > 1)
             raise InputError(f"{name} has a name twice: {twice}.")
@@ -233,7 +234,8 @@ def per_name(
 
     It may be a dict or a Series by name. Each number must be `valid`; errors say `expected`.
     """
-    array, n = array_of(in_order(name, value, names)), len(names)
+    array = array_of(in_order(name, value, names))
+    n = len(names)
     if array is None or array.shape not in ((), (n,)):
         each = f"{n} such: one for each of {', '.join(names)}"
         raise InputError(f"{name} is {value!r}, expected {expected}, or {each}.")

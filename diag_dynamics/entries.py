@@ -44,7 +44,8 @@ def assignments(parameter, entries, kind=float, minimum=None, advice=""):
         if not entry:
             continue
         name, equals, text = entry.rpartition("=")
-        name, value = name.strip(), _parsed(text.strip(), kind)
+        name = name.strip()
+        value = _parsed(text.strip(), kind)
         title = f"parameter '{parameter}' has {entry!r}"
         if not equals or not name or value is None:
             raise InputError(f"{title}, expected name={_EXPECTED[kind]}.{advice}")

@@ -75,9 +75,12 @@ class Evaluation:
         friction: Term = None,
     ) -> None:
         # `state` has the rows of sweeps.workspace, of length max(nq, 1).
-        self._model, self._state = model, state
+        self._model = model
+        self._state = state
         self._rows: Any = state[:, : model.nv]
-        self._with_tau, self._external, self._friction = with_tau, external, friction
+        self._with_tau = with_tau
+        self._external = external
+        self._friction = friction
 
     nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
     xi = _row(ws.XI, "Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).")
@@ -164,7 +167,8 @@ class Evaluation:
         It raises InputError if a link's energy overflows, as it may although K does not if an
         inertia is not that of a rigid body.
         """
-        model, (Q, QD) = self._model, self._motion()
+        model = self._model
+        Q, QD = self._motion()
         energy = np.empty((len(Q), len(model.link_names)))
         workspace = model.new_workspace()
         if not evaluation.link_energies(workspace.robot, model.links, Q, QD, energy):
@@ -252,12 +256,15 @@ class BatchEvaluation(Evaluation):
             if part is not None:
                 read_only(part)
         self._parts = memory
-        self._model, self._state = model, memory.results
+        self._model = model
+        self._state = memory.results
         self._rows = _BatchRows(enumerate(self._state))
         self._rows.update(enumerate(self._parts.numbers, ws.KINETIC_ENERGY))
         if not model.floating_base:
             self._rows[ws.BASE_ENERGY] = read_only(np.zeros(len(self)))
-        self._with_tau, self._external, self._friction = with_tau, external, friction
+        self._with_tau = with_tau
+        self._external = external
+        self._friction = friction
         self._rows.terms = external, friction
 
     kinetic_energy = _row(ws.KINETIC_ENERGY, "K [J], shape (T,).")  # type: ignore[assignment]
@@ -287,12 +294,14 @@ class BatchEvaluation(Evaluation):
             raise InputError(f"{t!r} is no index of a batch, expected a whole number.")
         if not -len(self) <= t < len(self):
             raise IndexError(f"state {t} of a batch of {len(self)}")
-        nv, nq = self._model.nv, self._model.nq
+        nv = self._model.nv
+        nq = self._model.nq
         state = np.empty((ws.N_ROWS, max(nq, 1)))
         state[: ws.N_RESULTS, :nv] = results[:, t]
         state[ws.ENERGY_SHARE, :nv] = energy_shares(self.nu[t])
         state[ws.KINETIC_ENERGY : ws.KINETIC_ENERGY + ws.N_NUMBERS, 0] = numbers[:, t]
-        state[ws.POSITIONS, :nq], state[ws.RATES, :nv] = positions[t], speeds[t]
+        state[ws.POSITIONS, :nq] = positions[t]
+        state[ws.RATES, :nv] = speeds[t]
         external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
         rows = state[:, :nv]
         rows[ws.NU_DOT], rows[ws.XI_DOT] = rates(rows, external, friction)
@@ -477,7 +486,8 @@ def energy_shares(nu: Array) -> Array:
 
 def rates(rows: Any, external: Term, friction: Term) -> tuple[Array, Array]:
     """Return ν̇ and ξ̇ of one state or many from their other rows."""
-    D, C = rows[ws.ARTICULATED_INERTIA], rows[ws.CORIOLIS]
+    D = rows[ws.ARTICULATED_INERTIA]
+    C = rows[ws.CORIOLIS]
     with np.errstate(over="ignore", invalid="ignore"):
         nu_dot = rows[ws.EPSILON] - C - rows[ws.GRAVITY]
         if external is not None:

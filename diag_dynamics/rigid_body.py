@@ -43,7 +43,8 @@ class RigidBody:
 
     def moved(self, placement: Array) -> RigidBody:
         """Return the body in the frame in which its own one has this placement (4, 4)."""
-        R, r = placement[:3, :3], placement[:3, 3]
+        R = placement[:3, :3]
+        r = placement[:3, 3]
         return RigidBody(self.mass, R @ self.centre + r, R @ self.inertia @ R.T)
 
     @classmethod

@@ -46,10 +46,17 @@ def to_quaternion(R: Array) -> tuple[float, float, float, float]:
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Return the rotation matrix Rz(yaw) Ry(pitch) Rx(roll)."""
-    sr, sp, sy = math.sin(roll), math.sin(pitch), math.sin(yaw)
-    cr, cp, cy = math.cos(roll), math.cos(pitch), math.cos(yaw)
+    sr = math.sin(roll)
+    sp = math.sin(pitch)
+    sy = math.sin(yaw)
+    cr = math.cos(roll)
+    cp = math.cos(pitch)
+    cy = math.cos(yaw)
     # Products in this order have the bits of yourdfpy's.
-    cc, cs, sc, ss = cr * cy, cr * sy, sr * cy, sr * sy
+    cc = cr * cy
+    cs = cr * sy
+    sc = sr * cy
+    ss = sr * sy
     return np.array(
         [
             [cp * cy, sp * sc - cs, sp * cc + ss],

@@ -57,7 +57,8 @@ def plain(text: str) -> str:
 
 def shortened(text: str, most: int = MAX_LENGTH) -> str:
     """Return a text as :func:`plain` does, its begin and end alone if it is longer than `most`."""
-    head, tail = plain(text[:most]), plain(text[-most:])
+    head = plain(text[:most])
+    tail = plain(text[-most:])
     if len(text) <= most and len(head) <= most:
         return head
     gap = f" … ({len(text)} characters) … "
@@ -117,7 +118,8 @@ class Progress:
     PERIOD = 0.2
 
     def __init__(self, quiet=False, lines=False):
-        self._on_terminal, self._last = sys.stderr.isatty(), -self.PERIOD
+        self._on_terminal = sys.stderr.isatty()
+        self._last = -self.PERIOD
         self.is_shown = not quiet and (self._on_terminal or lines)
 
     def __enter__(self):

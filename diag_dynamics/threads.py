@@ -29,7 +29,8 @@ class Workspaces:
     """Idle workspaces of one robot; creating one takes as long as some hundred states."""
 
     def __init__(self, model):
-        self._model, self._idle = model, []
+        self._model = model
+        self._idle = []
 
     def acquire(self):
         """Return a workspace for the calling thread alone."""
@@ -52,7 +53,8 @@ def run_chunks(workspaces, count, sweep, threads, width=1):
     """
     number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
     chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())
-    failures, helpers = [], []
+    failures = []
+    helpers = []
 
     def work():
         # Chunks before a failing one are all in work.

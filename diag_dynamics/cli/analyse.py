@@ -27,7 +27,8 @@ from diag_dynamics.text import Progress, aligned, plain, shortened
 EPILOG = (
     "exit status: 0 no problem; 1 unreadable data, rejected messages, a wrong unit, a power "
     "balance that explains less than 80 % or that a moving robot lacks, or one of several "
-    "recordings failed; 2 no result. Collisions are results. Formats and results: docs/recordings.md."
+    "recordings failed; 2 no result. Collisions are results. "
+    "Formats and results: docs/recordings.md."
 )
 
 COLUMNS = {

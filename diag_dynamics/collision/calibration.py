@@ -206,7 +206,8 @@ def calibrate_residuals(
     It has release, hold-off, `standing` and `stiction` of a template, and further attributes
     `trust`, warnings among them.
     """
-    rate, rows = positive("false_alarms", false_alarms, "[1/s]"), residuals.rows()
+    rate = positive("false_alarms", false_alarms, "[1/s]")
+    rows = residuals.rows()
     contacts = (
         CONTACT_RATIO * rate
         if false_contacts is None
@@ -246,7 +247,8 @@ def _calibrate_rows(
 ) -> Calibration:
     """Return thresholds for a rate, no higher than `upper`, with the alarms of held-out parts."""
     options = rate, template.release, template.hold_off
-    (limits, level), duration = fit_limits(rows, *options), rows.duration
+    limits, level = fit_limits(rows, *options)
+    duration = rows.duration
     if level is None:
         raise InputError(
             f"the recordings have {duration:.3g} s with fewer than four separate peaks, "
@@ -294,8 +296,12 @@ class _HeldOut:
         rate: float,
         template: Thresholds,
     ) -> None:
-        self._rows, self._names, self._template, self._rate = rows, names, template, rate
-        self._parts, self._limits = [], []
+        self._rows = rows
+        self._names = names
+        self._template = template
+        self._rate = rate
+        self._parts = []
+        self._limits = []
         for k in range(int(numbers.max()) + 1):
             inside = numbers == k
             outside = rows.select(~inside)
@@ -317,7 +323,7 @@ class _HeldOut:
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
 
     def describe_largest(self) -> str:
-        """Return which part has the largest values; empty without an alarm by the largest factor."""
+        """Return where the largest value is; empty without an alarm by the largest factor."""
         parts = zip(self._parts, self._limits, strict=True)
         ratios = [part.values / limits for part, limits in parts]
         maxima = np.array([ratio.max() for ratio in ratios])
@@ -326,7 +332,8 @@ class _HeldOut:
             return ""
         k = int(np.argmax(maxima))
         row, detector = np.unravel_index(np.argmax(ratios[k]), ratios[k].shape)
-        number, stamp = self._parts[k].recording[row], self._parts[k].stamps[row]
+        number = self._parts[k].recording[row]
+        stamp = self._parts[k].stamps[row]
         begin = self._rows.stamps[self._rows.recording == number][0]
         return (
             f"may contain contact: {(stamp - begin) / SECOND:.4g} s after the begin of recording "
@@ -366,7 +373,8 @@ def _thresholds(names: Sequence[str], template: Thresholds, limits: Array) -> Th
 def _detect(rows: Rows, names: Sequence[str], thresholds: Thresholds) -> Judged:
     """Return the results of a detector."""
     torque, r = np.split(rows.x, 2, axis=1)
-    valid, detector = np.ones(len(r), dtype=bool), Detector(names, thresholds)
+    valid = np.ones(len(r), dtype=bool)
+    detector = Detector(names, thresholds)
     return detector.judge(rows.stamps, r, torque, valid, rows.starts, rows.values)
 
 

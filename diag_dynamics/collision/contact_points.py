@@ -206,7 +206,8 @@ class ContactPoints:
         worst_by: WorstBy = "energy",
     ) -> None:
         choice("worst_by", worst_by, _BY)
-        self.model, self.worst_by = instance("model", model, RobotModel), worst_by
+        self.model = instance("model", model, RobotModel)
+        self.worst_by = worst_by
         contact_points = tuple(
             point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points
         )
@@ -222,12 +223,15 @@ class ContactPoints:
                     f"'{model.name}'."
                 )
         by_name: dict[str, Any] = {}  # link, regions and points by name
-        rows, entries, region = [np.zeros((0, 3))], [], 0
+        rows = [np.zeros((0, 3))]
+        entries = []
+        region = 0
         for point in contact_points:
             if point.name in by_name:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
-            coordinates, direction = _rows(point), np.zeros(3)
+            coordinates = _rows(point)
+            direction = np.zeros(3)
             if point.direction is not None:
                 direction = placement[:3, :3] @ unit(
                     f"direction of '{point.name}'", point.direction
@@ -236,23 +240,20 @@ class ContactPoints:
                 continue
             coordinates.flags.writeable = False
             by_name[point.name] = point.link, limits.of(point), coordinates
-            first, first_region, region = (
-                sum(map(len, rows)),
-                region,
-                region + len(limits.of(point)),
-            )
+            first = sum(map(len, rows))
+            first_region = region
+            region = region + len(limits.of(point))
             rows.append(coordinates @ placement[:3, :3].T + placement[:3, 3])
             entries.append(
                 (body, first, first + len(coordinates), first_region, region, tuple(direction))
             )
-        self.names, columns = (
-            tuple(by_name),
-            zip(*by_name.values(), strict=True) if by_name else ((), (), ()),
-        )
+        self.names = tuple(by_name)
+        columns = zip(*by_name.values(), strict=True) if by_name else ((), (), ())
         self.links, self.regions, self.points = columns
         self.count = sum(map(len, self.points))
         self.region_names = tuple(name for names in self.regions for name in names)
-        table, regions = np.array(entries, dtype=contacts.CONTACT_ENTRY), limits.regions
+        table = np.array(entries, dtype=contacts.CONTACT_ENTRY)
+        regions = limits.regions
         near = [regions[name] for name in self.region_names]
         limited = [any(regions[name].is_limited for name in names) for names in self.regions]
         self.limited = np.array(limited, dtype=bool)

@@ -279,7 +279,9 @@ class Alarm(NamedTuple):
         if touched is None or not np.isfinite(touched.chi_square[rows]).any():
             return self
         k = rows[int(np.nanargmax(touched.chi_square[rows]))]
-        link, confidence, chi_square = touched.link[k], touched.confidence[k], touched.chi_square[k]
+        link = touched.link[k]
+        confidence = touched.confidence[k]
+        chi_square = touched.chi_square[k]
         if chi_square <= self.chi_square:
             return self
         return self._replace(
@@ -296,7 +298,8 @@ class Alarms:
     """Collect the alarms of a detector; `judged` are the detectors that have a threshold."""
 
     def __init__(self, detector: Detector) -> None:
-        self._detectors, self._limits = detector.detectors, detector.limits
+        self._detectors = detector.detectors
+        self._limits = detector.limits
         self.judged = tuple(np.array(self._detectors)[np.isfinite(self._limits)].tolist())
         self.alarms: list[Alarm] = []
 

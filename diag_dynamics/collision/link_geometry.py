@@ -59,8 +59,10 @@ def link_geometry(
     """
     choice("geometry", geometry, GEOMETRIES)
     most = max(8, whole("most", most))
-    elements, meshes = link_elements(urdf), Meshes(folder_of(urdf))
-    points, left_out = [], dict[str, str]()
+    elements = link_elements(urdf)
+    meshes = Meshes(folder_of(urdf))
+    points = []
+    left_out = dict[str, str]()
     for link in model.link_names:
         if model.placement_in_body(link)[0] == 0:
             continue
@@ -97,12 +99,14 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
     if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
         corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
         centre = corners.mean(axis=0)
-        reach, hull_reach = support - dense @ centre, ((corners - centre) @ dense.T).max(axis=0)
+        reach = support - dense @ centre
+        hull_reach = ((corners - centre) @ dense.T).max(axis=0)
         # In other directions nothing can lie outside.
         is_relevant = hull_reach > 1e-9 * reach.max()
         factor = max(1.0, float((reach[is_relevant] / hull_reach[is_relevant]).max(initial=1.0)))
         corners = centre + factor * (corners - centre)
-    centre, rays = corners.mean(axis=0), _directions(most - len(corners))
+    centre = corners.mean(axis=0)
+    rays = _directions(most - len(corners))
     ahead = rays @ dense.T
     with np.errstate(divide="ignore"):
         way = np.where(
@@ -112,9 +116,12 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
 
 
 def _hull(shape: Shape, meshes: Meshes) -> _Hull:
-    numbers, radius, normals = np.array(shape.numbers), 0.0, np.zeros((0, 3))
+    numbers = np.array(shape.numbers)
+    radius = 0.0
+    normals = np.zeros((0, 3))
     if shape.kind == "box":
-        centres, normals = CUBE * (0.5 * numbers), np.concatenate([np.eye(3), -np.eye(3)])
+        centres = CUBE * (0.5 * numbers)
+        normals = np.concatenate([np.eye(3), -np.eye(3)])
     elif shape.kind == "cylinder":
         ends = np.array([[0.0, 0.0, -0.5 * numbers[1]], [0.0, 0.0, 0.5 * numbers[1]]])
         ring = numbers[0] / math.cos(math.pi / SIDES) * _ring(0.0)
@@ -125,7 +132,8 @@ def _hull(shape: Shape, meshes: Meshes) -> _Hull:
         mesh.apply_transform(np.diag([*numbers, 1.0]))
         try:
             hull = mesh.convex_hull
-            centres, normals = np.asarray(hull.vertices), np.asarray(hull.face_normals)
+            centres = np.asarray(hull.vertices)
+            normals = np.asarray(hull.face_normals)
         except (
             ValueError,
             RuntimeError,
@@ -134,8 +142,10 @@ def _hull(shape: Shape, meshes: Meshes) -> _Hull:
             centres = np.asarray(mesh.vertices)
     else:
         half = 0.5 * numbers[1] if shape.kind == "capsule" else 0.0
-        centres, radius = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]]), float(numbers[0])
-    R, r = shape.placement[:3, :3], shape.placement[:3, 3]
+        centres = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
+        radius = float(numbers[0])
+    R = shape.placement[:3, :3]
+    r = shape.placement[:3, 3]
     return centres @ R.T + r, radius, normals @ R.T
 
 
@@ -147,19 +157,22 @@ def _ring(shift: float) -> Array:
 
 def _support_points(hulls: list[_Hull], directions: Array) -> Array:
     """Return the point of several hulls that lies farthest along each direction."""
-    best, most = np.zeros_like(directions), np.full(len(directions), -np.inf)
+    best = np.zeros_like(directions)
+    most = np.full(len(directions), -np.inf)
     for centres, radius, _ in hulls:
         points = centres[np.argmax(directions @ centres.T, axis=1)] + radius * directions
         reach = np.einsum("nk,nk->n", points, directions)
         better = reach > most
-        best[better], most[better] = points[better], reach[better]
+        best[better] = points[better]
+        most[better] = reach[better]
     return best
 
 
 def _directions(count: int) -> Array:
     """Return unit vectors spread evenly over all directions, on a spiral by the golden angle."""
     k = np.arange(count) + 0.5
-    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    z = 1.0 - 2.0 * k / count
+    angle = math.pi * (1.0 + math.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 

@@ -45,8 +45,11 @@ class PredictedContact:
     nu: Array  #: ν [J^½], shape (nv,)
 
     def __init__(self, points: ContactPoints, nu: Array, results: Array) -> None:
-        self.points, self.names, self.links = points, points.names, points.links
-        self.nu, self._results = nu, results
+        self.points = points
+        self.names = points.names
+        self.links = points.links
+        self.nu = nu
+        self._results = results
         nu.flags.writeable = results.flags.writeable = False
 
     position: Array = _column(_XYZ[0], "Worst point in the root link's axes [m].")
@@ -93,7 +96,8 @@ class PredictedContact:
 
         It is -1 if all points are at rest.
         """
-        margin, energy = self.margin, self.energy
+        margin = self.margin
+        energy = self.energy
         if not energy.shape[-1]:
             return np.full(energy.shape[:-1], -1)[()]
         limited = margin.min(axis=-1) < np.inf
@@ -143,7 +147,8 @@ def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0
     """
     mass = mass if mass == math.inf else positive("mass", mass, "[kg]")
     e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
-    square, speed = float(w @ w), float(w @ nu)
+    square = float(w @ w)
+    speed = float(w @ nu)
     moves = square > 0.0
     along = w * (speed / square) if moves else np.zeros_like(nu)
     reflected = 1.0 / square if moves else math.inf
@@ -152,5 +157,6 @@ def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0
     impulse = (1.0 + e) * mu * closing
     mass_speed = 0.0 if mass == math.inf else impulse / mass
     loss = 0.5 * (1.0 - e * e) * mu * closing**2
-    after, rest = nu - impulse * w, nu - along
+    after = nu - impulse * w
+    rest = nu - along
     return Impact(nu, after, np.empty(0), along, rest, speed, reflected, impulse, mass_speed, loss)

@@ -86,18 +86,21 @@ class Residuals:
     """
 
     def __init__(self, width: int, max_gap: float = 0.1) -> None:
-        self._max_states, self._max_gap = MAX_NUMBERS // (2 * width + 3), max_gap * SECOND
+        self._max_states = MAX_NUMBERS // (2 * width + 3)
+        self._max_gap = max_gap * SECOND
         self._parts: list[Rows] = []
         self._count = self._segment = 0  # states, and number of the segment
         self.whole = 0  # states with the torque of all joints
         self._reduced = 0  # parts that are cells
         self._recording = 0
         self._last: int | None = None
-        self._moment, self.known = np.zeros((width, width)), np.zeros(width)  # states by joint
+        self._moment = np.zeros((width, width))
+        self.known = np.zeros(width)  # states by joint
 
     def start_recording(self) -> None:
         """Start another recording."""
-        self._recording, self._last = self._recording + 1, None
+        self._recording += 1
+        self._last = None
 
     def add_states(
         self,
@@ -133,7 +136,8 @@ class Residuals:
         is_first = self._last is None
         steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
         segment = self._segment + is_first + np.cumsum((steps < 0) | (steps > self._max_gap))
-        self._last, self._segment = int(stamps[-1]), int(segment[-1])
+        self._last = int(stamps[-1])
+        self._segment = int(segment[-1])
         self._count += len(stamps)
         number = np.full(len(stamps), self._recording)
         self._parts.append(Rows(stamps, segment, number, x, detector_values(x)))
@@ -166,7 +170,8 @@ def _reduce(parts: list[Rows]) -> Rows:
     """Return a row of the largest values of each cell."""
     rows = _concatenate(parts)
     first = np.flatnonzero(rows.starts | (np.diff(rows.stamps // CELL, prepend=0) != 0))
-    high, low = np.maximum.reduceat(rows.x, first), np.minimum.reduceat(rows.x, first)
+    high = np.maximum.reduceat(rows.x, first)
+    low = np.minimum.reduceat(rows.x, first)
     values = np.maximum.reduceat(rows.values, first)
     return rows.select(first)._replace(x=np.where(high >= -low, high, low), values=values)
 
@@ -240,11 +245,14 @@ def find_level(
     grid = np.unique(np.quantile(scores, 1.0 - np.geomspace(0.5, 1.0 / len(scores), 80)))[::-1]
     expected = allowed_alarms(rate, duration)
     min_count = int(np.clip(duration / PEAK_PERIOD, MIN_PEAKS, MAX_PEAKS))
-    before, best, peaks = float(grid[0]), -math.inf, np.empty(0)
+    before = float(grid[0])
+    best = -math.inf
+    peaks = np.empty(0)
     for level in grid.tolist():
         highest = peaks_above(segments, level, release, hold_off)
         if len(highest) > len(peaks):
-            best, peaks = level, highest
+            best = level
+            peaks = highest
         if len(highest) > max(expected, min_count - 1):
             break
         before = level

@@ -69,7 +69,8 @@ def example_urdfs() -> dict[str, Path]:
 
     Those of example-robot-data are listed if it is installed.
     """
-    of_package, examples = {path.stem: path for path in _OWN.glob("*/*.urdf")}, {}
+    of_package = {path.stem: path for path in _OWN.glob("*/*.urdf")}
+    examples = {}
     with suppress(metadata.PackageNotFoundError):
         for file in metadata.files("example-robot-data") or ():
             name = file.as_posix().partition(_FOLDER)[2]
@@ -82,7 +83,8 @@ def find_urdf(robot: str) -> Path:
     """Return the path of a URDF, or that of an example robot by its key or file name (``ur5``)."""
     if os.path.isfile(path := os.path.expanduser(robot)):
         return Path(path).resolve()
-    urdfs, name = example_urdfs(), robot.removesuffix(".urdf")
+    urdfs = example_urdfs()
+    name = robot.removesuffix(".urdf")
     keys = [name] if name in urdfs else [key for key in urdfs if Path(key).name == name]
     keys = keys or [key for key in urdfs if Path(key).name == f"{name}_robot"]  # ur5_robot.urdf
     if len(keys) > 1:

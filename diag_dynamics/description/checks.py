@@ -357,7 +357,9 @@ def warn(text: str, category: type[ModelWarning] = ModelWarning) -> None:
     if handler := _handler.get():
         handler(category(text))
         return
-    frame, level = currentframe(), 1
+    frame = currentframe()
+    level = 1
     while frame and frame.f_globals.get("__name__", "").startswith("diag_dynamics."):
-        frame, level = frame.f_back, level + 1
+        frame = frame.f_back
+        level = level + 1
     warnings.warn(text, category, stacklevel=level)

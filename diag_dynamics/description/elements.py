@@ -147,9 +147,11 @@ def _loop(element: Any, name: str) -> Loop:
             f"{shown} is not supported: its type is {kind!r}, "
             f"expected one of {', '.join(LOOP_KINDS)}."
         )
-    ends, axes = [], []
+    ends = []
+    axes = []
     for tag, origin, axis in ENDS[element.tag]:
-        link, along = element.find(tag), element.find(axis)
+        link = element.find(tag)
+        along = element.find(axis)
         if link is None or link.get("link") is None:
             raise UrdfError(f"{shown} is not supported: it lacks <{tag} link=…>.")
         place = placement_of(element.find(origin), shown)
@@ -165,7 +167,8 @@ def _loop(element: Any, name: str) -> Loop:
     }
     independent = tuple(part.get("joint") for part in element.findall("independent"))
     first, second = ends
-    name, kind = element.get("name", name), LOOP_KINDS[kind]
+    name = element.get("name", name)
+    kind = LOOP_KINDS[kind]
     return Loop(name, first, second, kind, tuple(axes[0].tolist()), independent, start)
 
 
@@ -237,9 +240,11 @@ def _sizes(transmission: Any, tags: tuple[str, ...], where: str) -> list[float]:
             continue
         text = element.get("value") or element.text or ""
         number = (floats(text, 1) or [float("nan")])[0]
-        is_valid, expected = number >= 0.0, ">= 0 [kg m²]"
+        is_valid = number >= 0.0
+        expected = ">= 0 [kg m²]"
         if tags is REDUCTION:
-            is_valid, expected = abs(number) > 0.0, "other than 0"
+            is_valid = abs(number) > 0.0
+            expected = "other than 0"
         if not is_valid:
             shown = f"{where}: <{tag}> is {short(text)}"
             raise UrdfError(f"{shown}; expected a finite number {expected}.")

@@ -59,7 +59,8 @@ class _Field(NamedTuple):
 
     def values(self, xi: float, derivative: int = 0) -> Array:
         """Return each mode, or a derivative by x, at ξ."""
-        p, factor = self.powers, np.ones(len(self.powers))
+        p = self.powers
+        factor = np.ones(len(self.powers))
         for k in range(derivative):
             factor = factor * (p - k)
         return (
@@ -69,7 +70,8 @@ class _Field(NamedTuple):
 
     def shortening(self, xi: float) -> Array:
         """Return ∫ φ_a' φ_b' dx from 0 to ξ."""
-        p, powers = self.powers, np.add.outer(self.powers, self.powers) - 1
+        p = self.powers
+        powers = np.add.outer(self.powers, self.powers) - 1
         return np.asarray(self.V.T @ (np.outer(p, p) * xi**powers / powers) @ self.V) / self.length
 
 
@@ -81,7 +83,8 @@ def _normal_modes(
     The inertia of torsion is the polar inertia.
     """
     p = np.arange(order, order + count)
-    powers, derivative = np.add.outer(p, p), p if order == 1 else p * (p - 1)
+    powers = np.add.outer(p, p)
+    derivative = p if order == 1 else p * (p - 1)
     L = np.linalg.inv(np.linalg.cholesky(inertia / (powers + 1.0)))
     K = (
         stiffness
@@ -114,12 +117,16 @@ def _beam(
     length = float(np.linalg.norm(vector_))
     planes = [_normal_modes(n, 2, length, EI[k], mass) for k, n in enumerate((n_y, n_z))]
     twist = _normal_modes(n_x, 1, length, GJ, polar)
-    n, parts = n_y + n_z + n_x, (slice(0, n_y), slice(n_y, n_y + n_z), slice(n_y + n_z, None))
+    n = n_y + n_z + n_x
+    parts = (slice(0, n_y), slice(n_y, n_y + n_z), slice(n_y + n_z, None))
 
     def station(xi: float, is_tip: bool, weight: float) -> Station:
-        shape, slope, H = np.zeros((3, n)), np.zeros((3, n)), np.zeros((n, n))
+        shape = np.zeros((3, n))
+        slope = np.zeros((3, n))
+        H = np.zeros((n, n))
         for k, plane in enumerate(planes):
-            shape[1 + k, parts[k]], H[parts[k], parts[k]] = plane.values(xi), plane.shortening(xi)
+            shape[1 + k, parts[k]] = plane.values(xi)
+            H[parts[k], parts[k]] = plane.shortening(xi)
             if is_tip:
                 slope[2 - k, parts[k]] = (1.0, -1.0)[k] * plane.values(xi, 1)
         slope[0, parts[2]] = twist.values(xi)
@@ -216,7 +223,8 @@ def _elements(link: str, origins: Mapping[str, Array], entries: Mapping[str, Any
         joint: station(f"tip '{joint}'", entry, TIP, origins[joint])
         for joint, entry in entries["tips"].items()
     }
-    ratios, bends = _ratios(where, entries, names), np.zeros((0, 2, n))
+    ratios = _ratios(where, entries, names)
+    bends = np.zeros((0, 2, n))
     return FlexibleLink(names, axes, frequencies, ratios, nodes, tips, bends)
 
 
@@ -247,7 +255,8 @@ class _Builder:
     """Links and joints of a description, to which those of the modes of a link are added."""
 
     def __init__(self, description: Description) -> None:
-        self.links, self.joints = dict(description.links), dict(description.joints)
+        self.links = dict(description.links)
+        self.joints = dict(description.joints)
         self.forms: dict[str, Form] = {}
         self._robot = description.name
 
@@ -274,7 +283,8 @@ class _Builder:
             raise InputError(
                 f"flexible link: robot '{self._robot}' has '{joint.name}' already. Rename it."
             )
-        self.links[joint.child], self.joints[joint.name] = Link(joint.child), joint
+        self.links[joint.child] = Link(joint.child)
+        self.joints[joint.name] = joint
 
     def _add_chain(self, parent: str, name: str, flexible: FlexibleLink, station: Station) -> str:
         """Add joints that take a frame from the link to where the modes have it.
@@ -296,7 +306,8 @@ class _Builder:
             sources = tuple(flexible.modes[i] for i in moving)
             quadratic = quadratic[np.ix_(moving, moving)]
             self.forms[joint] = Form(sources, 0.0, linear[moving], quadratic)
-            link, origin = joint, np.eye(4)
+            link = joint
+            origin = np.eye(4)
         if link == parent:
             self._add(Joint(name, "fixed", parent, name, origin, np.eye(3)[0]))
             return name

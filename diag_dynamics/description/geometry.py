@@ -122,7 +122,8 @@ def _primitive(kind: str, *numbers: float) -> Solid:
     else:  # a sphere is a capsule without a cylinder between its halves
         r, length = (*numbers, 0.0)[:2]
         half = np.array([r, r, 0.5 * length + r])
-        cylinder, ball = math.pi * r**2 * length, 4.0 / 3.0 * math.pi * r**3
+        cylinder = math.pi * r**2 * length
+        ball = 4.0 / 3.0 * math.pi * r**3
         volume = cylinder + ball
         across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
         along = cylinder * length**2 / 12.0 + ball * (
@@ -134,13 +135,15 @@ def _primitive(kind: str, *numbers: float) -> Solid:
 
 
 def _mesh(shape: Shape, meshes: Meshes) -> Solid:
-    mesh, of = meshes.mesh(shape.file).copy(), shape.file.rsplit("/", 1)[-1]
+    mesh = meshes.mesh(shape.file).copy()
+    of = shape.file.rsplit("/", 1)[-1]
     mesh.apply_transform(np.diag([*shape.numbers, 1.0]))
     corners = CUBE * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
     with np.errstate(all="ignore"):  # of a flat mesh, which is rejected for its volume of zero
         if not (mesh.is_watertight and mesh.is_winding_consistent):
             try:
-                mesh, of = mesh.convex_hull, f"convex hull of {of}"
+                mesh = mesh.convex_hull
+                of = f"convex hull of {of}"
             except (
                 ValueError,
                 RuntimeError,
@@ -149,7 +152,8 @@ def _mesh(shape: Shape, meshes: Meshes) -> Solid:
         elif mesh.volume < 0.0:  # all faces look inward
             mesh.invert()
         properties = mesh.mass_properties
-    centre, inertia = np.array(properties.center_mass), np.array(properties.inertia)
+    centre = np.array(properties.center_mass)
+    inertia = np.array(properties.inertia)
     return Solid(RigidBody(float(properties.volume), centre, inertia), corners, (of,))
 
 
@@ -192,8 +196,10 @@ def estimated(text: str, density: object, folder: Path | None) -> Estimated:
     meshes are replaced by their convex hull. Meshes begin from `folder`.
     """
     rho = positive("estimate_inertias", density, "[kg/m³]")
-    robot, meshes = parse_urdf(text, comments=True), Meshes(folder)
-    estimates, failed = [], {}
+    robot = parse_urdf(text, comments=True)
+    meshes = Meshes(folder)
+    estimates = []
+    failed = {}
     for link in robot.findall("link"):
         name = link.get("name", "")
         if link.find("inertial") is not None or not (

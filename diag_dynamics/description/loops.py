@@ -34,7 +34,8 @@ def read_couplings(source: Any) -> Couplings:
     """Return the couplings of a YAML file or its content. A list has loops alone."""
     name = "loops"
     if isinstance(source, str | os.PathLike):
-        name, source = os.fspath(source), read_yaml(source, os.fspath(source))
+        name = os.fspath(source)
+        source = read_yaml(source, os.fspath(source))
     if not isinstance(source, Mapping):
         source = {"loops": source}
     return Couplings(name, mapping(name, source, COUPLINGS))

@@ -60,7 +60,8 @@ def read_mjcf(source: str | os.PathLike[str]) -> Description:
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1
     reader = _Reader(c, floating)
-    root, omitted = reader.root, tuple(_omitted(c))
+    root = reader.root
+    omitted = tuple(_omitted(c))
     return Description(
         name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf",
         root=root,
@@ -87,7 +88,9 @@ class _Compiled:
     def __init__(self, source: str | os.PathLike[str]) -> None:
         self.mujoco, self.m = _compile(source)
         m = self.m
-        self.bodies, self.joints, self.tendons = range(1, m.nbody), range(m.njnt), range(m.ntendon)
+        self.bodies = range(1, m.nbody)
+        self.joints = range(m.njnt)
+        self.tendons = range(m.ntendon)
         self.joint_kinds = self.kinds("mjtJoint", "jnt_type")
         self.free = [j for j in self.joints if self.joint_kinds[j] == "free"]
         self.balls = [j for j in self.joints if self.joint_kinds[j] == "ball"]
@@ -192,12 +195,15 @@ class _Compiled:
 
     def ends(self, e: int) -> list[tuple[int, Array, Array]]:
         """Return body, position and rotation in it of both frames of a connect or weld."""
-        m, of = self.m, (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
+        m = self.m
+        of = (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
         if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
             return [
                 (int(m.site_bodyid[s]), m.site_pos[s], self.rotation(m.site_quat[s])) for s in of
             ]
-        first, second, turn = m.eq_data[e, :3], m.eq_data[e, 3:6], np.eye(3)
+        first = m.eq_data[e, :3]
+        second = m.eq_data[e, 3:6]
+        turn = np.eye(3)
         if self.equality_kinds[e] == "weld":
             first, second, turn = second, first, self.rotation(m.eq_data[e, 6:10])
         return [(of[0], first, turn), (of[1], second, np.eye(3))]
@@ -243,7 +249,8 @@ def _reject_unsupported(c: _Compiled) -> None:
             )
     coupled = set[int]()
     for e in c.equalities:
-        kind, joint = c.equality_kinds[e], int(c.m.eq_obj1id[e])
+        kind = c.equality_kinds[e]
+        joint = int(c.m.eq_obj1id[e])
         if kind in ("connect", "weld"):
             if all(c.m.body_mocapid[c.m.body_rootid[b]] < 0 for b, _, _ in c.ends(e)):
                 continue
@@ -272,7 +279,8 @@ def _omitted(c: _Compiled) -> Iterator[str]:
 def _omitted_objects(c: _Compiled) -> Iterator[tuple[str, Iterable[int]]]:
     """Yield texts that end with a kind of object, and the objects whose forces are omitted."""
     m = c.m
-    spring, damper = not c.is_disabled("spring"), not c.is_disabled("damper")
+    spring = not c.is_disabled("spring")
+    damper = not c.is_disabled("damper")
     if spring:
         yield "spring of joint", c.nonzero(c.joints, "jnt_stiffness", "jnt_stiffnesspoly")
     if damper:
@@ -327,7 +335,9 @@ class _Reader:
     """Links and joints of a compiled model; each body has a chain of joints, the last one fixed."""
 
     def __init__(self, c: _Compiled, floating: bool) -> None:
-        self._c, self._m, self._floating = c, c.m, floating
+        self._c = c
+        self._m = c.m
+        self._floating = floating
         self._effort = _effort_limits(c)
         self._coupled: dict[int, int] = {}  # equality of each joint that depends on another
         for e in c.equalities:
@@ -349,7 +359,8 @@ class _Reader:
 
     def loop(self, e: int) -> Loop:
         """Return a connect or weld; its joints begin where the file has them."""
-        c, kind = self._c, {"connect": "point", "weld": "weld"}[self._c.equality_kinds[e]]
+        c = self._c
+        kind = {"connect": "point", "weld": "weld"}[self._c.equality_kinds[e]]
         first, second = (
             LoopEnd(c.name("body", b), tuple(place.tolist()), rotations.to_rpy(turn))
             for b, place, turn in c.ends(e)
@@ -371,8 +382,10 @@ class _Reader:
         self.joints[name] = checked_joint(Joint(name, kind, parent, child, origin, **fields))
 
     def _add_body(self, b: int) -> None:
-        m, c = self._m, self._c
-        name, parent = c.name("body", b), c.name("body", int(m.body_parentid[b]))
+        m = self._m
+        c = self._c
+        name = c.name("body", b)
+        parent = c.name("body", int(m.body_parentid[b]))
         inertial = None
         if m.body_mass[b] > 0.0:
             turn = c.rotation(m.body_iquat[b])
@@ -386,20 +399,26 @@ class _Reader:
             return
         # Each joint turns or shifts all that follows about its anchor; links between joints of one
         # body have no inertia.
-        place, turn, anchor = m.body_pos[b], c.rotation(m.body_quat[b]), np.zeros(3)
+        place = m.body_pos[b]
+        turn = c.rotation(m.body_quat[b])
+        anchor = np.zeros(3)
         for j in joints:
             joint = c.name("joint", j)
             place = place + turn @ (m.jnt_pos[j] - anchor)
             anchor = m.jnt_pos[j]
             if j in c.balls:  # three hinges at one point
                 for letter, axis in zip("xyz", np.eye(3), strict=True):
-                    child, hinge = f"{name}/{joint}_{letter}", f"{joint}_{letter}"
+                    child = f"{name}/{joint}_{letter}"
+                    hinge = f"{joint}_{letter}"
                     self._add_link(child)
                     origin = rotations.pose(place, turn)
                     self._add_joint(hinge, "continuous", parent, child, origin, axis=axis)
-                    parent, place, turn = child, np.zeros(3), np.eye(3)
+                    parent = child
+                    place = np.zeros(3)
+                    turn = np.eye(3)
                 continue
-            child, slides = f"{name}/{joint}", c.joint_kinds[j] == "slide"
+            child = f"{name}/{joint}"
+            slides = c.joint_kinds[j] == "slide"
             self._add_link(child)
             if slides:  # at the reference the body is where the file has it
                 place = place - c.reference(j) * (turn @ m.jnt_axis[j])
@@ -408,13 +427,17 @@ class _Reader:
             kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
             origin = rotations.pose(place, turn)
             self._add_joint(joint, kind, parent, child, origin, **self._fields(j))
-            parent, place, turn = child, np.zeros(3), np.eye(3)
+            parent = child
+            place = np.zeros(3)
+            turn = np.eye(3)
         origin = rotations.pose(place - turn @ anchor, turn)
         self._add_joint(f"{name}/fixed", "fixed", parent, name, origin)
 
     def _fields(self, j: int) -> dict[str, Any]:
         """Return axis, friction, limits and coupling of a hinge or slide."""
-        m, c, dof = self._m, self._c, self._m.jnt_dofadr[j]
+        m = self._m
+        c = self._c
+        dof = self._m.jnt_dofadr[j]
         fields: dict[str, Any] = {
             "axis": m.jnt_axis[j].copy(),
             "damping": float(c.damping[dof]),
@@ -426,7 +449,8 @@ class _Reader:
             fields["lower"], fields["upper"] = map(float, m.jnt_range[j])
         if j in self._coupled:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
             e = self._coupled[j]
-            source, multiplier = int(m.eq_obj2id[e]), float(m.eq_data[e, 1])
+            source = int(m.eq_obj2id[e])
+            multiplier = float(m.eq_data[e, 1])
             offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
             leader = c.name("joint", source)
             fields["mimic"] = Mimic(leader, multiplier, offset)

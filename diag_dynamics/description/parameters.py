@@ -152,7 +152,8 @@ class Parameters:
         """Read them from a YAML file, as :meth:`save` writes it or without its first line."""
         source = f"file of parameters '{os.fspath(path)}'"
         parameters = cls.from_dict(read_yaml(path, source), source)
-        text, end = read_text(path, source), _END.format(parameters.joint_count)
+        text = read_text(path, source)
+        end = _END.format(parameters.joint_count)
         if text.startswith(_HEAD[: _HEAD.index("\n")]) and not text.endswith(end):
             raise InputError(
                 f"{source} ends with {text[-40:]!r}; expected {end!r} because it begins as a whole "
@@ -169,7 +170,8 @@ class Parameters:
         if isinstance(content, Parameters):
             return content
         content = mapping(source, content, tuple(cls.__dataclass_fields__))
-        motors, velocity = content.get("motor_efforts", False), content.get("friction_velocity")
+        motors = content.get("motor_efforts", False)
+        velocity = content.get("friction_velocity")
         choice(f"{source}: motor_efforts", motors, (True, False))
         if velocity is not None:
             velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
@@ -231,7 +233,8 @@ def _joint(entry: object, source: str, _: str) -> JointParameters:
     for key, value in mapping(source, entry, JointParameters._fields).items():
         if value is None:
             continue
-        is_scale, is_signed = key == "effort_scale", key in SIGNED
+        is_scale = key == "effort_scale"
+        is_signed = key in SIGNED
         expected = f"a finite number{'' if is_signed else ' >= 0'} {_UNITS[key]}"
         if is_scale:
             expected = f"a number other than 0 {_UNITS[key]}, .nan if it is unknown"
@@ -314,7 +317,8 @@ name."""
 
 def with_parameters(description: Description, parameters: Parameters) -> Description:
     """Return a description with parameters; a spring takes the place of the joint's armature."""
-    joints, links = dict(description.joints), dict(description.links)
+    joints = dict(description.joints)
+    links = dict(description.links)
     for name in (*parameters.flexible_joints, *parameters.joints):
         description.single_joint("parameters", name)
     for name in (*parameters.links, *parameters.payloads):

@@ -161,7 +161,8 @@ class Loop(NamedTuple):
         axis = np.asarray(self.axis) / np.linalg.norm(self.axis)
         across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         offsets = [np.zeros(3), axis, across][: LOOP_TYPES[self.type]]
-        a, b = self.a.placement, self.b.placement
+        a = self.a.placement
+        b = self.b.placement
         return [(a[:3, 3] + a[:3, :3] @ x, b[:3, 3] + b[:3, :3] @ x) for x in offsets]
 
 
@@ -270,7 +271,8 @@ class FlexibleLink(NamedTuple):
 
     def effort(self, eta: VectorLike, etad: VectorLike) -> Array:
         """Return −ω²η − 2ζω η̇ − ∂U₄₆/∂η, shape (n,), the efforts of stiffness and damping."""
-        eta, etad = vector("eta", eta, self.modes), vector("etad", etad, self.modes)
+        eta = vector("eta", eta, self.modes)
+        etad = vector("etad", etad, self.modes)
         linear = self.frequencies * (self.frequencies * eta + 2.0 * self.damping_ratio * etad)
         curvature, slope = (self.bends @ eta).T
         moment = curvature * (slope**2 + slope**4) @ self.bends[:, 0]

@@ -135,7 +135,8 @@ def unphysical(inertias: Iterable[tuple[str, float, Array, float]]) -> Iterator[
             continue
         first, second, third = np.linalg.eigvalsh(inertia)
         rounding = 3.0 * half_digit  # norm of the matrix of errors bounds that of eigenvalues
-        excess, is_light = third - first - second, not mass or mass < negligible
+        excess = third - first - second
+        is_light = not mass or mass < negligible
         if first < -rounding and not is_light:
             yield Remark("negative", name, first)
         else:

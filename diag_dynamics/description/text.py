@@ -150,7 +150,8 @@ def _corrected(text: str) -> str:
 
     tinyxml2, and so all of ROS, accepts others.
     """
-    parts, at = [], 0
+    parts = []
+    at = 0
     while opening := _OPENING.search(text, at):
         closing = {"<!--": "-->", "<?": "?>"}.get(opening[0], "]]>")
         end = text.find(closing, opening.end())

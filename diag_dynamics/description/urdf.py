@@ -165,7 +165,8 @@ def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, floa
 def _reject_loops(robot: Any) -> None:
     """Reject elements of dialects of URDF that change dynamics, except loops that can be closed."""
     for element in robot.iter(etree.Element):
-        parent, tag = element.getparent(), local_name(element)
+        parent = element.getparent()
+        tag = local_name(element)
         if parent is None or parent.tag not in CONTAINERS or (parent is robot and tag in ENDS):
             continue
         if (tag == "joint" and element.tag != "joint") or any(
@@ -251,7 +252,8 @@ class _Reduced:
         """Copy a link."""
         name = _name(link, self.links)
         where = f"link '{name}'"
-        copy, inertial = etree.Element("link", name=name), link.find("inertial")
+        copy = etree.Element("link", name=name)
+        inertial = link.find("inertial")
         for origin in link.iterfind("*/origin"):  # of geometry, too: viewers and contacts read it
             if origin.get("rpy") is not None and origin.get("quat_xyzw") is not None:
                 placement_of(origin, where)
@@ -313,7 +315,8 @@ class _Reduced:
 
 def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
     """Copy the one element of an end of a joint, and return its link."""
-    where, elements = f"joint '{copy.get('name')}'", joint.findall(end)
+    where = f"joint '{copy.get('name')}'"
+    elements = joint.findall(end)
     if len(elements) > 1:
         raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
     link = _expanded(elements[0].get("link"), f"{where}: {end} link") if elements else None
@@ -365,7 +368,8 @@ def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
         )
     reached = set(roots)
     for link in links:
-        path, carrier = {link}, link
+        path = {link}
+        carrier = link
         while carrier not in reached:
             carrier = parents[carrier]
             if carrier in path:

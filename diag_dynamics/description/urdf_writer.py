@@ -37,7 +37,8 @@ def _comment(text: str) -> Any:
 def _insert_first(parent: Any, element: Any) -> None:
     """Insert an element of a link or joint, with its children, on lines of their own."""
     indent = parent.text if len(parent) and not (parent.text or "").strip() else None
-    parent.text, element.tail = indent or "\n    ", indent or "\n  "
+    parent.text = indent or "\n    "
+    element.tail = indent or "\n  "
     etree.indent(element, space="  ", level=2)
     parent.insert(0, element)
 
@@ -76,7 +77,8 @@ def _set_dynamics(joint: Any, numbers: dict[str, str], source: str) -> None:
         dynamics = etree.Element("dynamics")
         _insert_first(joint, dynamics)
     dynamics.attrib.update(numbers)
-    comment, before = _comment(source), dynamics.getprevious()
+    comment = _comment(source)
+    before = dynamics.getprevious()
     # The comment is on a line of its own, as the element is.
     comment.tail = joint.text if before is None else before.tail
     joint.insert(joint.index(dynamics), comment)

@@ -48,7 +48,8 @@ class Arguments:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        self._model, self.zero = model, np.zeros(model.nv)
+        self._model = model
+        self.zero = np.zeros(model.nv)
 
     def one(self, q: Any, **vectors: Any) -> States:
         """Return the arguments of one state, copied; kernels check whether they are finite."""
@@ -66,7 +67,8 @@ class Arguments:
         """
         if not checks.is_rows(q):
             return self.one(q, **vectors)
-        q, names = checks.rows("q", q, self._model.coordinate_names), self._model.dof_names
+        q = checks.rows("q", q, self._model.coordinate_names)
+        names = self._model.dof_names
         for name, x in vectors.items():
             is_zero = x is self.zero
             vectors[name] = x[None] if is_zero else checks.rows(name, x, names, len(q))
@@ -79,6 +81,7 @@ class Loads:
 
     def __init__(self, f_ext: ManyWrenches | None, frame: Frame, friction: bool) -> None:
         checks.choice("frame", frame, ("link", "world"))
-        self.frame, self.friction = frame, friction
+        self.frame = frame
+        self.friction = friction
         # All but None and an empty dict counts, to be checked.
         self.wrenches: Any = None if isinstance(f_ext, dict) and not f_ext else f_ext

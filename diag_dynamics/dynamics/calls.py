@@ -70,7 +70,8 @@ class SweepCaller:
     """A robot with memory for its sweeps. Arguments are checked :class:`States`."""
 
     def __init__(self, model: RobotModel) -> None:
-        self.model, self.nv = model, model.nv
+        self.model = model
+        self.nv = model.nv
         self.shape = ws.N_ROWS, max(model.nq, 1)  # numbers need an entry even without joints
         self._workspace = model.new_workspace()
         self.robot = self._workspace.robot
@@ -91,7 +92,8 @@ class SweepCaller:
     def vector(self, sweep: VectorSweep, at: States, problem: str = "") -> Array:
         """Return the vector of a sweep; `problem` is its error, by default that of an argument."""
         length = sweep.vectors * self.nv if sweep.vectors else 3
-        result, vectors = self._empty(at, length), at.vectors.values()
+        result = self._empty(at, length)
+        vectors = at.vectors.values()
         if at.threads:
             A, B = (*vectors, self._zeros, self._zeros)[:2]
             inputs = sweep.number, at.q, A, B, sum(sweep.gravity)
@@ -128,7 +130,8 @@ class SweepCaller:
             try:
                 single(at.at(t))
             except SingularMassMatrixError as error:
-                message, D = f"state {t}: {error}", error.articulated_inertia
+                message = f"state {t}: {error}"
+                D = error.articulated_inertia
                 raise SingularMassMatrixError(message, error.joint, D) from None
             except (InputError, LoopError) as error:
                 raise type(error)(f"state {t}: {error}") from None
@@ -170,7 +173,8 @@ class SweepCaller:
         if not len(self._ratios) or min(self._ratios.tolist()) >= couplings.NEARLY_SINGULAR:
             return
         number = int(np.argmin(self._ratios))
-        title, ratio = loop_title(self.model, number), self._ratios[number]
+        title = loop_title(self.model, number)
+        ratio = self._ratios[number]
         warn(
             f"{title} of robot '{self.model.name}' is nearly singular for its independent joints, "
             f"by {ratio:.1g}.",
@@ -190,7 +194,8 @@ class SweepCaller:
 
     def factors(self, at: States) -> tuple[Array, Array]:
         """Return m, ℓ and the unit factor, shape (3, …, nv, nv), and D."""
-        nv, D = self.nv, self._empty(at, self.nv)
+        nv = self.nv
+        D = self._empty(at, self.nv)
         factors = self._empty(at, 3, nv, nv)
         blocks = factors.reshape(3 * math.prod(D.shape[:-1]), nv, nv)
         kernels = factorization.factors, batch.factors_each
@@ -215,7 +220,8 @@ class SweepCaller:
 
     def forward_dynamics(self, at: States, loads: Loads) -> Array:
         """Return q̈ with wrenches and friction."""
-        qd, tau = at.vectors["qd"], at.vectors["tau"]
+        qd = at.vectors["qd"]
+        tau = at.vectors["tau"]
         if loads.friction or loads.wrenches is not None:
             for name, x in at.vectors.items():
                 checks.check_finite(name, x, self.model.dof_names)
@@ -238,8 +244,10 @@ class SweepCaller:
 
     def _wrench_effort(self, at: States, loads: Loads) -> Array:
         """Return Jᵀf_ext."""
-        f_ext, frame = loads.wrenches, loads.frame
-        tau, in_world = self._empty(at, self.nv), frame == "world"
+        f_ext = loads.wrenches
+        frame = loads.frame
+        tau = self._empty(at, self.nv)
+        in_world = frame == "world"
         if at.threads:
             records = wrenches_on_links(self.model, f_ext, frame, len(at.q))
             inputs = at.q, records, len(f_ext), in_world
@@ -253,9 +261,11 @@ class SweepCaller:
 
     def friction(self, at: States) -> Array:
         """Return the friction that resists rates, shape (…, nv); q is for load and followers."""
-        model, qd = self.model, at.vectors["qd"]
+        model = self.model
+        qd = at.vectors["qd"]
         checks.check_finite("qd", qd, model.dof_names)
-        v0, resisting = model.friction_velocity, model.damping * qd + model.effort_offset
+        v0 = model.friction_velocity
+        resisting = model.damping * qd + model.effort_offset
         if self._has_roots:
             resisting += model.root_friction * root_of_rate(qd, v0)
         if self._depends_on_load or self._has_friction:
@@ -276,7 +286,8 @@ class SweepCaller:
     def _friction_of_followers(self, now: FollowerState, qd: Array) -> Array:
         """Return Gᵀ of the friction of followers with changing ratios at one state."""
         model = self.model
-        G, v0 = now.ratios[len(model.mimics) :], model.friction_velocity
+        G = now.ratios[len(model.mimics) :]
+        v0 = model.friction_velocity
         rate = G @ qd
         coulomb = model.follower_friction * direction(rate, v0)
         friction: Array = (model.follower_damping * rate + coulomb) @ G
@@ -362,7 +373,8 @@ class SweepCaller:
         self, at: States, link: str, wrenches: Array, point: PointLike, frame: Frame
     ) -> Array:
         """Return ℓJᵀw of wrenches, shape (number, 6), at a point of a link, one column each."""
-        records, in_world = wrenches_at(self.model, link, wrenches, point, frame), frame == "world"
+        records = wrenches_at(self.model, link, wrenches, point, frame)
+        in_world = frame == "world"
         epsilon = np.empty((self.nv, len(records)))
         status = factorization.factor_of_wrenches(self.robot, at.q, records, in_world, epsilon)
         self.check(status, at)
@@ -384,7 +396,8 @@ class SweepCaller:
         torque = at.vectors["external_torque"]
         if at.threads:
             wrenches = results.ExternalWrench.allocate(len(at.q))
-            inputs, single = (point, at.q, torque), partial(self.wrench, point=point)
+            inputs = (point, at.q, torque)
+            single = partial(self.wrench, point=point)
             self._call_many(external_wrench.estimate_each, inputs, wrenches, at, single)
             return wrenches.as_read_only()
         wrenches = external_wrench.estimate(self.robot, point, at.q[None], torque[None])

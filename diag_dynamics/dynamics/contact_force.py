@@ -32,7 +32,8 @@ class ContactForce:
     """
 
     def __init__(self, model: RobotModel, covariance: Array) -> None:
-        self._workspace, self._dofs = model.new_workspace(), model.nv
+        self._workspace = model.new_workspace()
+        self._dofs = model.nv
         self._whitening = noise.whitening(model, covariance)
         self._bodies = noise.touchable_bodies(model)[1].ravel()
 
@@ -70,10 +71,12 @@ def _cumulants(G: Array, y: Array) -> Array:
     square = np.square(noise.FORCES)[:, None, None]
     gain = 1.0 / (1.0 + square * np.maximum(values, 0.0))
     evidence = 0.5 * (square * gain * along**2 + np.log(gain)).sum(axis=-1)
-    U, variance = axes[:, :3], square[..., None] / 3.0
+    U = axes[:, :3]
+    variance = square[..., None] / 3.0
     mean = math.sqrt(3.0) * variance * (U @ (gain * along)[..., None])
     P = variance * (U * gain[:, :, None]) @ U.swapaxes(1, 2)
-    terms, power = [evidence], np.eye(3)
+    terms = [evidence]
+    power = np.eye(3)
     for k in (1, 2, 3):
         moved = (mean * (power @ mean)).sum(axis=(2, 3))
         power = power @ P
@@ -87,6 +90,7 @@ def _quantiles(first: Array, second: Array, third: Array) -> Array:
     Wilson and Hilferty: the cube root of χ²/n is nearly normal.
     """
     n = second**3 / third**2
-    part, z = 2.0 / (9.0 * n), QUANTILES[:, None, None]
+    part = 2.0 / (9.0 * n)
+    z = QUANTILES[:, None, None]
     chi_square = n * np.maximum(1.0 - part + z * np.sqrt(part), 0.0) ** 3
     return np.maximum(first + (chi_square - n) * np.sqrt(second / n), 0.0)

@@ -87,8 +87,10 @@ class DiagonalDynamics:
 
     def __init__(self, model: RobotModel) -> None:
         self.model = instance("model", model, RobotModel)
-        self._arguments, self._caller = Arguments(model), calls.SweepCaller(model)
-        self._zero, self._robot = self._arguments.zero, self._caller.robot
+        self._arguments = Arguments(model)
+        self._caller = calls.SweepCaller(model)
+        self._zero = self._arguments.zero
+        self._robot = self._caller.robot
         self._loops = bool(model.loops)
         self._nv = model.nv
         self._sizes = model.nq, model.nv, model.nv
@@ -149,7 +151,8 @@ class DiagonalDynamics:
             For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one;
             with closed loops equal within rounding, because each closing starts at the last state.
         """
-        effort, status = self._zero if tau is None else tau, ws.BAD_LENGTH
+        effort = self._zero if tau is None else tau
+        status = ws.BAD_LENGTH
         try:
             if (
                 f_ext is None
@@ -176,8 +179,10 @@ class DiagonalDynamics:
 
     def factors(self, q: StatesLike, *, threads: int | None = None) -> Factors:
         """Return the factors m, ℓ, the unit factor and D of M(q) as :class:`Factors`."""
-        nv, status = self._nv, ws.BAD_LENGTH
-        factors, D = np.empty((3, nv, nv)), np.empty(nv)
+        nv = self._nv
+        status = ws.BAD_LENGTH
+        factors = np.empty((3, nv, nv))
+        D = np.empty(nv)
         try:
             if are_vectors(q, q, q) and q.ndim == 1:
                 status = factorization.factors.run(self._robot, q, factors, D)
@@ -296,7 +301,8 @@ class DiagonalDynamics:
 
         A fixed root link counts, too. Raises InputError if no link has mass.
         """
-        moment, mass = self._first_moment(q, threads), self.model.total_mass
+        moment = self._first_moment(q, threads)
+        mass = self.model.total_mass
         if mass == 0.0:
             raise InputError(
                 f"total_mass of robot '{self.model.name}' is 0; expected a link with mass. "
@@ -327,7 +333,8 @@ class DiagonalDynamics:
         ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of the components in body axes
         for joints of several degrees of freedom.
         """
-        vectors, sizes = None, (self.model.nq, self._nv)
+        vectors = None
+        sizes = (self.model.nq, self._nv)
         try:
             # A TypeGuard excludes mappings for its first argument alone.
             if are_vectors(q, qd, qd) and (q.size, qd.size) == sizes:  # type: ignore[union-attr]
@@ -402,7 +409,9 @@ class DiagonalDynamics:
         self, sweep: Callable[..., int], q: Any, qd: Any, x: Any, scratch: int = 0
     ) -> Array:
         """Return the vector of a sweep along q̇."""
-        rows, result, sizes = np.empty((scratch, self._nv)), np.empty(self._nv), self._sizes
+        rows = np.empty((scratch, self._nv))
+        result = np.empty(self._nv)
+        sizes = self._sizes
         try:
             if (
                 not self._loops
@@ -448,7 +457,8 @@ class DiagonalDynamics:
         Columns are the frame's axes, then its origin [m].
         """
         body, in_body = self.model.placement_in_body(link)
-        at, result = self._arguments.one(q), np.eye(4)
+        at = self._arguments.one(q)
+        result = np.eye(4)
         self._caller.check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
         return result @ in_body
 
@@ -470,7 +480,8 @@ class DiagonalDynamics:
         frame : {"link", "world"}
             Axes of the rows: Pinocchio's LOCAL, or its LOCAL_WORLD_ALIGNED.
         """
-        at, J = self._arguments.one(q), np.empty((6, self._nv))
+        at = self._arguments.one(q)
+        J = np.empty((6, self._nv))
         body, in_body, rotation = self._caller.point_frame(at.q, link, point, frame)
         self._caller.check(kinematics.jacobian(self._robot, at.q, body, in_body, J), at)
         return calls.rotate(rotation, J)
@@ -562,7 +573,8 @@ class DiagonalDynamics:
         The direction, shape (3,), is any vector along u in the axes of `frame`. The mass is inf if
         the point cannot move along u. Other arguments are those of :meth:`wrench_factor`.
         """
-        u, factor = unit("direction", direction), self.wrench_factor(q, link, point, frame)
+        u = unit("direction", direction)
+        factor = self.wrench_factor(q, link, point, frame)
         w = factor[:, :3] @ u
         rounding = ROUNDING * max(len(w), 3) * np.abs(factor).max(initial=0.0)
         if np.abs(w).max(initial=0.0) <= rounding:
@@ -577,7 +589,8 @@ class DiagonalDynamics:
         the link by Υ h and meets the mass 1/hᵀΥh. Υ is zero for links that no joint moves. For
         other points see :meth:`operational_inverse_inertia`.
         """
-        at, frames = self._arguments.one(q), self._caller.link_frames
+        at = self._arguments.one(q)
+        frames = self._caller.link_frames
         result = np.empty((len(frames), 6, 6))
         self._caller.check(mobilities.mobilities(self._robot, at.q, frames, result), at)
         return result

@@ -65,7 +65,8 @@ class FlexibleDynamics:
 
     def __init__(self, model: RobotModel) -> None:
         joints = instance("model", model, RobotModel).flexible_joints
-        self.model, self.names = model, tuple(joints)
+        self.model = model
+        self.names = tuple(joints)
         self.link = DiagonalDynamics(model.with_effort_of("spring") if joints else model)
         self.stiffness: Array = np.array([joint.stiffness for joint in joints.values()])
         self.damping: Array = np.array([joint.damping for joint in joints.values()])
@@ -77,8 +78,10 @@ class FlexibleDynamics:
         self, q: VectorLike, theta: VectorLike, qd: VectorLike, thetad: VectorLike
     ) -> tuple[Array, Array]:
         """Return θ − q and θ̇ − q̇."""
-        q, qd = vector("q", q, self.model.coordinate_names), vector("qd", qd, self.model.dof_names)
-        theta, thetad = vector("theta", theta, self.names), vector("thetad", thetad, self.names)
+        q = vector("q", q, self.model.coordinate_names)
+        qd = vector("qd", qd, self.model.dof_names)
+        theta = vector("theta", theta, self.names)
+        thetad = vector("thetad", thetad, self.names)
         return theta - q[self.coordinates], thetad - qd[self.dofs]
 
     def spring_torque(
@@ -111,10 +114,8 @@ class FlexibleDynamics:
         torque = self.spring_torque(q, theta, qd, thetad)
         effort, motor = self._efforts(tau, torque)
         s = self.link.evaluate(q, qd, effort, f_ext, frame=frame)
-        nu, epsilon = (
-            np.sqrt(self.rotor_inertia) * vector("thetad", thetad, self.names),
-            motor / self.rotor_inertia**0.5,
-        )
+        nu = np.sqrt(self.rotor_inertia) * vector("thetad", thetad, self.names)
+        epsilon = motor / self.rotor_inertia**0.5
         none = np.zeros(len(self.names))
         return FlexibleEvaluation(
             link=s,

@@ -21,7 +21,8 @@ class LoopBalance:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        self._model, self._motion = model, FollowerMotion(model)
+        self._model = model
+        self._motion = FollowerMotion(model)
         self._cut = DiagonalDynamics(model.cut_tree())
 
     def energies(self, q: Array, qd: Array, rates: Array) -> tuple[dict[str, float], FollowerState]:
@@ -32,7 +33,9 @@ class LoopBalance:
         `q` and `qd` are of the model, `rates` (f,) [rad/s, m/s] are measured ones of followers, NaN
         for unknown ones.
         """
-        model, cut, now = self._model, self._cut.model, self._motion.at(q, qd)
+        model = self._model
+        cut = self._cut.model
+        now = self._motion.at(q, qd)
         rates = np.where(np.isfinite(rates), rates, now.rate)
         position = dict(
             zip((*model.coordinate_names, *now.names), (*q, *now.position), strict=True)
@@ -51,7 +54,8 @@ class LoopBalance:
     def _closed_rates(self, now: FollowerState, joints: set[str]) -> Array:
         """Return N of a group of joints."""
         place = {name: k for k, name in enumerate(self._cut.model.dof_names)}
-        N, independent = np.eye(len(place)), [place[name] for name in self._model.dof_names]
+        N = np.eye(len(place))
+        independent = [place[name] for name in self._model.dof_names]
         followers = [name in joints for name in now.names]
         rows = [place[name] for name in now.names if name in joints]
         N[np.ix_(rows, independent)] = now.ratios[followers]

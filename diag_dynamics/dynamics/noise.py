@@ -62,7 +62,8 @@ def candidates(
     z = checks.number("significance", significance, "a number >= 0", lambda x: x >= 0.0)
     count = np.size(np.asarray(forces, dtype=object))
     magnitudes = checks.per_name("forces", forces, [f"{k}" for k in range(max(count, 1))])
-    W, (links, records) = whitening(model, covariance), touchable_bodies(model)
+    W = whitening(model, covariance)
+    links, records = touchable_bodies(model)
     # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.
     part = 2.0 / (9.0 * model.nv)
     threshold = model.nv * max(1.0 - part + z * part**0.5, 0.0) ** 3
@@ -87,12 +88,14 @@ def touchable_bodies(model: RobotModel) -> tuple[tuple[str, ...], Any]:
     records = np.zeros((len(numbers), 2), external.CANDIDATE)
     for pair, number, link in zip(records, numbers, links, strict=True):
         X = model.placement_in_body(link)[1]
-        R, t = X[:3, :3], X[:3, 3]
+        R = X[:3, :3]
+        t = X[:3, 3]
         points = (_points(model, int(number)) - t) @ R
         whole = points.min(axis=0), points.max(axis=0)
         for record, (low, high) in zip(pair, (whole, (np.zeros(3), np.zeros(3))), strict=True):
             square = (high - low + 2.0 * MARGIN) ** 2 / 12.0  # second moments about the centre
-            record["body"], record["point"] = number, R @ (low + high) / 2.0 + t
+            record["body"] = number
+            record["point"] = R @ (low + high) / 2.0 + t
             record["spread"] = (np.sqrt((square.sum() - square) / 3.0)[:, None] * R.T).ravel()
     return links, records
 

@@ -59,7 +59,8 @@ def axes(urdf: Urdf) -> Found:
 def position_limits(urdf: Urdf) -> Found:
     """Find position limits that are missing, shut, or in other units."""
     for joint in urdf.joints:
-        low, high = joint.lower, joint.upper
+        low = joint.lower
+        high = joint.upper
         finite = [abs(x) for x in (low, high) if np.isfinite(x)]
         row, maximum = BEYOND.get(joint.type, ("", 0.0))
         if joint.type == "continuous" and low < high and len(finite) == 2:

@@ -44,7 +44,8 @@ def missing_inertias(urdf: Urdf) -> Found:
             if link.mass == 0.0 and link.inertia is not None and link.inertia.any():
                 yield "no mass", link.name, 0.0
         points = [x for x in body.links if x.mass and x.inertia is not None and not x.inertia.any()]
-        mass, alone = sum(x.mass for x in points), len(points) == len(body.heavy)
+        mass = sum(x.mass for x in points)
+        alone = len(points) == len(body.heavy)
         if not urdf.is_negligible(mass) and (alone or mass > SHARE * body.mass):
             yield from (("point" if alone else "attached", x.name, x.mass) for x in points)
 
@@ -59,7 +60,8 @@ def mass_without_geometry(urdf: Urdf) -> Found:
 def density(urdf: Urdf) -> Found:
     """Find densities of metal and foam; of visual and collision geometry the less remarkable."""
     for body in urdf.measured_bodies:
-        low, high = min(body.densities.values()), max(body.densities.values())
+        low = min(body.densities.values())
+        high = max(body.densities.values())
         if low > DENSE:
             yield "impossible" if low > DENSEST else "dense", body.heavy[0], low
         elif high < LIGHTEST:
@@ -72,9 +74,11 @@ def uniform_density(urdf: Urdf) -> Found:
         bodies = [body for body in urdf.heavy_bodies if role in body.solids]
         densities = [body.densities[role] for body in bodies]
         steel = [body for body in bodies if STEEL[0] <= body.densities[role] <= STEEL[1]]
-        row, mass = "", sum(body.mass for body in bodies)
+        row = ""
+        mass = sum(body.mass for body in bodies)
         if len(steel) > 1 and sum(body.mass for body in steel) > MOSTLY * mass:
-            row, bodies = "steel", steel
+            row = "steel"
+            bodies = steel
         elif len(bodies) >= SAME and max(densities) < (1.0 + ALIKE) * min(densities):
             row = "uniform"
         if row:
@@ -85,7 +89,8 @@ def uniform_density(urdf: Urdf) -> Found:
 def centre_of_mass(urdf: Urdf) -> Found:
     """Find centres of mass far outside of the bounding box, as in the frame of an assembly."""
     for body in urdf.measured_bodies:
-        low, high = body.corners.min(axis=0), body.corners.max(axis=0)
+        low = body.corners.min(axis=0)
+        high = body.corners.max(axis=0)
         distance = np.linalg.norm(body.centre - np.clip(body.centre, low, high))
         if distance > OUTSIDE * np.linalg.norm(high - low):
             yield "outside", body.heavy[0], distance
@@ -106,7 +111,8 @@ def gyration(urdf: Urdf) -> Found:
 
 def _felt_moment(urdf: Urdf, body: Body, link: Link) -> float:
     """Return the largest moment with an effect; a link on a fixed base may turn about one axis."""
-    joint, largest = body.joint, float(np.linalg.eigvalsh(link.inertia)[-1])
+    joint = body.joint
+    largest = float(np.linalg.eigvalsh(link.inertia)[-1])
     if joint is None or not urdf.stands:
         return largest if not urdf.stands else 0.0
     on_base = any(joint.parent in base.placements for base in urdf.bodies if base.joint is None)

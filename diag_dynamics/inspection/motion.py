@@ -27,7 +27,8 @@ class Motion:
 
     def __init__(self, model: RobotModel) -> None:
         rng = np.random.default_rng(0)
-        self.model, self._dynamics = model, DiagonalDynamics(model)
+        self.model = model
+        self._dynamics = DiagonalDynamics(model)
         self._Q = np.array([model.random(rng) for _ in range(POSES)])
         still = np.zeros((POSES, model.nv))
         self.D = self._dynamics.evaluate(self._Q, still).articulated_inertia
@@ -76,7 +77,8 @@ def gravity(motion: Motion) -> Found:
 
 def conditioning(motion: Motion) -> Found:
     """Find a condition number of M that costs accelerations half of their digits."""
-    worst, smallest = float(motion.condition.max()), motion.D.min(axis=0)
+    worst = float(motion.condition.max())
+    smallest = motion.D.min(axis=0)
     digits = max(16.0 - np.log10(worst), 0.0)
     for k in np.argsort(smallest)[:3] if worst > LOST_DIGITS else ():
         row = "few digits" if digits > 4.0 else "no digits"
@@ -85,7 +87,8 @@ def conditioning(motion: Motion) -> Found:
 
 def kinetic_energy(motion: Motion) -> Found:
     """Find velocity limits at which the mass has a mean speed √(2K/m) that no robot has."""
-    limit, mass = motion.velocity_limit, motion.model.total_mass
+    limit = motion.velocity_limit
+    mass = motion.model.total_mass
     speed = np.sqrt(2.0 * motion.energy_at_limits.max() / mass) if mass > 0.0 else 0.0
     alone = 0.5 * np.einsum("tkk->tk", motion.M).max(axis=0) * limit**2
     for k in np.argsort(-alone)[:3] if speed > SPEED else ():

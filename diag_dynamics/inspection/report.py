@@ -121,7 +121,8 @@ def inspect_robot(
         robot: Description | str = read_mjcf(source)
     else:
         robot = read_text(source, xacro_args)
-    urdf, load = Urdf(robot, folder), partial(load_urdf, robot, floating_base=floating_base)
+    urdf = Urdf(robot, folder)
+    load = partial(load_urdf, robot, floating_base=floating_base)
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         model, poses, rows = _load(load, options)
         urdf.stands = model is not None and not model.floating_base
@@ -154,7 +155,8 @@ def _load(
     load: Callable[..., RobotModel], options: dict[str, Any]
 ) -> tuple[RobotModel | None, Motion | None, list[Any]]:
     """Return the model, its motion, and rows of errors; options exclude what they can."""
-    model, rows = None, list[Any]()
+    model = None
+    rows = list[Any]()
     for _ in range(3):
         try:
             warnings: list[exceptions.ModelWarning] = []  # checks of the XML repeat most of them

@@ -46,10 +46,12 @@ class Link:
 
     def measure(self, element: Any, role: str, folder: Path | None, meshes: Meshes) -> None:
         """Measure the shapes of an element."""
-        row, solids = "unmeasured", list[Solid]()
+        row = "unmeasured"
+        solids = list[Solid]()
         try:
             for shape in shapes_of(element, role):
-                self.has_geometry, row = True, "missing"
+                self.has_geometry = True
+                row = "missing"
                 if shape.file:
                     find_mesh(shape.file, folder)
                 row = "unmeasured"
@@ -113,14 +115,16 @@ class Urdf:
         self.links: dict[str, Link] = {}
         self.is_mjcf = isinstance(source, Description)
         if isinstance(source, Description):
-            self.name, self.remarks = source.name, [*source.remarks]
+            self.name = source.name
+            self.remarks = [*source.remarks]
             self.joints = list(source.joints.values())
             self.links |= {name: _described_link(link) for name, link in source.links.items()}
         else:
             self._read(parse_urdf(source), folder)
         self.total_mass: float = sum(link.mass for link in self.links.values())
         attached = {joint.child for joint in self.joints if joint.type == "fixed"}
-        roots, seen = [name for name in self.links if name not in attached], set[str]()
+        roots = [name for name in self.links if name not in attached]
+        seen = set[str]()
         moving = {joint.child: joint for joint in self.joints if joint.type != "fixed"}
         placed = {name: list(self._connect(name, np.eye(4), seen)) for name in roots}
         self.bodies = [Body(links, moving.get(name)) for name, links in placed.items()]
@@ -136,7 +140,8 @@ class Urdf:
             self.rotors, ignored = reflected_inertias(robot)
             self.remarks += ignored
         links, joints = readable_parts(robot)
-        elements, meshes = robot.findall("link"), Meshes(folder)
+        elements = robot.findall("link")
+        meshes = Meshes(folder)
         self.elements += [*elements, *robot.findall("joint")]
         self.joints = list(joints.values())
         for element in elements:

@@ -57,7 +57,8 @@ class FollowerMotion:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        self.model, self.names = model, (*model.mimics, *model.followers)
+        self.model = model
+        self.names = (*model.mimics, *model.followers)
         self._rows = [model.first_body(name) for name in self.names]
         self.workspace = model.new_workspace()
 
@@ -72,7 +73,9 @@ class FollowerMotion:
 
         The coordinates of a floating base may be missing.
         """
-        model, nv, loops = self.model, self.model.nv, self.workspace.couplings
+        model = self.model
+        nv = self.model.nv
+        loops = self.workspace.couplings
         q = np.append(model.neutral[: model.nq - len(q)], q)
         qd = np.zeros(nv) if qd is None else qd
         ratios = self.memory()
@@ -103,7 +106,9 @@ def loop_title(model: RobotModel, number: int) -> str:
 
 def closed(model: RobotModel, q: Array) -> Array:
     """Return positions in which loops are closed: q, or joints of loops nearer to the start."""
-    motion, start, way = FollowerMotion(model), q.copy(), 1.0
+    motion = FollowerMotion(model)
+    start = q.copy()
+    way = 1.0
     names = {name for group in model.loop_joints for name in group}
     moved = [k for k, name in enumerate(model.coordinate_names) if name in names]
     start[moved] = model.start[moved]
@@ -129,7 +134,8 @@ def limit_by_followers(
     ends = {}
     for name in model.followers:
         ends[name] = np.array([joints[name].joint.lower, joints[name].joint.upper])
-    limited, omitted = [name for name in ends if np.isfinite(ends[name]).any()], set[str]()
+    limited = [name for name in ends if np.isfinite(ends[name]).any()]
+    omitted = set[str]()
     for leaders in set(model.followers.values()):
         group = {
             name: ends[name] for name, sources in model.followers.items() if sources == leaders
@@ -157,8 +163,10 @@ def _end(
 
     Return None if followers are beyond theirs.
     """
-    motion, start = FollowerMotion(model), model.start
-    rows, ends = [motion.names.index(name) for name in group], np.array(list(group.values()))
+    motion = FollowerMotion(model)
+    start = model.start
+    rows = [motion.names.index(name) for name in group]
+    ends = np.array(list(group.values()))
 
     def fits(x: float) -> bool:
         start[k] = x
@@ -168,11 +176,13 @@ def _end(
             return False
         return not ((position < ends[:, 0]) | (position > ends[:, 1])).any()
 
-    good, steps = float(start[k]), 0
+    good = float(start[k])
+    steps = 0
     if not fits(good):
         return None
     while sign * (limit - good) > 0.0 and steps < STEPS:
-        ahead, steps = min(sign * limit, sign * good + STEP) * sign, steps + 1
+        ahead = min(sign * limit, sign * good + STEP) * sign
+        steps = steps + 1
         if not fits(ahead):
             while abs(ahead - good) > PRECISE:
                 middle = 0.5 * (good + ahead)
@@ -204,7 +214,8 @@ class Followers:
         motion: FollowerMotion | None = None,
     ) -> None:
         self.names = tuple(motion.names if motion else mimics)
-        self.tolerance, self.motion = tolerance, motion
+        self.tolerance = tolerance
+        self.motion = motion
         joints = tuple(joints)
         self._sources: dict[str, tuple[str, ...]] = {
             name: (mimic.leader,) for name, mimic in mimics.items()

@@ -40,7 +40,9 @@ def end_effector_link(model: RobotModel) -> str:
     bodies = model.bodies
     count = len(bodies)
     children: list[list[int]] = [[] for _ in range(count)]
-    joints, length = np.zeros(count, dtype=int), np.zeros(count)  # from the base to each body
+    # from the base to each body
+    joints = np.zeros(count, dtype=int)
+    length = np.zeros(count)
     is_actuated = (bodies["leader"] == np.arange(count)) & (bodies["rank"] == 0)
     for k in range(1, count):
         parent = int(bodies["parent"][k])
@@ -50,18 +52,22 @@ def end_effector_link(model: RobotModel) -> str:
             float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0
         )
     # Joints and length from the base through a body to the ends of its chains
-    all_joints, all_length = joints.copy(), length.copy()
-    arm_joints, ends = joints.copy(), list(range(count))  # likewise, without fingers
+    all_joints = joints.copy()
+    all_length = length.copy()
+    arm_joints = joints.copy()  # likewise, without fingers
+    ends = list(range(count))
     for k in reversed(range(count)):
         if not children[k]:
             continue
-        all_joints[k], all_length[k] = all_joints[children[k]].max(), all_length[children[k]].max()
+        all_joints[k] = all_joints[children[k]].max()
+        all_length[k] = all_length[children[k]].max()
         reach = [all_length[child] - length[child] for child in children[k]]
         fingers = all_joints[k] - joints[k] <= joints[k] and max(reach) <= FINGER_LENGTH * length[k]
         if k and len(children[k]) > 1 and fingers:
             continue
         outward = max(children[k], key=lambda child: arm_joints[child])
-        arm_joints[k], ends[k] = arm_joints[outward], ends[outward]
+        arm_joints[k] = arm_joints[outward]
+        ends[k] = ends[outward]
     return _deepest_link(model, ends[0])
 
 
@@ -70,14 +76,16 @@ def _deepest_link(model: RobotModel, body: int) -> str:
     if not body:
         return model.root_link
     links = model.links[model.links["body"] == body]
-    deepest, farthest = model.link_names[int(model.bodies["link"][body])], 0.0
+    deepest = model.link_names[int(model.bodies["link"][body])]
+    farthest = 0.0
     for record in links:
         name = model.link_names[int(record["index"])]
         distance = float(np.linalg.norm(model.placement_in_body(name)[1][:3, 3]))
         # Links are in the order of the tree: of two at one place the second one is on the first
         # one.
         if record["mass"] >= MIN_MASS * links["mass"].sum() and distance >= farthest - SAME_PLACE:
-            deepest, farthest = name, distance
+            deepest = name
+            farthest = distance
     return deepest
 
 
@@ -118,8 +126,10 @@ def wrenches_at(
     body, rotation, in_body = point_in_body(model, link, point, frame)
     turn = np.eye(3) if frame == "world" else rotation
     records = np.zeros(len(wrenches), WRENCH)
-    records["body"], records["point"] = body, in_body
-    records["force"], records["moment"] = wrenches[:, :3] @ turn.T, wrenches[:, 3:] @ turn.T
+    records["body"] = body
+    records["point"] = in_body
+    records["force"] = wrenches[:, :3] @ turn.T
+    records["moment"] = wrenches[:, 3:] @ turn.T
     return records
 
 

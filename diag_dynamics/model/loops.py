@@ -153,7 +153,8 @@ def close(
 
     All joints of the cut tree are independent. Driven joints are independent if they can be.
     """
-    loops, driven = tree.description.loops, frozenset(tree.description.driven)
+    loops = tree.description.loops
+    driven = frozenset(tree.description.driven)
     followers: dict[str, tuple[str, ...]] = {f: (curve.source,) for f, curve in curves.items()}
     followers |= {name: form.sources for name, form in flexible.forms.items()}
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
@@ -192,7 +193,8 @@ def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str],
     for members, loops in families:
         for joined in [family for family in merged if family[0] & members]:
             merged.remove(joined)
-            members, loops = members | joined[0], joined[1] + loops
+            members = members | joined[0]
+            loops = joined[1] + loops
         merged.append((members, loops))
     return merged
 
@@ -232,7 +234,8 @@ def _choose(
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
     poses = []
-    columns, directions = cut.columns(names), basis[rank:]
+    columns = cut.columns(names)
+    directions = basis[rank:]
     for step in (*directions, *-directions):
         q = start.copy()
         q[columns] += MAX_STEP * step
@@ -317,7 +320,8 @@ def _independent(
 
 def _pivots(J: Array, names: list[str], free: int, driven: Set[str]) -> tuple[str, ...]:
     """Return the joints whose columns are nearest to those of others, driven ones first."""
-    A, weight = J.copy(), np.array([1e-6 if name in driven else 1.0 for name in names])
+    A = J.copy()
+    weight = np.array([1e-6 if name in driven else 1.0 for name in names])
     for _ in range(len(names) - free):
         k = int(np.argmax(weight * np.linalg.norm(A, axis=0)))
         axis = A[:, k] / np.linalg.norm(A[:, k])
@@ -367,7 +371,8 @@ class _Cut:
         """Raise an error of the first loop that is open at q."""
         for loop in loops:
             phi = self._equations(q, [], Group(set(), [loop], {}, []))[0].reshape(-1, 3)
-            gap, turn = np.linalg.norm(phi[0]), np.linalg.norm(phi - phi[0], axis=1).max()
+            gap = np.linalg.norm(phi[0])
+            turn = np.linalg.norm(phi - phi[0], axis=1).max()
             if max(gap, turn) > GAP:
                 text = f"loop '{loop.name}' cannot be closed from the start values: "
                 text += (
@@ -405,14 +410,16 @@ class _Cut:
     def _point(self, q: Array, link: str, point: Array) -> tuple[Array, Array]:
         """Return position and Jacobian of a point of a link in the world."""
         body, point = self._on_body(link, point)
-        X, J = np.empty((3, 4)), np.empty((6, len(self._dof)))
+        X = np.empty((3, 4))
+        J = np.empty((6, len(self._dof)))
         kinematics.placement(self._workspace.robot, q, body, X)
         kinematics.jacobian(self._workspace.robot, q, body, point, J)
         return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[:3]
 
     def _equations(self, q: Array, names: list[str], group: Group) -> tuple[Array, Array]:
         """Return φ in the axes of the world, and its Jacobian by the joints."""
-        phi, J = [], []
+        phi = []
+        J = []
         for loop in group.loops:
             for a, b in loop.points:
                 at_a, J_a = self._point(q, loop.a.link, a)
@@ -420,7 +427,8 @@ class _Cut:
                 phi.append(at_a - at_b)
                 J.append(J_a - J_b)
         for name, curve in group.equations.items():
-            row, x = np.zeros((1, len(self._dof))), q[self._q[curve.source]]
+            row = np.zeros((1, len(self._dof)))
+            x = q[self._q[curve.source]]
             row[0, self._dof[name]] = 1.0
             row[0, self._dof[curve.source]] = -(curve(x + 1e-6) - curve(x - 1e-6)) / 2e-6
             phi.append(np.array([q[self._q[name]] - curve(x)]))
@@ -435,7 +443,8 @@ class _Cut:
         Return J there, and the gap that remains. Positions of `held` joints stay. No step is made
         along singular values below `dependent`, by the largest.
         """
-        moves, columns = np.array([name not in held for name in names]), self.columns(names)
+        moves = np.array([name not in held for name in names])
+        columns = self.columns(names)
         phi, J = self._equations(q, names, group)
         gap = float(np.linalg.norm(phi))
         damping = FIRST_DAMPING
@@ -454,7 +463,9 @@ class _Cut:
             is_stalled = gap < NEAR and moved_gap > 0.5 * gap
             if moved_gap < gap:
                 q[:] = moved
-                phi, J, gap = moved_phi, moved_J, moved_gap
+                phi = moved_phi
+                J = moved_J
+                gap = moved_gap
                 damping = 0.0 if gap < NEAR else 0.1 * damping
             else:
                 damping = 10.0 * max(damping, FIRST_DAMPING)
@@ -470,7 +481,8 @@ class _Cut:
         Closures are only directions in which the points of a pair can part. Positions beside the
         loop show them: no joint of a planar loop moves a point out of its plane.
         """
-        rng, X = np.random.default_rng(0), np.empty((3, 4))
+        rng = np.random.default_rng(0)
+        X = np.empty((3, 4))
         carrier = self.tree.parent(self.tree.first_body(names[0]))
         kinematics.placement(self._workspace.robot, q, carrier, X)
         pairs = [
@@ -486,7 +498,9 @@ class _Cut:
             columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
         M = np.concatenate(columns, axis=2)
         gaps = self._equations(q, names, group)[0][: 3 * len(pairs)].reshape(-1, 3) @ X[:, :3]
-        rows_before, closures, largest = np.zeros((0, M.shape[2])), [], 0.0
+        rows_before = np.zeros((0, M.shape[2]))
+        closures = []
+        largest = 0.0
         for ends, rows, gap in zip(pairs, M, gaps, strict=True):
             U, values, V = np.linalg.svd(
                 rows - rows @ rows_before.T @ rows_before, full_matrices=False
@@ -506,7 +520,8 @@ class _Cut:
 
 def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tuple[Array, Array]:
     """Return the records of forms for the sweeps, and their coefficients."""
-    records, coefficients = [], np.zeros(0)
+    records = []
+    coefficients = np.zeros(0)
     for name, form in forms.items():
         is_quadratic = form.quadratic.any()
         rows = np.column_stack([form.linear, form.quadratic]) if is_quadratic else form.linear
@@ -518,8 +533,12 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
 def coupling_tables(tree: Tree, coupled: Coupled) -> couplings.CouplingTables:
     """Return the tables of a tree with followers."""
     first_body = {name: tree.first_body(name) for name in tree.moving}
-    loops, joints, start = list[tuple[int, ...]](), list[tuple[int, ...]](), list[float]()
-    closures, curves, pieces = list[tuple[object, ...]](), list[tuple[object, ...]](), list[Array]()
+    loops = list[tuple[int, ...]]()
+    joints = list[tuple[int, ...]]()
+    start = list[float]()
+    closures = list[tuple[object, ...]]()
+    curves = list[tuple[object, ...]]()
+    pieces = list[Array]()
 
     def add_curve(curve: Curve, loop: int, *ends: int) -> None:
         curves.append(

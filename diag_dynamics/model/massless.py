@@ -32,7 +32,8 @@ def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int
     """
     rng = np.random.default_rng(0)
     workspace = None if model.coupling_tables is None else model.new_workspace()
-    smallest, massless = np.full(model.nv, np.inf), np.ones(model.nv, dtype=bool)
+    smallest = np.full(model.nv, np.inf)
+    massless = np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
     for spread in (0.0, 1.0, 1.0, 1.0) if workspace is None else (0.0, 0.05, 0.05, 0.05):
         q = tree.start.copy()
@@ -55,7 +56,8 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
     sweeps.groups.
     """
     bodies = model.bodies
-    position, ratio = np.zeros(len(bodies)), bodies["multiplier"]
+    position = np.zeros(len(bodies))
+    ratio = bodies["multiplier"]
     if workspace is not None:
         ratios = np.zeros((len(bodies), 1 + 2 * model.nv))
         if followers.ratios(workspace.robot, q, np.zeros(model.nv), ratios) != 0:
@@ -67,14 +69,19 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         position = ratio * q[bodies["q"]] + bodies["offset"]
     P, X, lever = _placed(bodies, q, position)
     magnitude = np.array([_traces(inertia) for inertia in P])
-    total, D = magnitude.copy(), np.zeros(model.nv)
-    size, last = np.zeros(model.nv), len(bodies) - 1
+    total = magnitude.copy()
+    D = np.zeros(model.nv)
+    size = np.zeros(model.nv)
+    last = len(bodies) - 1
     while last > 0:
         first = int(bodies["first"][last])
-        group, base = range(first, last + 1), bodies["parent"][first]
+        group = range(first, last + 1)
+        base = bodies["parent"][first]
         column = 6 + bodies["dof"] - bodies["start"][first]
         width = 1 + max(column[first : last + 1])
-        M, twist, rotor = np.zeros((width, width)), {base: np.eye(6, width)}, dict[int, Array]()
+        M = np.zeros((width, width))
+        twist = {base: np.eye(6, width)}
+        rotor = dict[int, Array]()
         to_group = X[first] if first == last else np.eye(6)  # in the axes with the least rounding
         for i in group:
             twist[i] = (X[i] if first < last else np.eye(6)) @ twist[bodies["parent"][i]]
@@ -85,7 +92,8 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         for i, rate in rotor.items():
             M += bodies["armature"][i] * np.outer(rate, rate)
         for i in reversed(group):
-            parent, k = bodies["parent"][i], int(bodies["direction"][i] >= ANGULAR_X)
+            parent = bodies["parent"][i]
+            k = int(bodies["direction"][i] >= ANGULAR_X)
             size[bodies["dof"][i]] += ratio[i] ** 2 * max(magnitude[i, k], REMOTE * total[i, k])
             magnitude[parent] += magnitude[i] if bodies["rank"][i] else lever[i] @ _traces(P[i])
             total[parent] += lever[i] @ total[i]
@@ -93,7 +101,8 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
                 P[parent] = P[parent] + X[i].T @ P[i] @ X[i]
         for k in reversed(range(6, width)):
             dof = k - 6 + bodies["start"][first]
-            D[dof], row = M[k, k], M[k, :k]
+            D[dof] = M[k, k]
+            row = M[k, :k]
             if SINGULAR * size[dof] < D[dof]:
                 M[:k, :k] -= np.outer(row / D[dof], row)
         if base > 0:
@@ -111,12 +120,17 @@ def _placed(
     bodies: npt.NDArray[np.void], q: Array, position: Array
 ) -> tuple[Array, Array, list[Array]]:
     """Return inertias of bodies, and their twists and sizes by those of their parents."""
-    P, X, lever = np.zeros((len(bodies), 6, 6)), np.zeros((len(bodies), 6, 6)), []
+    P = np.zeros((len(bodies), 6, 6))
+    X = np.zeros((len(bodies), 6, 6))
+    lever = []
     for i, body in enumerate(bodies):
         moment = _cross(body["first_moment"])
-        P[i, :3, :3], P[i, :3, 3:], P[i, 3:, :3] = body["mass"] * np.eye(3), moment.T, moment
+        P[i, :3, :3] = body["mass"] * np.eye(3)
+        P[i, :3, 3:] = moment.T
+        P[i, 3:, :3] = moment
         P[i, 3:, 3:] = symmetric(body["inertia"])
-        R, p = np.eye(3), np.zeros(3)
+        R = np.eye(3)
+        p = np.zeros(3)
         if i > 0 and body["rank"] == 0:
             R, p = _placement(body, q, position[i])
         X[i, :3, :3] = X[i, 3:, 3:] = R.T
@@ -127,15 +141,19 @@ def _placed(
 
 def _placement(body: np.void, q: Array, position: float) -> tuple[Array, Array]:
     """Return rotation and translation of a body that is the first one of its joint."""
-    k, turn, shift = body["q"], np.eye(3), np.zeros(3)
+    k = body["q"]
+    turn = np.eye(3)
+    shift = np.zeros(3)
     if body["kind"] == REVOLUTE:
         turn = rotations.from_rpy(0.0, 0.0, position)
     elif body["kind"] == PRISMATIC:
         shift[2] = position
     elif body["kind"] == PLANAR:
-        turn, shift[:2] = rotations.from_rpy(0.0, 0.0, q[k + 2]), q[k : k + 2]
+        turn = rotations.from_rpy(0.0, 0.0, q[k + 2])
+        shift[:2] = q[k : k + 2]
     else:
-        turn, shift = rotations.from_quaternion(*q[k + 3 : k + 7]), q[k : k + 3]
+        turn = rotations.from_quaternion(*q[k + 3 : k + 7])
+        shift = q[k : k + 3]
     R = body["rotation"].reshape(3, 3)
     return R @ turn, body["translation"] + R @ shift
 

@@ -150,7 +150,8 @@ class RobotModel:
         self.name = description.name
         self.dof_names = tree.dof_names
         self.coordinate_names = tree.coordinate_names
-        self.nv, self.nq = len(tree.dof_names), len(tree.coordinate_names)
+        self.nv = len(tree.dof_names)
+        self.nq = len(tree.coordinate_names)
         self.joint_names = tuple(joint.name for joint in tree.joints)
         self.fixed_joints = tuple(n for n, j in joints.items() if j.type == "fixed")
         self.mimic_joints = tuple(
@@ -260,7 +261,8 @@ class RobotModel:
         """
         if not self.motor_efforts:
             return efforts
-        T, at = np.eye(self.nv), [self.dof_names.index(name) for name in self.couplings]
+        T = np.eye(self.nv)
+        at = [self.dof_names.index(name) for name in self.couplings]
         T[at] = self.motor_rates
         unknown = np.isnan(efforts)
         joint_efforts: Array = np.where(
@@ -275,7 +277,8 @@ class RobotModel:
 
     @property
     def armature(self) -> Array:  # noqa: D102  # with the other attributes
-        moving, reflected = self.bodies[1:], np.zeros(self.nv)
+        moving = self.bodies[1:]
+        reflected = np.zeros(self.nv)
         np.add.at(reflected, moving["dof"], moving["multiplier"] ** 2 * moving["armature"])
         reflected.flags.writeable = False
         return reflected
@@ -321,7 +324,8 @@ class RobotModel:
                 f"rng is {rng!r}, expected a numpy.random.Generator or a seed."
             ) from error
         free = np.where(is_angle(self), math.pi, REACH)
-        has_lower, has_upper = np.isfinite(self.lower), np.isfinite(self.upper)
+        has_lower = np.isfinite(self.lower)
+        has_upper = np.isfinite(self.upper)
         # With one limit alone, the range begins or ends there.
         lower = np.where(has_lower, self.lower, np.where(has_upper, self.upper - 2.0 * free, -free))
         upper = np.where(has_upper, self.upper, np.where(has_lower, self.lower + 2.0 * free, free))
@@ -338,7 +342,9 @@ class RobotModel:
         v [rad, m], shape (nv,), is a rate times a time. They are q + v but for planar and floating
         joints, whose v is a twist in their own axes.
         """
-        q, v, result = self._positions("q", q), vector("v", v, self.dof_names), np.empty(self.nq)
+        q = self._positions("q", q)
+        v = vector("v", v, self.dof_names)
+        result = np.empty(self.nq)
         if kinematics.integrate(self.workspace.robot, q, v, result):
             raise InputError("q and v are too large: a result overflows.")
         return result
@@ -351,7 +357,9 @@ class RobotModel:
         """
         turning = set(self.continuous_joints) - {mimic.leader for mimic in self.mimics.values()}
         turns = np.array([1.0 if name in turning else 0.0 for name in self.dof_names])
-        q0, q1, v = self._positions("q0", q0), self._positions("q1", q1), np.empty(self.nv)
+        q0 = self._positions("q0", q0)
+        q1 = self._positions("q1", q1)
+        v = np.empty(self.nv)
         if kinematics.difference(self.workspace.robot, q0, q1, turns, v):
             raise InputError("q0 and q1 are too large: a result overflows.")
         return v
@@ -591,7 +599,8 @@ def reject_too_light(tree: Tree, parameters: Parameters) -> None:
     body_of = {link.name: body for link, body, _ in tree.links}
     for name in parameters.lighter_links:
         body = bodies[body_of[name]]
-        mass, reason = float(body["mass"]), None
+        mass = float(body["mass"])
+        reason = None
         if mass > 0.0:
             whole = RigidBody.about_origin(mass, body["first_moment"], symmetric(body["inertia"]))
             reason = not_physical(whole.inertia, mass)

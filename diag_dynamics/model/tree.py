@@ -39,8 +39,11 @@ class MovingJoint:
     """A moving joint, the one that carries it or None, and its placement (4, 4) there."""
 
     def __init__(self, joint: Joint, carrier: str | None, placement: Array) -> None:
-        self.joint, self.name, self.type = joint, joint.name, JOINT_TYPES[joint.type]
-        self.carrier, self.placement = carrier, placement
+        self.joint = joint
+        self.name = joint.name
+        self.type = JOINT_TYPES[joint.type]
+        self.carrier = carrier
+        self.placement = placement
         self.dof_names = [self._named(suffix) for suffix, _ in self.type.freedoms]
         self.coordinate_names = [self._named(suffix) for suffix in self.type.coordinates]
 
@@ -65,7 +68,9 @@ class Tree:
         coupled: Coupled | None = None,
     ) -> None:
         self.description = description
-        self.locked, self.mimics, self.coupled = locked, mimics, coupled
+        self.locked = locked
+        self.mimics = mimics
+        self.coupled = coupled
         self._followers = coupled.followers if coupled else {}
         self.joints: list[MovingJoint] = []
         self.groups: list[tuple[str, ...]] = []
@@ -112,7 +117,8 @@ class Tree:
 
         Return the joint that moves each link, and the link's placement in its frame.
         """
-        joints, root = self.description.joints, self.description.root
+        joints = self.description.joints
+        root = self.description.root
         outboard: dict[str, list[Joint]] = {}
         # reversed, as a stack takes the last one first
         for joint in sorted(joints.values(), key=lambda joint: joint.name.encode(), reverse=True):
@@ -138,7 +144,8 @@ class Tree:
                 if joint.type != "floating":
                     turn[:3, :3] = rotations.frame_about(joint.axis)
                 self.moving[joint.name] = MovingJoint(joint, carrier, origin @ turn)
-                carrier, origin = joint.name, turn.T
+                carrier = joint.name
+                origin = turn.T
             places[joint.child] = carrier, origin
         return places
 
@@ -148,7 +155,8 @@ class Tree:
         rank = {name: k for k, name in enumerate(self.moving)}
         for name, joint in self.moving.items():
             carried.setdefault(joint.carrier, []).append(name)
-        ahead, done = carried.get(None, [])[::-1], set[str]()
+        ahead = carried.get(None, [])[::-1]
+        done = set[str]()
         while ahead:
             name = ahead.pop()
             if name in done:
@@ -175,17 +183,21 @@ class Tree:
 
     def _add_block(self, block: list[str]) -> None:
         """Add the bodies of joints that are eliminated together."""
-        first, start = self.count, self._dofs
+        first = self.count
+        start = self._dofs
         for name in block:
             self._add_joint(self.moving[name])
         for record in self._records[first:]:
-            record["first"], record["last"], record["start"] = first, self.count - 1, start
+            record["first"] = first
+            record["last"] = self.count - 1
+            record["start"] = start
         for name in block:
             if name in self.mimics:
                 mimic = self.mimics[name]
                 record = self._records[self.last_body[name]]
                 self._follow(record, mimic.leader)
-                record["multiplier"], record["offset"] = mimic.multiplier, mimic.offset
+                record["multiplier"] = mimic.multiplier
+                record["offset"] = mimic.offset
             for rank, leader in enumerate(self._followers.get(name, ())):
                 self._follow(self._records[self.first_body(name) + rank], leader)
 
@@ -203,25 +215,34 @@ class Tree:
     def _follow(self, record: npt.NDArray[np.void], leader: str) -> None:
         """Give a body the coordinate of another joint."""
         source = self._records[self.last_body[leader]]
-        record["q"], record["dof"] = source["q"], source["dof"]
+        record["q"] = source["q"]
+        record["dof"] = source["dof"]
         record["leader"] = self.last_body[leader]
 
     def _add_joint(self, joint: MovingJoint) -> None:
         """Add the bodies of a joint: one for each degree of freedom, or each source joint."""
-        parent, placement = self.last_body[joint.carrier], joint.placement
+        parent = self.last_body[joint.carrier]
+        placement = joint.placement
         leaders = self._followers.get(joint.name, ())
         directions = [direction for _, direction in joint.type.freedoms] * max(1, len(leaders))
         for rank, direction in enumerate(directions):
-            body, index = np.zeros((), BODY), self.count
-            body["parent"], body["direction"] = parent, direction
+            body = np.zeros((), BODY)
+            index = self.count
+            body["parent"] = parent
+            body["direction"] = direction
             body["kind"] = VIRTUAL if leaders and rank else joint.type.kind
-            body["dofs"], body["rank"] = len(directions), rank
+            body["dofs"] = len(directions)
+            body["rank"] = rank
             if not leaders:
-                body["q"], body["dof"] = self._coordinates, self._dofs + rank
-                body["leader"], body["multiplier"] = index, 1.0
+                body["q"] = self._coordinates
+                body["dof"] = self._dofs + rank
+                body["leader"] = index
+                body["multiplier"] = 1.0
             body["link"] = self._order[joint.joint.child]
-            body["rotation"], body["translation"] = placement[:3, :3].ravel(), placement[:3, 3]
-            parent, placement = index, np.eye(4)
+            body["rotation"] = placement[:3, :3].ravel()
+            body["translation"] = placement[:3, 3]
+            parent = index
+            placement = np.eye(4)
             self._records.append(body)
         self.last_body[joint.name] = parent
         if not leaders and joint.name not in self.mimics:
@@ -270,10 +291,13 @@ class Tree:
             inertials = [link.inertial] if link.inertial is not None else []
             if link.name in payloads:
                 inertials.append(payloads[link.name].inertial)
-            mass, first_moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+            mass = 0.0
+            first_moment = np.zeros(3)
+            inertia = np.zeros((3, 3))
             for part in inertials:
                 centre = placement @ part.placement
-                R, c = centre[:3, :3], centre[:3, 3]
+                R = centre[:3, :3]
+                c = centre[:3, 3]
                 mass += part.mass
                 first_moment = first_moment + part.mass * c
                 inertia = inertia + (R @ part.inertia @ R.T + parallel_axes(part.mass, c))
@@ -294,7 +318,8 @@ def _displacement(joint: Joint, position: float) -> Array:
     if joint.type == "prismatic":
         return rotations.pose(position * axis)
     frame = rotations.frame_about(axis)
-    c, s = np.cos(position), np.sin(position)
+    c = np.cos(position)
+    s = np.sin(position)
     turn = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
     return rotations.pose(np.zeros(3), turn)
 

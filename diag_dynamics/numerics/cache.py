@@ -40,7 +40,8 @@ UNUSED = 30 * 86400.0
 
 def sources(module):
     """Return the sources of a module and of this package's modules that it imports, by name."""
-    contents, waiting = {}, [module]
+    contents = {}
+    waiting = [module]
     while waiting:
         name = waiting.pop()
         if name not in contents and (source := read_source(name)):
@@ -55,7 +56,8 @@ def read_source(name):
 
     The file is read once, because it may change after its import.
     """
-    path, imported = source_path(name), []
+    path = source_path(name)
+    imported = []
     if not path.is_file():
         return None
     content = path.read_bytes()

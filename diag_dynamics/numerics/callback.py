@@ -58,7 +58,8 @@ class Callback:
 
         An interrupt follows, because kernels raise nothing.
         """
-        compiled, interrupted = threading.Event(), False
+        compiled = threading.Event()
+        interrupted = False
         try:
             _thread.start_new_thread(self._compile_and_report, (compiled,))
             while not compiled.is_set():
@@ -90,7 +91,8 @@ class Callback:
             report_compilation(self.__name__, linking is not None),
             only_process(folder, self.__name__),
         ):
-            function, before = self.__wrapped__, numba.config.CACHE_DIR
+            function = self.__wrapped__
+            before = numba.config.CACHE_DIR
             signature = _NUMBER(*[_NUMBER] * function.__code__.co_argcount)
             compiler = functools.partial(numba.cfunc, signature, error_model="numpy")
             try:

@@ -123,7 +123,8 @@ class Entry:
 
     def __init__(self, function, signature, nogil):
         functools.update_wrapper(self, function)
-        self._signature, self._nogil = signature, nogil
+        self._signature = signature
+        self._nogil = nogil
         self.run = self._compile_and_run
         compile_ahead(self)
 

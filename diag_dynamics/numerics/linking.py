@@ -79,7 +79,8 @@ class KernelCompiler(Compiler):
         """Compile a function; declare a kernel, which has no address, to other functions."""
         result = super().compile_extra(function)
         if result.entry_point is None:
-            about, libraries = result.fndesc, (result.library,)
+            about = result.fndesc
+            libraries = (result.library,)
             name = about.qualname.split(".")[-1]
             declared = _dynfunc.make_function(
                 about.lookup_module(), name, "", 0, result.environment, libraries
@@ -92,11 +93,13 @@ class KernelCompiler(Compiler):
 def works():
     """Whether a kernel, one that calls it, and an entry give the right number; tried once."""
     if KernelCompiler.works is None:
-        KernelCompiler.works, error = True, "a wrong result"  # for the kernels tried
+        KernelCompiler.works = True  # for the kernels tried
+        error = "a wrong result"
         try:
             KernelCompiler.works = _compile_pair()(4.0) == 5.0
         except Exception as raised:
-            KernelCompiler.works, error = False, repr(raised)
+            KernelCompiler.works = False
+            error = repr(raised)
         if not KernelCompiler.works:
             logger.warning("Kernels compile slowly under numba %s: %s", numba.__version__, error)
     return KernelCompiler.works
@@ -158,7 +161,8 @@ def _read_field(context, builder, table, address, name):
     is_array = isinstance(kind, types.Array)
     pointer = context.get_value_type(types.CPointer(types.intp if is_array else kind))
     entry = builder.gep(address, [context.get_constant(types.intp, offset)])
-    first, values = builder.bitcast(entry, pointer), []
+    first = builder.bitcast(entry, pointer)
+    values = []
     for k in range(1 + kind.ndim if is_array else 1):
         value = builder.load(builder.gep(first, [context.get_constant(types.intp, k)]))
         value.set_metadata("invariant.load", builder.module.add_metadata([]))

@@ -35,7 +35,9 @@ class Progress:
     def __init__(self):
         self.callback = print_message
         self.loads = False  # what begins is loaded from the cache, as far as is known
-        self._begun, self._ended, self._sent = 0.0, -MAX_PAUSE, None
+        self._begun = 0.0
+        self._ended = -MAX_PAUSE
+        self._sent = None
         self._lock = threading.Lock()
 
     def begin(self, now):
@@ -52,7 +54,8 @@ class Progress:
     def send(self, name, begun, now):
         """Send a message; return the time [s] of the next one."""
         with self._lock:
-            first, self._sent = self._sent is None, now
+            first = self._sent is None
+            self._sent = now
         self.callback(
             f"compiling {name} {RULE}" if first else f"compiling {name}, for {now - begun:.0f} s"
         )
@@ -83,7 +86,8 @@ def report_compilation(name, loads):
 
     With `loads` it does not compile until :func:`begin_compilation`.
     """
-    begun, done = time.perf_counter(), threading.Event()
+    begun = time.perf_counter()
+    done = threading.Event()
     _progress.loads = loads
     threading.Thread(
         target=_report, args=(name, begun, done), name="compiling", daemon=True

@@ -97,10 +97,8 @@ def _reader(name, fields, dtype):
     Its source is generated, because numba compiles a composition of one kernel for each field
     twenty times slower.
     """
-    names, values = (
-        {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)},
-        [],
-    )
+    names = {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)}
+    values = []
     for field, kind in fields.items():
         if isinstance(kind, Array):
             names[f"{field}_at"] = array_at(numba.from_dtype(kind.dtype), kind.ndim)
@@ -127,7 +125,8 @@ class Addresses:
             raise TypeError(
                 f"the fields are {', '.join(entries)}; expected {', '.join(table.fields)}"
             )
-        self._arrays, self._memory = entries, np.zeros(1, table.dtype)
+        self._arrays = entries
+        self._memory = np.zeros(1, table.dtype)
         self.at = self._memory.ctypes.data
         for name, field in table.fields.items():
             entry = entries[name]

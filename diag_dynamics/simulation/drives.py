@@ -32,8 +32,10 @@ class _Inputs:
     """
 
     def __init__(self, kind, timeout):
-        self._kind, self.timeout = kind, timeout
-        self.counts, self.last_rejection = Counter(), ""
+        self._kind = kind
+        self.timeout = timeout
+        self.counts = Counter()
+        self.last_rejection = ""
         self.forget()
 
     def _is_expired(self, since, time):
@@ -54,13 +56,15 @@ class Drives(_Inputs):
 
     def __init__(self, names, joints, timeout, without):
         self._joints, self._at = command_order(joints, names, complete=False)
-        self._without, self._effort = without, np.zeros(len(names))
+        self._without = without
+        self._effort = np.zeros(len(names))
         super().__init__("commands", timeout)
 
     def forget(self):
         """Drop the command, and wait for the next one."""
         self._effort[:] = 0.0
-        self.phase, self._since = WAITING, None
+        self.phase = WAITING
+        self._since = None
 
     def command(self, data, time):
         """Accept a command at a simulated time [s]."""
@@ -79,7 +83,8 @@ class Drives(_Inputs):
             )
             raise self._rejected("not finite", message)
         self._effort[self._at] = effort
-        self.phase, self._since = DRIVEN, time
+        self.phase = DRIVEN
+        self._since = time
 
     def effort(self, time):
         """Return the commanded efforts of the drives at a simulated time [s]; zero without one."""

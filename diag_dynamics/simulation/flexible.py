@@ -27,7 +27,8 @@ def implicit_inertia(stiffness, damping, weight, h):
 @kernel
 def _spring(sim, k, h):
     """Return the torque of a spring without the part of ṡ⁺, and the fraction E/(E + B)."""
-    weight, B = sim.motor_weight[k], sim.rotor_inertia[k]
+    weight = sim.motor_weight[k]
+    B = sim.rotor_inertia[k]
     E = implicit_inertia(sim.spring_stiffness[k], sim.spring_damping[k], weight, h)
     stretch = sim.theta[k] - sim.first_q[sim.coordinate[k]]
     torque = sim.spring_stiffness[k] * stretch
@@ -40,7 +41,8 @@ def eliminate_motors(address, h, tau):
     """Set the efforts on links and the reflected inertias of a step."""
     sim = opened(address)
     for k in range(len(tau)):
-        sim.link_effort[k], sim.reflected[k] = tau[k], 0.0
+        sim.link_effort[k] = tau[k]
+        sim.reflected[k] = 0.0
         if sim.rotor_inertia[k] > 0.0:
             B = sim.rotor_inertia[k]
             torque, part = _spring(sim, k, h)
@@ -53,7 +55,8 @@ def eliminate_motors(address, h, tau):
 def move_motor(address, k, h, tau):
     """Move a motor after its link, at q and q̇ after the step; return the lost energy [J]."""
     sim = opened(address)
-    weight, after = sim.motor_weight[k], sim.qd[k]
+    weight = sim.motor_weight[k]
+    after = sim.qd[k]
     torque, part = _spring(sim, k, h)
     stretch = sim.theta[k] - sim.first_q[sim.coordinate[k]]
     rate = (1.0 - weight) * (sim.thetad[k] - sim.before[k])

@@ -82,7 +82,8 @@ class Memory:
     """
 
     def __init__(self, model):
-        nq, nv = model.nq, model.nv
+        nq = model.nq
+        nv = model.nv
         self._arrays = {
             "state": np.zeros(nq + 4 * nv + N_ACCOUNTS),
             "last": np.zeros(nq + 4 * nv + N_ACCOUNTS),
@@ -104,7 +105,8 @@ class Memory:
         self._locate()
 
     def _locate(self):
-        nq, nv = len(self._arrays["place"]), len(self._arrays["zeros"])
+        nq = len(self._arrays["place"])
+        nv = len(self._arrays["zeros"])
         parts = np.split(self._arrays["state"], np.cumsum([nq, nv, nv, N_ACCOUNTS, nv]))
         self._named = self._arrays | dict(zip(STATE, parts, strict=True))
         self._table = Addresses(SIMULATION, robot=self.workspace.robot, **self._named)

@@ -97,7 +97,8 @@ def _add_bending_efforts(address):
     """Add −∂/∂η of ½ Σ κ²(σ² + σ⁴): see :func:`bending_energy`."""
     sim = opened(address)
     for p in range(len(sim.bends)):
-        curvature, slope = 0.0, 0.0
+        curvature = 0.0
+        slope = 0.0
         for k in range(len(sim.pushed)):
             curvature += sim.bends[p, 0, k] * sim.place[sim.coordinate[k]]
             slope += sim.bends[p, 1, k] * sim.place[sim.coordinate[k]]
@@ -153,10 +154,12 @@ def _touches_spring(address, h):
         if not groups.is_leader(bodies, i):
             continue
         k = bodies[i].dof
-        x, u = sim.q[sim.coordinate[k]], _displacement(sim, k, h)
+        x = sim.q[sim.coordinate[k]]
+        u = _displacement(sim, k, h)
         side = 1.0 if x + u > sim.upper[k] else -1.0 if x + u < sim.lower[k] else 0.0
         if side * u > 0.0 and sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
-            sim.spring[k], touching = side, True
+            sim.spring[k] = side
+            touching = True
             sim.depth[k] = x - (sim.upper[k] if side > 0.0 else sim.lower[k])
             impedance = sim.limit_damping[k] + h * sim.stiffness[k]
             if h * (sim.damping[k] + impedance) > work[i].D:
@@ -175,7 +178,8 @@ def _move(address, h, tau):
         sim.u[k] = _displacement(sim, k, h)
     ws.copy(sim.after, sim.qd)
     kinematics.integrate_positions(bodies, sim.first_q, sim.u, sim.q)
-    work, loss = 0.0, 0.0
+    work = 0.0
+    loss = 0.0
     for k in range(len(tau)):
         u = sim.u[k]
         if not (math.isfinite(u) and math.isfinite(sim.q[k])):
@@ -202,9 +206,11 @@ def _move(address, h, tau):
 def _account_for_friction(address, h):
     """Add the work of friction, impulse times mean rate; joints that stop together are one sum."""
     sim = opened(address)
-    sliding, stopping = 0.0, 0.0
+    sliding = 0.0
+    stopping = 0.0
     for k in range(len(sim.qd)):
-        before, mode = sim.before[k], sim.mode[k]
+        before = sim.before[k]
+        mode = sim.mode[k]
         if mode == HELD and before != 0.0:
             stopping += 0.5 * before * (sim.needed[k] - sim.momentum[k])
         elif abs(mode) == 1.0:
@@ -299,18 +305,22 @@ def _lock_stopped(address, h):
     """Mark in `locks` the joints that an impact stops; return whether there are new ones."""
     sim = opened(address)
     bodies, _, work, _ = ws.opened(sim.robot)
-    largest, has_new = 0.0, False
+    largest = 0.0
+    has_new = False
     for k in range(len(sim.qd)):
         largest = max(largest, abs(sim.qd[k] - sim.before[k]))
     for i in range(1, len(bodies)):
         k = bodies[i].dof
         if not groups.is_leader(bodies, i) or sim.locks[k] != 0.0:
             continue
-        q, rate, D = sim.q[sim.coordinate[k]], sim.qd[k], work[i].D  # the joint's inertia or more
+        q = sim.q[sim.coordinate[k]]
+        rate = sim.qd[k]
+        D = work[i].D  # the joint's inertia or more
         stays = abs(rate) <= UNMOVED * largest or D * abs(rate) <= SHORT * h * sim.friction[k]
         stopped = sim.before[k] == 0.0 and stays
         if sim.stiffness[k] == math.inf:
             stopped |= (q == sim.lower[k] and rate < 0.0) or (q == sim.upper[k] and rate > 0.0)
         if stopped:
-            sim.locks[k], has_new = math.inf, True
+            sim.locks[k] = math.inf
+            has_new = True
     return has_new

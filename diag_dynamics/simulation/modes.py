@@ -34,7 +34,8 @@ ROUNDS_OF_ALL = 3
 @kernel
 def _limit_force(stiffness, damping, side, depth, rate):
     """Force of a compliant limit into the range, and the sum of the sizes of its parts."""
-    elastic, viscous = stiffness * side * depth, damping * side * rate
+    elastic = stiffness * side * depth
+    viscous = damping * side * rate
     return elastic + viscous, elastic + abs(viscous)
 
 
@@ -56,15 +57,22 @@ def classify_joints(address):
     """Set mode, spring and depth of each joint from q and q̇."""
     sim = opened(address)
     for k in range(len(sim.qd)):
-        x, rate = sim.q[sim.coordinate[k]], sim.qd[k]
-        side, depth = 0.0, 0.0
+        x = sim.q[sim.coordinate[k]]
+        rate = sim.qd[k]
+        side = 0.0
+        depth = 0.0
         if x >= sim.upper[k]:
-            side, depth = 1.0, x - sim.upper[k]
+            side = 1.0
+            depth = x - sim.upper[k]
         elif x <= sim.lower[k]:
-            side, depth = -1.0, x - sim.lower[k]
-        sim.mode[k], sim.spring[k], sim.depth[k] = FREE, 0.0, depth
+            side = -1.0
+            depth = x - sim.lower[k]
+        sim.mode[k] = FREE
+        sim.spring[k] = 0.0
+        sim.depth[k] = depth
         if is_tied(sim, k):
-            sim.spring[k], side = 1.0, 0.0
+            sim.spring[k] = 1.0
+            side = 0.0
         if side != 0.0 and sim.stiffness[k] < math.inf:
             force, size = _limit_force(sim.stiffness[k], sim.limit_damping[k], side, depth, rate)
             if force > NO_FORCE * size or (size == 0.0 and side * rate > 0.0):
@@ -90,12 +98,14 @@ def solve_step(address, h, tau):
     rounding errors, and friction adds no energy.
     """
     sim = opened(address)
-    n, changed = len(tau), True
+    n = len(tau)
+    changed = True
     flexible.eliminate_motors(address, h, tau)
     for k in range(n):
         sim.qdd[k] = -sim.before[k] / h
     status = classical.inverse_dynamics(sim.robot, sim.place, sim.middle, sim.qdd, 1.0, sim.bias)
-    round_, last_release = 0, ROUNDS_OF_ALL + 2 * n
+    round_ = 0
+    last_release = ROUNDS_OF_ALL + 2 * n
     while changed and status == 0:
         status = _solve_modes(address, h, tau)
         changed = status == 0 and _exchange_modes(
@@ -111,8 +121,11 @@ def _solve_modes(address, h, tau):
     sim = opened(address)
     holding = False
     for k in range(len(tau)):
-        mode, weight, before = sim.mode[k], sim.weight[k], sim.before[k]
-        damping, stiffness = sim.damping[k], 0.0
+        mode = sim.mode[k]
+        weight = sim.weight[k]
+        before = sim.before[k]
+        damping = sim.damping[k]
+        stiffness = 0.0
         if sim.spring[k] != 0.0:
             damping += sim.fraction[k] * sim.limit_damping[k]
             stiffness = sim.fraction[k] * sim.stiffness[k]
@@ -146,19 +159,21 @@ def _exchange_modes(address, h, all_together, may_release):
             continue
         if sim.mode[k] != HELD:
             if sim.mode[k] * sim.after[k] < 0.0:
-                sim.mode[k], changed = HELD, True
+                sim.mode[k] = HELD
+                changed = True
         elif may_release:
-            low, high = -h * sim.friction[k], h * sim.friction[k]
+            low = -h * sim.friction[k]
+            high = h * sim.friction[k]
             if sim.stiffness[k] == math.inf:
                 x = sim.first_q[sim.coordinate[k]]
-                low, high = (
-                    -math.inf if x >= sim.upper[k] else low,
-                    math.inf if x <= sim.lower[k] else high,
-                )
+                low = -math.inf if x >= sim.upper[k] else low
+                high = math.inf if x <= sim.lower[k] else high
             impulse = sim.needed[k] - sim.momentum[k]
             slack = ROUNDING * (abs(sim.needed[k]) + abs(sim.momentum[k]))
             if impulse > high + slack:
-                sim.mode[k], changed = -1.0, True
+                sim.mode[k] = -1.0
+                changed = True
             elif impulse < low - slack:
-                sim.mode[k], changed = 1.0, True
+                sim.mode[k] = 1.0
+                changed = True
     return changed

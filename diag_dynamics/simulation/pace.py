@@ -34,7 +34,9 @@ class Pace:
     """
 
     def __init__(self, factor, period, step):
-        self.factor, self._period, self._step = factor, period, step
+        self.factor = factor
+        self._period = period
+        self._step = step
         self._span = period / factor if factor else 0.0  # between two ticks [s of the clock]
         self.skipped = 0.0
         self._start_report()
@@ -45,7 +47,9 @@ class Pace:
 
     def resume(self, now, simulated):
         """Continue from a simulated time [s] at a time [s] of the clock."""
-        self._begun, self._from, self.skipped = now, simulated, 0.0
+        self._begun = now
+        self._from = simulated
+        self.skipped = 0.0
         self._due = now + self._span
 
     def steps(self, now, simulated):
@@ -100,8 +104,11 @@ class Lockstep:
 
     def begin(self, now):
         """Start: no state waits for a command, and no peer is known."""
-        self._unanswered, self._uncertain, self._heard = 0, False, now
-        self._peers, self._joined = set(), -math.inf
+        self._unanswered = 0
+        self._uncertain = False
+        self._heard = now
+        self._peers = set()
+        self._joined = -math.inf
 
     def publish(self):
         """Count a published state."""
@@ -109,7 +116,8 @@ class Lockstep:
 
     def command(self, now):
         """Count a command."""
-        self._unanswered, self._heard = max(self._unanswered - 1, 0), now
+        self._unanswered = max(self._unanswered - 1, 0)
+        self._heard = now
 
     def refuse(self):
         """Mark the state for another publication, because its answer was rejected."""
@@ -125,7 +133,8 @@ class Lockstep:
     def meet(self, peers, now):
         """Store receivers of states and senders of commands; a new one may lack the last state."""
         if peers - self._peers:
-            self._uncertain, self._joined = True, now
+            self._uncertain = True
+            self._joined = now
         self._peers = peers
 
     def waits(self, now):
@@ -140,5 +149,6 @@ class Lockstep:
         """Return whether to publish the last state again, then the only unanswered one."""
         due = self.waits(now) and (self._uncertain or self._unanswered > 1)
         if due:
-            self._unanswered, self._heard = 1, now
+            self._unanswered = 1
+            self._heard = now
         return due

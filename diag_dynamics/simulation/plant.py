@@ -46,7 +46,8 @@ class Wave:
         span = np.where(bounded, model.upper - model.lower, 2.0)
         self._centre = np.where(bounded, model.lower, 0.0) + 0.5 * span
         self._centre = np.where(bounded, self._centre, rest_position(model))
-        k, golden = np.arange(model.nv), 0.5 * (np.sqrt(5.0) - 1.0)
+        k = np.arange(model.nv)
+        golden = 0.5 * (np.sqrt(5.0) - 1.0)
         self._pace = 2.0 * np.pi * (0.15 + 0.25 * ((k + 1) * golden % 1.0))  # [rad/s], no two alike
         slow = model.velocity_bound / (self._pace + 0.65 / RAMP)
         amplitude = np.minimum(np.minimum(0.35 * span, 0.7), slow)
@@ -55,15 +56,21 @@ class Wave:
 
     def effort(self):
         """Joint efforts for the simulation's present time and state [N m, N], shape (nv,)."""
-        simulation, swing = self._simulation, self._swing
-        t, T = simulation.time, RAMP
-        grown, growing = t**2 / (t**2 + T**2), 2 * t * T**2 / (t**2 + T**2) ** 2
+        simulation = self._simulation
+        swing = self._swing
+        t = simulation.time
+        T = RAMP
+        grown = t**2 / (t**2 + T**2)
+        growing = 2 * t * T**2 / (t**2 + T**2) ** 2
         bending = 2 * T**2 * (T**2 - 3 * t**2) / (t**2 + T**2) ** 3
-        s, c, w = np.sin(self._pace * t), np.cos(self._pace * t), self._pace
+        s = np.sin(self._pace * t)
+        c = np.cos(self._pace * t)
+        w = self._pace
         q_d = self._centre + swing * grown * s
         qd_d = swing * (growing * s + grown * w * c)
         qdd_d = swing * (bending * s + 2.0 * growing * w * c - grown * w * w * s)
-        q, qd = simulation.q, simulation.qd
+        q = simulation.q
+        qd = simulation.qd
         qdd = qdd_d + DAMPING * (qd_d - qd) + STIFFNESS * (q_d - q)
         tau = simulation.dynamics.inverse_dynamics(q, qd, qdd) + simulation.damping * qd_d
         flexible = simulation.flexible
@@ -133,10 +140,12 @@ class Plant:
         )
         self.sensors = Sensors(values["sensor_noise"])
         self.pushes = Pushes(model.link_names, values["wrench_timeout"])
-        self._hard, self._axes = values["limits"] == "hard", values["wrench_axes"]
+        self._hard = values["limits"] == "hard"
+        self._axes = values["wrench_axes"]
         self._compensates_gravity = values["compensates_gravity"]
         self._wave = Wave(self.simulation) if values["motion"] == "wave" else None
-        self._friction, self._braked = self.simulation.friction, False
+        self._friction = self.simulation.friction
+        self._braked = False
         limit = model.effort_bound[self._driven]
         self._brakes = self._friction.copy()
         self._brakes[self._driven] += np.where(
@@ -153,18 +162,21 @@ class Plant:
 
     def advance(self, steps):
         """Take steps, with commands that do not time out between them."""
-        simulation, begin = self.simulation, self.time
+        simulation = self.simulation
+        begin = self.time
         if not steps:
             simulation.advance(self._effort(begin), steps=0)
         for _ in range(steps):
-            effort, wrenches = self._effort(begin), self.pushes.at(self.time)
+            effort = self._effort(begin)
+            wrenches = self.pushes.at(self.time)
             simulation.advance(
                 effort, f_ext=wrenches or None, frame=self._axes if wrenches else "link"
             )
 
     def _effort(self, begin):
         """Return the efforts of the drives at `begin` [s], shape (nv,); open or close brakes."""
-        simulation, drives = self.simulation, self.drives
+        simulation = self.simulation
+        drives = self.drives
         if self._wave:
             return self._wave.effort()
         effort = np.zeros(simulation.model.nv)
@@ -178,18 +190,25 @@ class Plant:
 
     def measure(self):
         """Return the present state as :class:`Measured` by the sensors."""
-        simulation, followers = self.simulation, self._followers
-        q, qd = simulation.q, simulation.qd
-        actuated, rate = q[len(q) - len(self._driven) :], qd[self._driven]
+        simulation = self.simulation
+        followers = self._followers
+        q = simulation.q
+        qd = simulation.qd
+        actuated = q[len(q) - len(self._driven) :]
+        rate = qd[self._driven]
         followed, G = followers.at(actuated)
-        position, velocity = np.append(actuated, followed), np.append(rate, G @ rate)
+        position = np.append(actuated, followed)
+        velocity = np.append(rate, G @ rate)
         effort = np.zeros(len(self.names))  # mimic joints have no drives
         effort[: len(rate)] = simulation.effort[self._driven]
-        theta, thetad, torque = simulation.theta, simulation.thetad, simulation.spring_torque
+        theta = simulation.theta
+        thetad = simulation.thetad
+        torque = simulation.spring_torque
         for i, (name, joint) in enumerate(simulation.model.flexible_joints.items()):
             k = self.names.index(name)
             if joint.position == "motor":
-                position[k], velocity[k] = theta[i], thetad[i]
+                position[k] = theta[i]
+                velocity[k] = thetad[i]
             if joint.effort == "spring":
                 effort[k] = torque[i]
         base = (q[:7], qd[:6]) if simulation.model.floating_base else None
@@ -202,7 +221,8 @@ class Plant:
         Raise InputError for a joint beyond a hard limit or an energy that is not finite, and change
         nothing.
         """
-        simulation, before = self.simulation, self.time
+        simulation = self.simulation
+        before = self.time
         model = simulation.model
         outside = (np.asarray(q) < model.lower) | (np.asarray(q) > model.upper)
         if self._hard and outside.any():

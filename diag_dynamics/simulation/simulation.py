@@ -31,7 +31,9 @@ _NO_WRENCHES = np.zeros(0, WRENCH)
 
 def rest_position(model):
     """Return `start`, or the middle of a joint's limits if it is outside; [rad, m], shape (nq,)."""
-    lower, upper, start = np.maximum(model.lower, -1e6), np.minimum(model.upper, 1e6), model.start
+    lower = np.maximum(model.lower, -1e6)
+    upper = np.minimum(model.upper, 1e6)
+    start = model.start
     return np.where((lower > start) | (upper < start), 0.5 * (lower + upper), start)
 
 
@@ -178,7 +180,9 @@ class Simulation:
         self.reset(rest_position(model) if q is None else q, self._no_effort if qd is None else qd)
 
     def _use(self, flexible):
-        self.flexible, self.model, self.dynamics = flexible, flexible.model, flexible.link
+        self.flexible = flexible
+        self.model = flexible.model
+        self.dynamics = flexible.link
 
     def __copy__(self):
         """A simulation of its own: a shallow copy would share the state, and the robot."""
@@ -200,26 +204,31 @@ class Simulation:
 
     def _set_limits(self, limits):
         """Set stiffness and damping of all degrees of freedom, and bounds of coordinates."""
-        memory, model = self._memory, self.model
+        memory = self._memory
+        model = self.model
         joints = single_joints(model)
-        dofs, coordinates = places(joints, model.dof_names), places(joints, model.coordinate_names)
+        dofs = places(joints, model.dof_names)
+        coordinates = places(joints, model.coordinate_names)
         memory["coordinate"][dofs] = coordinates
         is_on = True
         if isinstance(limits, (bool, np.bool_)):
-            is_on, limits = bool(limits), CompliantLimits(np.inf)
+            is_on = bool(limits)
+            limits = CompliantLimits(np.inf)
         elif not isinstance(limits, CompliantLimits):
             raise InputError(
                 f"limits is {limits!r}, expected True, False or "
                 "CompliantLimits(stiffness, damping)."
             )
-        expected, names = "a number > 0 [N m/rad, N/m]", model.dof_names
+        expected = "a number > 0 [N m/rad, N/m]"
+        names = model.dof_names
         memory["stiffness"][:] = per_name(
             "stiffness of limits", limits.stiffness, names, expected, lambda x: x > 0.0
         )
         memory["limit_damping"][:] = _not_negative(
             "damping of limits", limits.damping, names, "[N m s/rad, N s/m]"
         )
-        memory["lower"][:], memory["upper"][:] = -np.inf, np.inf
+        memory["lower"][:] = -np.inf
+        memory["upper"][:] = np.inf
         if is_on:
             memory["lower"][dofs] = model.lower[coordinates]
             memory["upper"][dofs] = model.upper[coordinates]
@@ -252,7 +261,8 @@ class Simulation:
             Positions and rates of the motors of flexible joints; by default springs carry gravity,
             motors turn with links.
         """
-        memory, flexible = self._memory, self.flexible
+        memory = self._memory
+        flexible = self.flexible
         q = in_order("q", q, self.model.coordinate_names)
         qd = in_order("qd", qd, self.model.dof_names)
         memory["nu"][:] = self.dynamics.nu_from_qd(q, qd)
@@ -267,9 +277,11 @@ class Simulation:
             memory["theta"][flexible.dofs] = vector("theta", theta, flexible.names)
             memory["thetad"][flexible.dofs] = vector("thetad", thetad, flexible.names)
         self._effort = self._wanted = self._no_effort
-        memory["accounts"][:], memory["steps"][:] = 0.0, 0
+        memory["accounts"][:] = 0.0
+        memory["steps"][:] = 0
         self._exchanged = 0.0
-        self._start, self._start_energies = self._state(), None
+        self._start = self._state()
+        self._start_energies = None
 
     def _state(self):
         return self.q, self.nu, self.theta, self.thetad
@@ -380,7 +392,8 @@ class Simulation:
 
     def _beyond_limits(self, q):
         """Return distances of degrees of freedom beyond the nearest limit; negative within."""
-        memory, q = self._memory, q[self._memory["coordinate"]]
+        memory = self._memory
+        q = q[self._memory["coordinate"]]
         return np.maximum(q - memory["upper"], memory["lower"] - q)
 
     def _named(self, chosen):
@@ -420,11 +433,13 @@ class Simulation:
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)
         effort = np.clip(command, -self.effort_limits, self.effort_limits)
-        memory, tau = self._memory, effort - self.effort_offset
+        memory = self._memory
+        tau = effort - self.effort_offset
         status = compiled.advance(
             memory.address, self.step_size, steps, tau, wrenches, frame == "world"
         )
-        self._effort, self._wanted = effort, command
+        self._effort = effort
+        self._wanted = command
         if status:
             state = States(memory["q"], {"nu": memory["nu"]})
             D = memory.workspace.work["D"][status] if status > 0 else np.nan
@@ -473,11 +488,9 @@ class Simulation:
     def _energies(self, state=None):
         """Return kinetic, potential and elastic energy [J], by default of the present state."""
         q, nu, theta, thetad = state or self._state()
-        depth, stiffness, flexible = (
-            self._beyond_limits(q),
-            self._memory["stiffness"],
-            self.flexible,
-        )
+        depth = self._beyond_limits(q)
+        stiffness = self._memory["stiffness"]
+        flexible = self.flexible
         leaning = np.isfinite(stiffness) & (depth > 0.0)
         elastic = stiffness[leaning] @ depth[leaning] ** 2 + 2.0 * self._bending_energy(q)
         elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2

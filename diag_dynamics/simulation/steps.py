@@ -48,7 +48,8 @@ def _update_friction(address):
         rate = max(abs(sim.qd[k]), sim.slowest[k])
         sim.damping[k] = sim.viscous[k] + sim.root_friction[k] / math.sqrt(rate)
     for i in range(1, len(bodies)):
-        k, ratio = bodies[i].dof, work[i].multiplier
+        k = bodies[i].dof
+        ratio = work[i].multiplier
         sim.friction[k] += sim.follower_friction[i] * abs(ratio)
         sim.damping[k] += sim.follower_damping[i] * ratio * ratio
     return status
@@ -57,10 +58,13 @@ def _update_friction(address):
 @entry_kernel(ROBOT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
 def advance(address, h, steps, tau, wrenches, in_world):
     """Take `steps` steps of the simulation at an address; a failure leaves the last good state."""
-    sim, load = opened(address), Load(tau, wrenches, in_world)
+    sim = opened(address)
+    load = Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
-    status, count, geared = 0, 0, _has_gears(address)
+    status = 0
+    count = 0
+    geared = _has_gears(address)
     if steps > 0 and midpoint.is_beyond_hard_limit(address):
         status = midpoint.resolve_impacts(address, h)
     while status == 0 and count < steps:

@@ -48,7 +48,8 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torq
         pace = -math.expm1(-1e-9 * gain * max(0, elapsed[t]))
         for k in range(torque.shape[1]):
             if elapsed[t] < 0:
-                standing[k], widths[k] = 0, 0.0
+                standing[k] = 0
+                widths[k] = 0.0
             elif abs(rates[t, k]) < STANDING_SPEED:
                 standing[k] = min(standing[k] + elapsed[t], 2 * STANDING_TIME)
             else:
@@ -79,11 +80,14 @@ def judge_states(
     for t in range(len(stamps)):
         if restart[t] or not 0 <= elapsed[t] <= MAX_GAP:
             memory[COUNT] = 0
-            active[:], offset[:] = False, 0.0
+            active[:] = False
+            offset[:] = 0.0
         if not valid[t]:
             active[:] = False
             continue
-        was_on, is_offset, released = False, False, True
+        was_on = False
+        is_offset = False
+        released = True
         for k in range(n):
             was_on |= active[k]
             released &= values[t, k] < limits[1, k]
@@ -106,7 +110,8 @@ def judge_states(
             if begins[t] or not was_on:
                 memory[EXTENDS] = begins[t]
             if memory[EXTENDS]:
-                memory[END], memory[COUNT] = stamps[t], 1
+                memory[END] = stamps[t]
+                memory[COUNT] = 1
         alarm[t] = on
         for k in range(joints.shape[1]):
             joints[t, k] = active[k]

@@ -39,7 +39,8 @@ V, P = (records.LANES["own"].fields[name][1] // 8 for name in ("V", "P"))
 @nk.kernel
 def _copy_parent(at, i):
     """Copy the parent's motion to the row of a body, and clear its contributions to the parent."""
-    row, parent = at.rows[i], at.rows[at.bodies[i].parent]
+    row = at.rows[i]
+    parent = at.rows[at.bodies[i].parent]
     for k in range(V, P):
         row[PARENT + k] = parent[k]
     for k in range(P, PARENT):
@@ -49,7 +50,8 @@ def _copy_parent(at, i):
 @nk.kernel
 def _accumulate(at, i):
     """Add a body's contributions to its parent."""
-    row, parent = at.rows[i], at.rows[at.bodies[i].parent]
+    row = at.rows[i]
+    parent = at.rows[at.bodies[i].parent]
     if at.bodies[i].parent > 0:
         for k in range(P, PARENT):
             parent[k] += row[PARENT + k]
@@ -66,7 +68,8 @@ def _set_results(results, x):
 @nk.kernel
 def _read_joint(at, i, Q, QD, TAU, first, last):
     """Position, rate and effort at states `first` to `last`; the last state fills up the row."""
-    body, row = at.bodies[i], at.lanes[i]
+    body = at.bodies[i]
+    row = at.lanes[i]
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         position = body.multiplier * Q[t, body.q] + body.offset
@@ -80,9 +83,11 @@ def _read_joint(at, i, Q, QD, TAU, first, last):
 @nk.kernel
 def _outward_joint(direction, at, i):
     _copy_parent(at, i)
-    body, row = records.values_of(at.bodies[i]), at.lanes[i]
+    body = records.values_of(at.bodies[i])
+    row = at.lanes[i]
     for b in range(WIDTH):
-        X, rate = joints.placement(direction, body, row.position[0, b]), row.rate[0, b]
+        X = joints.placement(direction, body, row.position[0, b])
+        rate = row.rate[0, b]
         motion = sp.motion_along(direction, rate)
         evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
@@ -90,11 +95,15 @@ def _outward_joint(direction, at, i):
 @nk.kernel
 def _inward_joint(direction, at, i):
     """The inward step; returns the number of singular states."""
-    body, row, count = records.values_of(at.bodies[i]), at.lanes[i], 0
+    body = records.values_of(at.bodies[i])
+    row = at.lanes[i]
+    count = 0
     for b in range(WIDTH):
-        w, parent = lane_of(row.own, b), lane_of(row.parent, b)
+        w = lane_of(row.own, b)
+        parent = lane_of(row.parent, b)
         D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
-        rate, effort = row.rate[0, b], row.effort[0, b]
+        rate = row.rate[0, b]
+        effort = row.effort[0, b]
         results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
         _set_results(row.results[:, b], results)
         count += 1 if singular else 0
@@ -107,7 +116,8 @@ def _inward_joint(direction, at, i):
 
 @nk.kernel
 def _read_base(at, i, Q, QD, TAU, first, last):
-    body, row = at.bodies[i], at.lanes[at.bodies[i].last]
+    body = at.bodies[i]
+    row = at.lanes[at.bodies[i].last]
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         for k in range(7):
@@ -122,13 +132,12 @@ def _outward_base(at, i):
     last = at.bodies[i].last
     for k in range(V, P):
         at.rows[last, PARENT + k] = at.rows[0, k]
-    base, body, row = (
-        records.values_of(at.bodies[i]),
-        records.values_of(at.bodies[last]),
-        at.lanes[last],
-    )
+    base = records.values_of(at.bodies[i])
+    body = records.values_of(at.bodies[last])
+    row = at.lanes[last]
     for b in range(WIDTH):
-        position, motion = row.position[:, b], records.motion_of(row.rate[:, b])
+        position = row.position[:, b]
+        motion = records.motion_of(row.rate[:, b])
         quaternion = (position[3], position[4], position[5], position[6])
         X = joints.floating_placement(base, records.vector_of(position), quaternion)
         evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
@@ -137,12 +146,14 @@ def _outward_base(at, i):
 @nk.kernel
 def _inward_base(at, i):
     """The inward step; returns the number of singular directions of all states."""
-    row, count = at.lanes[i], 0
+    row = at.lanes[i]
+    count = 0
     for b in range(WIDTH):
         effort = records.force_of(row.effort[:, b])
         evaluation.start_base(effort, lane_of(row.own, b))
     for j in range(i, at.bodies[i].first - 1, -1):
-        direction, armature = at.bodies[j].direction, at.bodies[j].armature
+        direction = at.bodies[j].direction
+        armature = at.bodies[j].armature
         for b in range(WIDTH):
             results, singular = evaluation.eliminate_last(direction, armature, lane_of(row.own, b))
             _set_results(row.parent.P[:, b], results)
@@ -158,7 +169,8 @@ def _inward_base(at, i):
 @nk.kernel
 def _load(at, i, b):
     """Copy the record of a body from its row."""
-    record, row = at.numbers[i], at.rows[i]
+    record = at.numbers[i]
+    row = at.rows[i]
     for k in range(PARENT // WIDTH):
         record[k] = row[k * WIDTH + b]
     at.work[i].armature = at.bodies[i].armature
@@ -167,7 +179,8 @@ def _load(at, i, b):
 @nk.kernel
 def _store(at, i, b):
     """Copy the record of a body to its row."""
-    record, row = at.numbers[i], at.rows[i]
+    record = at.numbers[i]
+    row = at.rows[i]
     for k in range(PARENT // WIDTH):
         row[k * WIDTH + b] = record[k]
 
@@ -188,7 +201,8 @@ def _outward_several(at, i, Q, QD, first, last):
 def _inward_group(robot, i, QD, TAU, first, last):
     """As evaluation.inward_group."""
     at = ws.robot_of(robot)
-    start, out = at.bodies[i].first, at.scratch
+    start = at.bodies[i].first
+    out = at.scratch
     base = at.bodies[start].parent
     for b in range(WIDTH):
         t = min(first + b, last - 1)
@@ -223,7 +237,8 @@ def _are_valid(at, Q, QD, TAU, first, last):
 
 @nk.kernel
 def _outward(at, Q, QD, TAU, first, last):
-    bodies, world = at.bodies, at.lanes[0]
+    bodies = at.bodies
+    world = at.lanes[0]
     evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
         evaluation.start_at_world(at.gravity, lane_of(world.own, b))
@@ -245,7 +260,9 @@ def _outward(at, Q, QD, TAU, first, last):
 def _inward(robot, QD, TAU, first, last):
     """Results of all joints; returns whether a state is singular."""
     at = ws.robot_of(robot)
-    bodies, i, singular = at.bodies, len(at.bodies) - 1, 0
+    bodies = at.bodies
+    i = len(at.bodies) - 1
+    singular = 0
     while i > 0 and singular == 0:
         if groups.is_grouped(bodies[i]):
             is_base = evaluation.is_floating_base(bodies, i)
@@ -269,12 +286,10 @@ def _write(at, first, last, results, numbers):
                 for j in range(N_RESULTS):
                     results[j, t, at.bodies[i].dof] = at.lanes[i].results[j, t - first]
         finite, energy, base, power = evaluation.sums(results[:, t])
-        numbers[K, t], numbers[BASE, t], numbers[POWER, t], numbers[NET_POWER, t] = (
-            energy,
-            base,
-            power,
-            power,
-        )
+        numbers[K, t] = energy
+        numbers[BASE, t] = base
+        numbers[POWER, t] = power
+        numbers[NET_POWER, t] = power
         if not finite:
             return False
     return True
@@ -351,7 +366,10 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
     A and B may have one row for all states.
     """
     for t in range(begin, end):
-        q, a, b, result = Q[t], A[min(t, len(A) - 1)], B[min(t, len(B) - 1)], results[t]
+        q = Q[t]
+        a = A[min(t, len(A) - 1)]
+        b = B[min(t, len(B) - 1)]
+        result = results[t]
         if which == FORWARD:
             status = classical.forward_dynamics(robot, q, a, b, result)
         elif which == INVERSE:

@@ -16,8 +16,11 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
 
     The direction is a constant.
     """
-    body, w = bodies[i], work[i]
-    k, P, y = body.dof, records.inertia_of(w.P), records.force_of(w.y)
+    body = bodies[i]
+    w = work[i]
+    k = body.dof
+    P = records.inertia_of(w.P)
+    y = records.force_of(w.y)
     D, column, G = joints.joint_inertia(direction, w.armature, P)
     w.D = D
     if joints.is_singular(joints.scale_along(direction, w), D):
@@ -28,7 +31,8 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     zeta = sp.cross_along_z(direction, records.motion_of(w.V), qd[k])
     records.set_motion(w.zeta, zeta)
     if body.parent > 0:
-        X, parent = records.placement_of(w), work[body.parent]
+        X = records.placement_of(w)
+        parent = work[body.parent]
         # P⁺ζ = Pζ − G (P S)ᵀζ
         y_plus = sp.add_force(y, sp.scale_force(G, u - sp.power(column, zeta)))
         y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
@@ -42,7 +46,8 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
 def aba_inward_group(robot, last, qd, qdd):
     """The inward step of :func:`forward_dynamics` at a group."""
     bodies, _, work, table = ws.opened(robot)
-    first, Q = bodies[last].first, table[0]
+    first = bodies[last].first
+    Q = table[0]
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, qdd)
     status = groups.eliminate(bodies, first, last, work, Q)
@@ -76,7 +81,8 @@ def aba_outward_group(robot, first, qd, qdd):
             G = records.force_of(work[i].G)
             qdd[bodies[i].dof] -= groups.induced_rate(bodies, i, base, qdd, table[0], G)
     for i in range(first, bodies[first].last + 1):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].acceleration))
         if body.rank == 0:
             A = sp.add_motion(A, joints.zeta(bodies, i, qd, work))
@@ -95,7 +101,8 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
         return status
     joints.set_base_at_rest(work)
     for i in range(1, n):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         joints.update_placement(body, q, w)
         V = joints.update_velocity(body, qd, work, w)
         joints.init_articulated_inertia(body, w)
@@ -181,7 +188,8 @@ def momentum(robot, q, qd, result):
     ws.clear(result)
     joints.set_base_acceleration(gravity, -1.0, work)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         X = joints.update_placement(body, q, w)
         V = joints.update_velocity(body, qd, work, w)
         g = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
@@ -194,9 +202,11 @@ def momentum(robot, q, qd, result):
             result[body.dof] += w.multiplier * spin
             result[nv + body.dof] += w.multiplier_rate * spin
     for i in range(len(bodies) - 1, 0, -1):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         V = records.motion_of(work[i + body.dofs - 1 - body.rank].V)  # of the whole joint
-        h, F = records.force_of(w.y), records.force_of(w.z)
+        h = records.force_of(w.y)
+        F = records.force_of(w.z)
         along = sp.along(body.direction, sp.subtract_force(F, sp.cross_force(V, h)))
         momentum_along = sp.along(body.direction, h)
         result[body.dof] += w.multiplier * momentum_along
@@ -245,7 +255,8 @@ def first_moment(robot, q, moment):
         return status
     total = sp.ZERO
     for i in range(len(bodies)):
-        X, h = joints.pose(bodies, i, 0, work), records.vector_of(bodies[i].first_moment)
+        X = joints.pose(bodies, i, 0, work)
+        h = records.vector_of(bodies[i].first_moment)
         total = sp.add(
             total, sp.add(sp.apply(X.rotation, h), sp.scale(X.translation, bodies[i].mass))
         )

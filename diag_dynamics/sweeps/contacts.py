@@ -77,7 +77,9 @@ the same energy."""
 @nk.kernel
 def _strictest_limit(regions, first, end, inverse_mass, speed):
     """Maximum contact force, speed that keeps all limits, and region of the strictest limit."""
-    force, allowed, strictest = 0.0, math.inf, -1
+    force = 0.0
+    allowed = math.inf
+    strictest = -1
     for k in range(first, end):
         reduced = inverse_mass + regions[k, INVERSE_MASS]  # 1/μ
         stiffness = regions[k, STIFFNESS]
@@ -91,7 +93,8 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
         of_energy = math.sqrt(2.0 * regions[k, LARGEST_ENERGY] * inverse_mass)
         least = min(of_force, of_energy)
         if least < allowed:
-            allowed, strictest = least, k
+            allowed = least
+            strictest = k
     return force, allowed, strictest
 
 
@@ -101,17 +104,24 @@ def _contact(at, entry, w, X, result):
 
     X is the placement of its body in the axes of results.
     """
-    V, Y, R = records.motion_of(w.V), mobility_of(w), X.rotation
+    V = records.motion_of(w.V)
+    Y = mobility_of(w)
+    R = X.rotation
     direction = records.vector_of(entry.direction)
     is_given = sp.dot(direction, direction) > 0.0
-    scale_of_V, scale_of_w = sp.dot(V.linear, V.linear), sp.dot(V.angular, V.angular)
-    best, strongest = -1, -1.0
+    scale_of_V = sp.dot(V.linear, V.linear)
+    scale_of_w = sp.dot(V.angular, V.angular)
+    best = -1
+    strongest = -1.0
     ws.clear(result)
-    result[POINT], result[REGION], result[ALLOWED] = float(entry.first), -1.0, math.inf
+    result[POINT] = float(entry.first)
+    result[REGION] = -1.0
+    result[ALLOWED] = math.inf
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
         v = sp.add(V.linear, sp.cross(V.angular, r))
-        u, square = direction, sp.dot(v, v)
+        u = direction
+        square = sp.dot(v, v)
         moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r))
         if not is_given:
             if not moves:
@@ -124,7 +134,8 @@ def _contact(at, entry, w, X, result):
             Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
         )
         if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
-            inverse_mass, speed = 0.0, 0.0
+            inverse_mass = 0.0
+            speed = 0.0
         closing = max(speed, 0.0)
         energy = 0.5 * closing * closing / inverse_mass if closing > 0.0 else 0.0
         force, allowed, strictest = _strictest_limit(
@@ -136,14 +147,16 @@ def _contact(at, entry, w, X, result):
         elif at.by == BY_LIMIT and strictest >= 0:
             score = closing / allowed if allowed > 0.0 else (math.inf if closing > 0.0 else 0.0)
         if best < 0 or score > strongest * TIE:
-            best, strongest = k, score
-            result[POINT], result[REGION] = float(k), float(strictest)
+            best = k
+            strongest = score
+            result[POINT] = float(k)
+            result[REGION] = float(strictest)
             records.set_vector(result, DIRECTION, u)
-            result[SPEED], result[MASS] = (
-                speed,
-                1.0 / inverse_mass if inverse_mass > 0.0 else math.inf,
-            )
-            result[TRANSFERABLE], result[FORCE], result[ALLOWED] = energy, force, allowed
+            result[SPEED] = speed
+            result[MASS] = 1.0 / inverse_mass if inverse_mass > 0.0 else math.inf
+            result[TRANSFERABLE] = energy
+            result[FORCE] = force
+            result[ALLOWED] = allowed
     k = int(result[POINT])
     r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
     records.set_vector(result, POSITION, sp.add(X.translation, sp.apply(R, r)))

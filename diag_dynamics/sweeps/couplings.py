@@ -164,7 +164,8 @@ class Couplings:
     """
 
     def __init__(self, bodies, work, nq, nv, of_model):
-        count, rows = len(of_model.joints), int(of_model.loops["rows"].max(initial=1))
+        count = len(of_model.joints)
+        rows = int(of_model.loops["rows"].max(initial=1))
         self.ratio = np.full(len(of_model.loops), np.inf)
         given = {
             "bodies": bodies,
@@ -180,7 +181,8 @@ class Couplings:
         self._addresses = Addresses(
             COUPLINGS, **given, **{name: np.full(size, np.nan) for name, size in shapes.items()}
         )
-        work[0]["couplings"], work[0]["couple"] = self._addresses.at, couple.address
+        work[0]["couplings"] = self._addresses.at
+        work[0]["couple"] = couple.address
 
 
 # Functions of their own take the address of the table: as an argument the table itself would be
@@ -207,7 +209,10 @@ def _reduce(at, loop):
 
     Returns the smallest |R_kk| by the longest column of J.
     """
-    A, scale, longest, least = at.reduced[loop.begin :], at.scale[loop.begin :], 0.0, math.inf
+    A = at.reduced[loop.begin :]
+    scale = at.scale[loop.begin :]
+    longest = 0.0
+    least = math.inf
     for k in range(loop.begin, loop.end):
         square = 0.0
         for row in range(loop.rows):
@@ -219,7 +224,8 @@ def _reduce(at, loop):
         # Earlier reflections of the column, then the one that clears it below R_kk
         for j in range(k):
             _reflect(A[j], scale[j], j, loop.rows, A[k])
-        square, own = 0.0, A[k, k]
+        square = 0.0
+        own = A[k, k]
         for row in range(k, loop.rows):
             square += A[k, row] * A[k, row]
         least = min(least, square)
@@ -228,7 +234,8 @@ def _reduce(at, loop):
         # The sign of R_kk is opposite to that of the entry, against cancellation.
         entry = math.copysign(math.sqrt(square), -own)
         A[k, k] -= entry
-        at.diagonal[loop.begin + k], scale[k] = 1.0 / entry, 1.0 / (square + abs(own * entry))
+        at.diagonal[loop.begin + k] = 1.0 / entry
+        scale[k] = 1.0 / (square + abs(own * entry))
     return math.sqrt(least / longest)
 
 
@@ -236,7 +243,8 @@ def _reduce(at, loop):
 def _solve(table, loop):
     """Solve J_d y = x by least squares; y replaces the first entries of x."""
     at = _opened(table)
-    A, x = at.reduced[loop.begin :], at.x
+    A = at.reduced[loop.begin :]
+    x = at.x
     # x ← Qᵀ x
     for k in range(loop.followers):
         _reflect(A[k], at.scale[loop.begin + k], k, loop.rows, x)
@@ -264,18 +272,22 @@ def _motion(frame, first):
 def _place(at, loop):
     """Placements of the joints of a group in the carrier, and S."""
     for k in range(loop.begin, loop.end):
-        joint, frame = at.joints[k], at.frames[k]
-        body, position = at.bodies[joint.body], at.position[k]
+        joint = at.joints[k]
+        frame = at.frames[k]
+        body = at.bodies[joint.body]
+        position = at.position[k]
         turns = body.direction == sp.ANGULAR_Z
         if turns:
             X = joints.placement(sp.ANGULAR_Z, body, sp.reduced_angle(position))
         else:
             X = joints.placement(sp.LINEAR_Z, body, position)
-        R, p = X.rotation, X.translation
+        R = X.rotation
+        p = X.translation
         if joint.carrier >= 0:
             carrier = at.frames[joint.carrier]
             turn = records.matrix_of(carrier)
-            R, p = sp.product(turn, R), sp.add(_part(carrier, 9), sp.apply(turn, p))
+            R = sp.product(turn, R)
+            p = sp.add(_part(carrier, 9), sp.apply(turn, p))
         records.set_matrix(frame, R)
         records.set_vector(frame, 9, p)
         axis = (R[0][2], R[1][2], R[2][2])
@@ -303,21 +315,22 @@ def _add_end(at, k, F, sign, row):
 @nk.kernel
 def _close(at, number):
     """Fill J and φ, in x; return the largest entry of φ, and the size of points that rounds it."""
-    loop, largest, size = at.loops[number], 0.0, 0.0
+    loop = at.loops[number]
+    largest = 0.0
+    size = 0.0
     for k in range(loop.begin, loop.end):
         for row in range(loop.rows):
             at.J[k, row] = 0.0
     for row in range(loop.last - loop.first):
         closure = at.closures[loop.first + row]
-        a, b, d = (
-            _end(at, closure.a, closure.point_a),
-            _end(at, closure.b, closure.point_b),
-            closure.direction,
-        )
+        a = _end(at, closure.a, closure.point_a)
+        b = _end(at, closure.b, closure.point_b)
+        d = closure.direction
         d = records.vector_of(d)
         # φ = dᵀ (a − b), and FᵀS of the joints that carry either end
         at.x[row] = sp.dot(sp.subtract(a, b), d)
-        largest, size = max(largest, abs(at.x[row])), max(size, sp.dot(a, a))
+        largest = max(largest, abs(at.x[row]))
+        size = max(size, sp.dot(a, a))
         _add_end(at, closure.a, sp.Force(d, sp.cross(a, d)), 1.0, row)
         _add_end(at, closure.b, sp.Force(d, sp.cross(b, d)), -1.0, row)
     row = loop.last - loop.first
@@ -327,7 +340,8 @@ def _close(at, number):
             position, slope, at.bend[k] = _curve_at(at, curve, at.position[curve.source])
             at.x[row] = at.position[curve.follower] - position
             largest = max(largest, abs(at.x[row]))
-            at.J[curve.follower, row], at.J[curve.source, row] = 1.0, -slope
+            at.J[curve.follower, row] = 1.0
+            at.J[curve.source, row] = -slope
             row += 1
     return largest, math.sqrt(size)
 
@@ -339,7 +353,8 @@ def _newton(table, number):
     J and its reduction are those of the result.
     """
     at = _opened(table)
-    loop, correction = at.loops[number], math.inf
+    loop = at.loops[number]
+    correction = math.inf
     for _ in range(ITERATIONS):
         _place(at, loop)
         apart, size = _close(at, number)
@@ -351,7 +366,8 @@ def _newton(table, number):
             return apart <= CLOSED
         # J_d Δ = φ
         _solve(table, loop)
-        before, correction = correction, 0.0
+        before = correction
+        correction = 0.0
         for k in range(loop.followers):
             at.position[at.joints[loop.begin + k].order] -= at.x[k]
             correction = max(correction, abs(at.x[k]))
@@ -394,7 +410,8 @@ def _approach(table, number, q):
     Followers begin where their ratios take them, so that the branch stays where two of them meet.
     """
     at = _opened(table)
-    loop, length = at.loops[number], LONGEST_STEP
+    loop = at.loops[number]
+    length = LONGEST_STEP
     for _ in range(STEPS):
         remaining = _distance(at, loop, q)
         step = 1.0 if remaining <= length else length / remaining
@@ -468,8 +485,10 @@ def _close_loop(table, number, q):
 def _move(at, loop, qd):
     """V of the joints of a group against the carrier, and Ṡ."""
     for k in range(loop.begin, loop.end):
-        frame, carrier = at.frames[k], at.joints[k].carrier
-        V, S = sp.NO_MOTION, _motion(frame, 12)
+        frame = at.frames[k]
+        carrier = at.joints[k].carrier
+        V = sp.NO_MOTION
+        S = _motion(frame, 12)
         if carrier >= 0:
             V = _motion(at.frames[carrier], 18)
         rate = joints.joint_rate(at.bodies, at.joints[k].body, qd, at.work)
@@ -483,11 +502,10 @@ def _add_end_rate(table, k, point, d, sign, row):
     """Add the rates of what :func:`_add_end` adds."""
     at = _opened(table)
     if k >= 0:
-        end, V = _end(at, k, point), _motion(at.frames[k], 18)
-        F, moment = (
-            sp.Force(d, sp.cross(end, d)),
-            sp.cross(sp.add(V.linear, sp.cross(V.angular, end)), d),
-        )
+        end = _end(at, k, point)
+        V = _motion(at.frames[k], 18)
+        F = sp.Force(d, sp.cross(end, d))
+        moment = sp.cross(sp.add(V.linear, sp.cross(V.angular, end)), d)
         while k >= 0:
             rate = sp.power(F, _motion(at.frames[k], 24)) + sp.dot(moment, _part(at.frames[k], 15))
             at.J_rate[k, row] += sign * rate
@@ -539,12 +557,16 @@ def _curve_at(at, curve, source):
     k = curve.begin
     while k + 1 < curve.end and argument >= at.pieces[k + 1, 0]:
         k += 1
-    x, p, slope, bend = argument - at.pieces[k, 0], 0.0, 0.0, 0.0
+    x = argument - at.pieces[k, 0]
+    p = 0.0
+    slope = 0.0
+    bend = 0.0
     for j in range(at.pieces.shape[1] - 1, 0, -1):
         bend = bend * x + slope
         slope = slope * x + p
         p = p * x + at.pieces[k, j]
-    scale, factor = curve.result[0], curve.argument[0]
+    scale = curve.result[0]
+    factor = curve.argument[0]
     return scale * p + curve.result[1], scale * factor * slope, 2.0 * scale * factor * factor * bend
 
 
@@ -556,7 +578,9 @@ def _set_forms(table, q):
     """Positions of followers, and their ratios φ + Qη."""
     at = _opened(table)
     for form in at.forms:
-        first, count, k = form.body, at.bodies[form.body].dofs, form.begin
+        first = form.body
+        count = at.bodies[form.body].dofs
+        k = form.begin
         position = at.coefficients[k]
         for i in range(first, first + count):
             linear = ratio = at.coefficients[k + 1]
@@ -576,7 +600,9 @@ def _set_form_rates(table, qd):
     at = _opened(table)
     for form in at.forms:
         if form.is_quadratic != 0:
-            first, count, k = form.body, at.bodies[form.body].dofs, form.begin + 2
+            first = form.body
+            count = at.bodies[form.body].dofs
+            k = form.begin + 2
             for i in range(first, first + count):
                 rate = 0.0
                 for j in range(count):

@@ -46,7 +46,9 @@ def _factorize_with_rates(bodies, q, qd, x, work, table):
 @nk.kernel
 def _propagate_rates(bodies, i, qd, x, work):
     """W of body i for rates x, and its rate in the body's axes along the motion q̇, x constant."""
-    body, w, parent = bodies[i], work[i], work[bodies[i].parent]
+    body = bodies[i]
+    w = work[i]
+    parent = work[bodies[i].parent]
     W = joints.motion_outboard(body, w, records.motion_of(parent.W))
     rate = joints.motion_outboard(body, w, records.motion_of(parent.W_rate))
     # Ẇ = X Ẇ_p + W⁺ × v_J + S Ġ x, and W = W⁺ + S x
@@ -67,7 +69,8 @@ def articulated_inertias(robot, q, qd, D, D_rate):
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             body = bodies[i]
-            D[body.dof], D_rate[body.dof] = work[i].D, table[1, body.dof, body.dof - body.start]
+            D[body.dof] = work[i].D
+            D_rate[body.dof] = table[1, body.dof, body.dof - body.start]
     return 0 if joints.are_finite(D_rate) else -1
 
 
@@ -101,7 +104,8 @@ def coriolis_matrix_times(robot, q, qd, x, result):
     if status != 0:
         return status
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         V = joints.update_velocity(body, qd, work, w)
         _propagate_rates(bodies, i, qd, x, work)
         # f = I Ẇ + b_x
@@ -125,10 +129,13 @@ def m_rate_transposed_times(robot, q, qd, x, result):
     if status != 0:
         return status
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if groups.is_leader(bodies, i):
-            k, base = body.dof, work[bodies[body.first].parent]
-            W_A, G = records.motion_of(base.W), records.force_of(w.G)
+            k = body.dof
+            base = work[bodies[body.first].parent]
+            W_A = records.motion_of(base.W)
+            G = records.force_of(w.G)
             # η = x + Gᵀ W_A + Σ g_b x_b, which is ξ of the rates x
             eta = x[k] + groups.induced_rate(bodies, i, W_A, x, table[0], G)
             rate = (
@@ -153,7 +160,8 @@ def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
     if status != 0:
         return status
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if i == body.first:
             W_A = records.motion_of(work[body.parent].W)
             for j in range(i, body.last + 1):

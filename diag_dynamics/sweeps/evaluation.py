@@ -43,7 +43,8 @@ def init_forces(body, X, V, w, parent):
 @nk.kernel
 def outward_step(bodies, i, q, qd, work):
     """The outward step of one state at a body."""
-    body, w = bodies[i], work[i]
+    body = bodies[i]
+    w = work[i]
     X = joints.update_placement(body, q, w)
     outward_joint(body, X, joints.own_motion(body, w, qd), w, work[body.parent])
     w.armature = body.armature
@@ -83,24 +84,20 @@ def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
 @nk.kernel
 def write_outputs(out, k, results):
     """Write the results of one degree of freedom, ν̇ and ξ̇."""
-    out[ws.NU, k], out[ws.XI, k], out[ws.EPSILON, k], out[ws.KAPPA, k] = (
-        results[0],
-        results[1],
-        results[2],
-        results[3],
-    )
-    out[ws.CORIOLIS, k], out[ws.CORIOLIS_UNNORMALIZED, k], out[ws.GRAVITY, k] = (
-        results[4],
-        results[5],
-        results[6],
-    )
-    out[ws.ARTICULATED_INERTIA, k], out[ws.ARTICULATED_INERTIA_RATE, k] = results[7], results[8]
+    out[ws.NU, k] = results[0]
+    out[ws.XI, k] = results[1]
+    out[ws.EPSILON, k] = results[2]
+    out[ws.KAPPA, k] = results[3]
+    out[ws.CORIOLIS, k] = results[4]
+    out[ws.CORIOLIS_UNNORMALIZED, k] = results[5]
+    out[ws.GRAVITY, k] = results[6]
+    out[ws.ARTICULATED_INERTIA, k] = results[7]
+    out[ws.ARTICULATED_INERTIA_RATE, k] = results[8]
     # ν̇ = ε − C − ε_g, and ξ̇ = D⁻¹ (κ − κ_g − C_ξ) (Algorithm 8.1)
-    root, nu_dot = math.sqrt(results[7]), results[2] - results[4] - results[6]
-    out[ws.NU_DOT, k], out[ws.XI_DOT, k] = (
-        nu_dot,
-        (root * (nu_dot + results[4]) - results[5]) / results[7],
-    )
+    root = math.sqrt(results[7])
+    nu_dot = results[2] - results[4] - results[6]
+    out[ws.NU_DOT, k] = nu_dot
+    out[ws.XI_DOT, k] = (root * (nu_dot + results[4]) - results[5]) / results[7]
 
 
 @nk.kernel
@@ -110,9 +107,13 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     The direction is a constant. Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺
     go to the parent.
     """
-    P, P_rate = records.inertia_of(w.P), records.inertia_of(w.P_rate)
-    V, y, z = records.motion_of(w.V), records.force_of(w.y), records.force_of(w.z)
-    column, root = sp.column_along(direction, P), math.sqrt(D)
+    P = records.inertia_of(w.P)
+    P_rate = records.inertia_of(w.P_rate)
+    V = records.motion_of(w.V)
+    y = records.force_of(w.y)
+    z = records.force_of(w.z)
+    column = sp.column_along(direction, P)
+    root = math.sqrt(D)
 
     # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
     v_J = sp.motion_along(direction, rate)
@@ -154,8 +155,11 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
 @nk.kernel
 def _inward_step(bodies, i, direction, qd, tau, work, out):
     """The inward step of one state at a joint of one degree of freedom."""
-    body, k = bodies[i], bodies[i].dof
-    w, parent, is_carried = work[i], work[body.parent], body.parent > 0
+    body = bodies[i]
+    k = bodies[i].dof
+    w = work[i]
+    parent = work[body.parent]
+    is_carried = body.parent > 0
     D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
     results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried)
     if singular:
@@ -168,15 +172,14 @@ def _inward_step(bodies, i, direction, qd, tau, work, out):
 def inward_coupled(robot, last, qd, tau, out):
     """The inward step of one state at a group."""
     bodies, _, work, table = ws.opened(robot)
-    first, Q, Q_rate, kappa, bias = (
-        bodies[last].first,
-        table[0],
-        table[1],
-        out[ws.KAPPA],
-        out[ws.CORIOLIS],
-    )
+    first = bodies[last].first
+    Q = table[0]
+    Q_rate = table[1]
+    kappa = out[ws.KAPPA]
+    bias = out[ws.CORIOLIS]
     for i in range(first, last + 1):
-        kappa[bodies[i].dof], bias[bodies[i].dof] = tau[bodies[i].dof], 0.0
+        kappa[bodies[i].dof] = tau[bodies[i].dof]
+        bias[bodies[i].dof] = 0.0
     # κ begins as τ less the moments of z of the group's bodies; z is now that on their base
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
     groups.compose(bodies, first, last, work, Q)
@@ -196,9 +199,14 @@ def inward_coupled(robot, last, qd, tau, out):
     for i in range(last, first - 1, -1):
         if not groups.is_leader(bodies, i):
             continue
-        w, k, start = work[i], bodies[i].dof, bodies[i].start
-        G, D, D_rate = records.force_of(w.G), w.D, Q_rate[k, k - start]
-        root, xi = math.sqrt(D), qd[k] + groups.induced_rate(bodies, i, V_A, qd, Q, G)
+        w = work[i]
+        k = bodies[i].dof
+        start = bodies[i].start
+        G = records.force_of(w.G)
+        D = w.D
+        D_rate = Q_rate[k, k - start]
+        root = math.sqrt(D)
+        xi = qd[k] + groups.induced_rate(bodies, i, V_A, qd, Q, G)
         without_xi = -bias[k] - groups.momentum_rate(bodies, i, V_A, qd, work, Q_rate)
         # κ_g = F_cᵀ a = D Gᵀ a
         weight = root * sp.power(G, acceleration)
@@ -239,17 +247,23 @@ def start_base(effort, w):
 @nk.kernel
 def eliminate_last(direction, armature, w):
     """Eliminate the last direction of a floating base; return results and its singularity."""
-    P, P_rate, V = records.inertia_of(w.P), records.inertia_of(w.P_rate), records.motion_of(w.V)
-    kappas, bias, weights = (
-        records.force_of(w.z),
-        records.force_of(w.y),
-        records.force_of(w.acceleration),
-    )
+    P = records.inertia_of(w.P)
+    P_rate = records.inertia_of(w.P_rate)
+    V = records.motion_of(w.V)
+    kappas = records.force_of(w.z)
+    bias = records.force_of(w.y)
+    weights = records.force_of(w.acceleration)
     D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
-    u, rate = sp.column_along(sp.ANGULAR_Z, P_rate), V.angular[2]
-    D_rate, kappa, y, weight = u.moment[2], kappas.moment[2], bias.moment[2], weights.moment[2]
+    u = sp.column_along(sp.ANGULAR_Z, P_rate)
+    rate = V.angular[2]
+    D_rate = u.moment[2]
+    kappa = kappas.moment[2]
+    y = bias.moment[2]
+    weight = weights.moment[2]
     # ξ_c = q̇_c + Gᵀ V and 𝓜̇_c V, over all directions but the last
-    root, xi, momentum_rate = math.sqrt(D), _add_power(rate, G, V), _add_power(D_rate * rate, u, V)
+    root = math.sqrt(D)
+    xi = _add_power(rate, G, V)
+    momentum_rate = _add_power(D_rate * rate, u, V)
     rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
     # 𝓜, 𝓜̇, κ, the bias and gravity's wrench without the last direction
     records.set_inertia(w.P, _moved_up_inertia(sp.less_rank_one(P, G, column)))
@@ -267,7 +281,10 @@ def eliminate_last(direction, armature, w):
 @nk.kernel
 def _add_power(start, F, V):
     """Add FᵀV of all directions but the last, one by one."""
-    f, m, v, w = F.force, F.moment, V.linear, V.angular
+    f = F.force
+    m = F.moment
+    v = V.linear
+    w = V.angular
     return start + f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + m[0] * w[0] + m[1] * w[1]
 
 
@@ -292,7 +309,8 @@ def _moved_up_inertia(P):
 def inward_base(robot, last, tau, out):
     """The inward step of one state at a floating base."""
     bodies, _, work, _ = ws.opened(robot)
-    w, first = work[last], bodies[last].first
+    w = work[last]
+    first = bodies[last].first
     effort = joints.joint_vector(bodies[first], tau)
     start_base(sp.Force(effort.linear, effort.angular), w)
     for i in range(last, first - 1, -1):
@@ -315,7 +333,10 @@ def inward_group(robot, last, qd, tau, out):
 @nk.kernel
 def sums(rows):
     """Whether results of one state are finite, K, the share of the first six ν, and νᵀ(ε − ε_g)."""
-    finite, energy, base, power = True, 0.0, 0.0, 0.0
+    finite = True
+    energy = 0.0
+    base = 0.0
+    power = 0.0
     for k in range(rows.shape[1]):
         # A sum with inf or NaN is not finite, so that one test is enough.
         total = 0.0
@@ -337,7 +358,8 @@ def _complete(out, n):
     for k in range(n):
         out[ws.ENERGY_SHARE, k] = 0.5 * out[ws.NU, k] * out[ws.NU, k]
     if out.shape[1] > 0:
-        out[ws.KINETIC_ENERGY, 0], out[ws.BASE_ENERGY, 0] = energy, base
+        out[ws.KINETIC_ENERGY, 0] = energy
+        out[ws.BASE_ENERGY, 0] = base
         out[ws.EFFORT_POWER, 0] = out[ws.POWER, 0] = power
     return finite
 
@@ -428,14 +450,13 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
             if math.isnan(applied[t, k]) or math.isnan(
                 last[3, k]
             ):  # unknown at an end of the interval
-                x[t, k], filtered = math.nan, 0.0
+                x[t, k] = math.nan
+                filtered = 0.0
             square += filtered * filtered
-            last[0, k], last[1, k], last[2, k], last[3, k] = (
-                filtered,
-                momentum[t, k],
-                resisting[t, k],
-                applied[t, k],
-            )
+            last[0, k] = filtered
+            last[1, k] = momentum[t, k]
+            last[2, k] = resisting[t, k]
+            last[3, k] = applied[t, k]
         norm[t] = math.sqrt(square)
         if not math.isfinite(norm[t]):
             for k in range(len(gain)):
@@ -471,7 +492,8 @@ def _link_energies_at(robot, links, q, qd, energy):
         return False
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
         if body.rank == 0 and body.armature != 0.0:

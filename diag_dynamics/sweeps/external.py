@@ -97,7 +97,8 @@ def _log_ratio(square, B, b, L, z):
 
     The Cholesky factor is written to L.
     """
-    determinant, explained = 1.0, 0.0
+    determinant = 1.0
+    explained = 0.0
     for i in range(6):
         rest = b[i]
         for j in range(i + 1):
@@ -130,14 +131,19 @@ def _evidence(at, candidate, bodies, work, memory):
             J[a, k] *= SQRT_THIRD
             J[3 + a, k] = moved[a]
     # The world has no inertia, so its workspace is free.
-    B, b, L, z = work[0].P, work[0].y, work[0].P_rate, work[0].z
-    rows, y = memory[6:12, :width], memory[12, :width]
+    B = work[0].P
+    b = work[0].y
+    L = work[0].P_rate
+    z = work[0].z
+    rows = memory[6:12, :width]
+    y = memory[12, :width]
     for i in range(6):
         _whiten(at.whitening, J[i], width, rows[i])
         b[i] = _dot(rows[i], y)
         for j in range(i + 1):
             B[_packed(i, j)] = _dot(rows[i], rows[j])
-    largest, total = -math.inf, 0.0
+    largest = -math.inf
+    total = 0.0
     for f in range(len(at.forces)):
         ratio = _log_ratio(at.forces[f], B, b, L, z)
         total = total * math.exp(min(largest - ratio, 0.0)) + math.exp(min(ratio - largest, 0.0))
@@ -150,14 +156,13 @@ def touched_link(robot, candidates, q, tau, result):
     """χ² of τ, and behind it the probability of each candidate: zeros below the threshold of χ²."""
     if not ws.lengths_match(robot, q, tau, tau):
         return ws.BAD_LENGTH
-    at, memory, (bodies, _, work, _) = (
-        _candidates_at(candidates),
-        ws.robot_of(robot).scratch,
-        ws.opened(robot),
-    )
+    at = _candidates_at(candidates)
+    memory = ws.robot_of(robot).scratch
+    bodies, _, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
-    y, probability = memory[12], result[1:]
+    y = memory[12]
+    probability = result[1:]
     _whiten(at.whitening, tau, len(tau), y)
     ws.clear(result)
     result[0] = _dot(y, y)
@@ -166,7 +171,8 @@ def touched_link(robot, candidates, q, tau, result):
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
-    largest, total = -math.inf, 0.0
+    largest = -math.inf
+    total = 0.0
     for k in range(len(probability)):
         box = _evidence(at, at.bodies[2 * k], bodies, work, memory)
         origin = _evidence(at, at.bodies[2 * k + 1], bodies, work, memory)

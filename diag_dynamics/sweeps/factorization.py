@@ -23,7 +23,8 @@ def factor_joint(body, w, parent):
     """
     # D = SᵀPS + armature and G = P S D⁻¹
     D, column, G = joints.joint_inertia(body.direction, w.armature, records.inertia_of(w.P))
-    w.D, w.size = D, joints.scale_along(body.direction, w)
+    w.D = D
+    w.size = joints.scale_along(body.direction, w)
     if joints.is_singular(w.size, D):
         return False
     records.set_force(w.G, G)
@@ -111,7 +112,8 @@ def xi_from_qd(bodies, qd, work, Q, xi):
     """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if not groups.is_grouped(body):
             # ξ = q̇ + Gᵀ V⁺ (5.3), where V⁺ is the velocity of the parent in the axes of the body
             V_plus = sp.motion_to_child(
@@ -131,7 +133,8 @@ def qd_from_xi(bodies, xi, work, Q, qd):
     """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if not groups.is_grouped(body):
             # q̇ = ξ − Gᵀ V⁺, the inverse of (5.3)
             V_plus = sp.motion_to_child(
@@ -172,11 +175,14 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
         ws.clear(work[i].z)
     i = len(bodies) - 1
     while i > 0:
-        body, w = bodies[i], work[i]
-        first, z = body.first, records.force_of(w.z)
+        body = bodies[i]
+        w = work[i]
+        first = body.first
+        z = records.force_of(w.z)
         if not groups.is_grouped(body):
             # τ = κ + Sᵀ z, or κ = τ − Sᵀ z (5.4); z⁺ = z + G κ
-            moment, induced = moments[body.dof], sp.along(body.direction, z)
+            moment = moments[body.dof]
+            induced = sp.along(body.direction, z)
             moments[body.dof] = moment + induced if is_kappa else moment - induced
             kappa = moment if is_kappa else moments[body.dof]
             z = sp.add_force(z, sp.scale_force(records.force_of(w.G), kappa))
@@ -288,7 +294,9 @@ def factors(robot, q, m_l_unit, D):
     status = factorize_at(robot, q)
     if status != 0:
         return status
-    m, inverse, unit = m_l_unit[0], m_l_unit[1], m_l_unit[2]
+    m = m_l_unit[0]
+    inverse = m_l_unit[1]
+    unit = m_l_unit[2]
     ws.clear(flat(m_l_unit))
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
@@ -310,7 +318,8 @@ def factors(robot, q, m_l_unit, D):
 @nk.large_kernel
 def _fill_column(bodies, i, work, Q, rigid, articulated):
     """Columns of [I + HφK] and [I − HψK] of the degree of freedom that body i owns."""
-    body, w = bodies[i], work[i]
+    body = bodies[i]
+    w = work[i]
     rigid[body.dof] = articulated[body.dof] = 1.0
     base = bodies[body.first].parent
     if groups.is_grouped(body):

@@ -21,7 +21,8 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 def inward(robot, i, qd, tau, out, columns):
     """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of `columns`."""
     at = ws.robot_of(robot)
-    rates, efforts = _vector_at(qd, (at.nv,)), _vector_at(tau, (at.nv,))
+    rates = _vector_at(qd, (at.nv,))
+    efforts = _vector_at(tau, (at.nv,))
     results = _matrix_at(out, (ws.N_ROWS, columns))
     return evaluation.inward_coupled(robot, i, rates, efforts, results)
 

@@ -62,8 +62,11 @@ def compose(bodies, first, last, work, Q):
             records.set_force(work[i].G, sp.NO_FORCE)
             ws.clear(Q[bodies[i].dof])
     for i in range(last, first - 1, -1):
-        body, w = bodies[i], work[i]
-        P, d, owner = records.inertia_of(w.P), body.dof, work[body.leader]
+        body = bodies[i]
+        w = work[i]
+        P = records.inertia_of(w.P)
+        d = body.dof
+        owner = work[body.leader]
         # P S of the body, times its ratio: part of Q_cc and, inboard, of Q_bc and F_c
         column = sp.scale_force(sp.column_along(body.direction, P), w.multiplier)
         Q[d, d - start] += w.multiplier * (
@@ -99,12 +102,15 @@ def eliminate(bodies, first, last, work, Q):
 
     P⁺ is added to the base, see factorize.
     """
-    start, base = bodies[first].start, bodies[first].parent
+    start = bodies[first].start
+    base = bodies[first].parent
     for i in range(last, first - 1, -1):
         if not is_leader(bodies, i):
             continue
-        w, c = work[i], bodies[i].dof
-        D, column = Q[c, c - start], records.force_of(w.G)
+        w = work[i]
+        c = bodies[i].dof
+        D = Q[c, c - start]
+        column = records.force_of(w.G)
         w.D = D
         if joints.is_singular(w.size, D):
             return i
@@ -141,8 +147,11 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             records.set_force(work[i].u, sp.NO_FORCE)
             ws.clear(Q_rate[bodies[i].dof])
     for i in range(last, first - 1, -1):
-        body, w = bodies[i], work[i]
-        P, P_rate, d = records.inertia_of(w.P), records.inertia_of(w.P_rate), body.dof
+        body = bodies[i]
+        w = work[i]
+        P = records.inertia_of(w.P)
+        P_rate = records.inertia_of(w.P_rate)
+        d = body.dof
         column = sp.column_along(body.direction, P)
         # Rate of P S times the ratio; S is constant in the axes of the body
         rate = sp.scale_force(sp.column_along(body.direction, P_rate), w.multiplier)
@@ -174,7 +183,8 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
             records.add_to_inertia(work[body.parent].P_rate, P_rate)
         elif body.parent > 0:
             # Ṗ of the parent: Xᵀ (Ṗ − (v_J×)ᵀ P − P (v_J×)) X
-            X, parent = records.placement_of(w), work[body.parent]
+            X = records.placement_of(w)
+            parent = work[body.parent]
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, P_rate))
             moved = sp.transport(joints.joint_motion(bodies, i, qd, work), P)
             records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, moved))
@@ -192,19 +202,19 @@ def rate_inboard(bodies, i, qd, work, F, rate):
 @nk.large_kernel
 def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     """Eliminate the degree of freedom that body i owns from 𝓜̇, after all later ones."""
-    start, base = bodies[first].start, bodies[first].parent
+    start = bodies[first].start
+    base = bodies[first].parent
     c = bodies[i].dof - start
-    D_rate, G, u = (
-        Q_rate[bodies[i].dof, c],
-        records.force_of(work[i].G),
-        records.force_of(work[i].u),
-    )
+    D_rate = Q_rate[bodies[i].dof, c]
+    G = records.force_of(work[i].G)
+    u = records.force_of(work[i].u)
     # −g uᵀ − u gᵀ + g Ḋ gᵀ = −g (u − Ḋ g)ᵀ − u gᵀ
     rest = sp.subtract_force(u, sp.scale_force(G, D_rate))
     for j in range(first, i):
         if is_leader(bodies, j):
             b = bodies[j].dof
-            g, g_rate = Q[b, c], Q_rate[b, c]
+            g = Q[b, c]
+            g_rate = Q_rate[b, c]
             records.add_to_force(work[j].u, sp.scale_force(rest, -g))
             records.add_to_force(work[j].u, sp.scale_force(G, -g_rate))
             # Q̇_ab ← Q̇_ab − g_a (u_b − g_b Ḋ) − u_a g_b
@@ -246,7 +256,8 @@ def filter_moments(bodies, first, last, work, Q, moments):
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         if is_leader(bodies, i):
-            c, start = bodies[i].dof, bodies[i].start
+            c = bodies[i].dof
+            start = bodies[i].start
             # κ_b = τ_b − Σ g_b κ_c over later c, from the last on
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
@@ -263,7 +274,8 @@ def unfilter_moments(bodies, first, last, work, Q, moments):
     F = sp.NO_FORCE
     for i in range(first, last + 1):
         if is_leader(bodies, i):
-            c, start = bodies[i].dof, bodies[i].start
+            c = bodies[i].dof
+            start = bodies[i].start
             # τ_b = κ_b + Σ g_b κ_c over later c, from the first on: later moments are still κ
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
             for b in range(start, c):
@@ -298,7 +310,8 @@ def moments_of_wrench(bodies, i, first, work, F, moments):
 def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
     """Add κ of a wrench on body i at every degree of freedom that carries it, all articulated."""
     while i > 0:
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if is_grouped(body):
             F = moments_of_wrench(bodies, i, body.first, work, F, kappa)
             F = sp.subtract_force(F, filter_moments(bodies, body.first, body.last, work, Q, kappa))
@@ -337,7 +350,8 @@ def gather_bias(bodies, first, last, qd, rates, work, V, moments):
     `rates` are q̇, or W and its rates for the bilinear form.
     """
     for i in range(first, last + 1):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         A = zeta = sp.NO_MOTION
         if body.parent >= first:
             A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].bias))
@@ -350,8 +364,10 @@ def gather_bias(bodies, first, last, qd, rates, work, V, moments):
         records.set_motion(w.bias, sp.add_motion(A, zeta))
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
-        body, w = bodies[i], work[i]
-        P, y = records.inertia_of(w.P), records.force_of(w.y)
+        body = bodies[i]
+        w = work[i]
+        P = records.inertia_of(w.P)
+        y = records.force_of(w.y)
         f = sp.add_force(y, sp.inertia_times(P, records.motion_of(w.bias)))
         moment = sp.along(body.direction, f)
         if body.armature != 0.0:

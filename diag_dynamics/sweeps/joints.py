@@ -71,7 +71,8 @@ def _position(body, q, w):
 @nk.kernel
 def placement(direction, body, position):
     """X of a body that turns about z by a reduced angle, or slides along z."""
-    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    rotation = records.matrix_of(body.rotation)
+    translation = records.vector_of(body.translation)
     if direction == sp.ANGULAR_Z:
         sine, cosine = sp.sine_and_cosine(position)
         return sp.Placement(sp.turned_about_z(rotation, sine, cosine), translation)
@@ -81,7 +82,8 @@ def placement(direction, body, position):
 @nk.kernel
 def floating_placement(body, position, quaternion):
     """X of a floating body."""
-    rotation, translation = records.matrix_of(body.rotation), records.vector_of(body.translation)
+    rotation = records.matrix_of(body.rotation)
+    translation = records.vector_of(body.translation)
     turned = sp.rotation_of_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
     return sp.Placement(
         sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position))
@@ -101,10 +103,8 @@ def update_placement(body, q, w):
 
 @nk.large_kernel
 def _update_placement_general(body, q, w):
-    k, X = (
-        body.q,
-        sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation)),
-    )
+    k = body.q
+    X = sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0 and body.kind == records.PLANAR:
@@ -129,10 +129,12 @@ def update_placements(bodies, q, work):
 @nk.kernel
 def pose(bodies, i, base, work):
     """Placement of a placed body in one that carries it."""
-    R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), sp.ZERO
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    p = sp.ZERO
     while i != base:
         X = records.placement_of(work[i])
-        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+        R = sp.product(X.rotation, R)
+        p = sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
     return sp.Placement(R, p)
 
@@ -282,7 +284,8 @@ def update_velocity(body, rates, work, w):
 @nk.kernel
 def update_motion(bodies, i, q, qd, qdd, work):
     """X, V and A of a body, from V and A of its parent; returns V and A."""
-    body, w = bodies[i], work[i]
+    body = bodies[i]
+    w = work[i]
     X = update_placement(body, q, w)
     V = update_velocity(body, qd, work, w)
     A = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
@@ -297,7 +300,8 @@ def update_motion(bodies, i, q, qd, qdd, work):
 def moments_inward(bodies, work, tau):
     """Add the moment of y along every degree of freedom; y goes to the parent."""
     for i in range(len(bodies) - 1, 0, -1):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         y = records.force_of(w.y)
         tau[body.dof] += w.multiplier * sp.along(body.direction, y)
         if body.parent > 0:
@@ -325,7 +329,8 @@ def init_articulated_inertia(body, w):
     records.set_inertia(w.P_rate, sp.NO_INERTIA)
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
-    w.total[0], w.total[1] = w.magnitude[0], w.magnitude[1]
+    w.total[0] = w.magnitude[0]
+    w.total[1] = w.magnitude[1]
 
 
 @nk.kernel
@@ -352,7 +357,8 @@ def is_singular(size, D):
 @nk.kernel
 def accumulate_scale(w, X, parent):
     """Add the size of P, and of all inertia outboard, to the parent's."""
-    P, lever = records.inertia_of(w.P), sp.dot(X.translation, X.translation)
+    P = records.inertia_of(w.P)
+    lever = sp.dot(X.translation, X.translation)
     linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
     angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
     parent.magnitude[0] += linear
@@ -380,10 +386,12 @@ def accumulate_inertia(w, P, parent):
 @nk.kernel
 def wrench_on_body(bodies, wrench, in_world, work):
     """A wrench about the origin of its placed body, in the body's axes."""
-    force, moment = records.vector_of(wrench.force), records.vector_of(wrench.moment)
+    force = records.vector_of(wrench.force)
+    moment = records.vector_of(wrench.moment)
     if in_world:
         R = pose(bodies, wrench.body, 0, work).rotation
-        force, moment = sp.apply_transposed(R, force), sp.apply_transposed(R, moment)
+        force = sp.apply_transposed(R, force)
+        moment = sp.apply_transposed(R, moment)
     return sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force)))
 
 

@@ -46,10 +46,12 @@ def set_jacobian(bodies, body, point, work, J):
     for row in range(6):
         ws.clear(J[row])
     width = 0
-    R, p = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (point[0], point[1], point[2])
+    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    p = (point[0], point[1], point[2])
     i = body
     while i > 0:
-        S, k = sp.motion_along(bodies[i].direction, work[i].multiplier), bodies[i].dof
+        S = sp.motion_along(bodies[i].direction, work[i].multiplier)
+        k = bodies[i].dof
         width = max(width, k + 1)
         linear = sp.apply_transposed(R, sp.add(S.linear, sp.cross(S.angular, p)))
         angular = sp.apply_transposed(R, S.angular)
@@ -57,7 +59,8 @@ def set_jacobian(bodies, body, point, work, J):
             J[axis, k] += linear[axis]
             J[3 + axis, k] += angular[axis]
         X = records.placement_of(work[i])
-        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+        R = sp.product(X.rotation, R)
+        p = sp.add(X.translation, sp.apply(X.rotation, p))
         i = bodies[i].parent
     return width
 
@@ -104,7 +107,8 @@ def integrate_positions(bodies, start, u, q):
     Quaternions have unit length. q may be the start.
     """
     for i in range(1, len(bodies)):
-        body, k = bodies[i], bodies[i].q
+        body = bodies[i]
+        k = bodies[i].q
         if body.dofs == 1:
             if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
@@ -119,14 +123,13 @@ def integrate_positions(bodies, start, u, q):
                 q[k], q[k + 1], q[k + 2] = sp.add(
                     (start[k], start[k + 1], start[k + 2]), sp.apply(R, moved)
                 )
-                q[k + 3], q[k + 4], q[k + 5], q[k + 6] = (
-                    x / length,
-                    y / length,
-                    z / length,
-                    w / length,
-                )
+                q[k + 3] = x / length
+                q[k + 4] = y / length
+                q[k + 5] = z / length
+                q[k + 6] = w / length
             else:
-                s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
+                s = math.sin(start[k + 2])
+                c = math.cos(start[k + 2])
                 q[k] = start[k] + c * moved[0] - s * moved[1]
                 q[k + 1] = start[k + 1] + s * moved[0] + c * moved[1]
                 q[k + 2] = start[k + 2] + U.angular[2]
@@ -146,8 +149,11 @@ def _log(body, start, end):
         return sp.screw_of_displacement(
             sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w)
         )
-    s, c = math.sin(start[k + 2]), math.cos(start[k + 2])
-    x, y, turned = end[k] - start[k], end[k + 1] - start[k + 1], _wrapped(end[k + 2] - start[k + 2])
+    s = math.sin(start[k + 2])
+    c = math.cos(start[k + 2])
+    x = end[k] - start[k]
+    y = end[k + 1] - start[k + 1]
+    turned = _wrapped(end[k + 2] - start[k + 2])
     return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
 
 

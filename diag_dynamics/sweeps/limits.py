@@ -25,7 +25,8 @@ def project(nu, end, fraction, limit, joint_limit, change):
     `nu` are the rates at its begin. Energies approach their limits, from below and from above, by
     the `fraction` of a cycle.
     """
-    now, then = 0.0, 0.0
+    now = 0.0
+    then = 0.0
     for k in range(len(nu)):
         share = 0.5 * nu[k] * nu[k]
         largest = math.sqrt(2.0 * _approach(share, joint_limit[k], fraction))
@@ -92,7 +93,8 @@ def _brake(momentum, rates, effort, change, period, cycles, lower, upper, brakin
     two: on its way to −s p, or to zero if its effort drives and unchanged if it brakes. Without
     efforts K is constant in any motion, because Coriolis forces do no work.
     """
-    rate, power = 1.0 / (cycles * period), 0.0
+    rate = 1.0 / (cycles * period)
+    power = 0.0
     for j in range(len(momentum)):
         curve = 2.0 * change[j] / period
         if abs(momentum[j]) * rate * rate > curve:
@@ -105,7 +107,8 @@ def _brake(momentum, rates, effort, change, period, cycles, lower, upper, brakin
         braking[j] = min(max(braking[j], effort[j] - most), effort[j] + most)
         power += braking[j] * rates[j]
     for j in range(len(momentum) if power > 0.0 else 0):
-        other, most = effort[j], cycles * change[j]
+        other = effort[j]
+        most = cycles * change[j]
         if other * rates[j] > 0.0:
             other -= min(max(other, -most), most)
         if other * rates[j] < braking[j] * rates[j]:
@@ -118,7 +121,9 @@ def _keeps(inverse, momentum, rates, rows, change, period, limit, joint_limit, l
 
     Momentum and rows change.
     """
-    u, braking, cycles = rows[0], rows[1], 1.0
+    u = rows[0]
+    braking = rows[1]
+    cycles = 1.0
     for step in range(1, STEPS + 2):
         energy = 0.0
         for i in range(len(u)):
@@ -159,13 +164,21 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
     ν̇ = ℓu with a constant `inverse` ℓ, where u are efforts without gravity within rows[0] and
     rows[1]. `effort` are the last ones, and `change` their largest change in a cycle.
     """
-    lower, upper, brake, ahead, momentum = rows[0], rows[1], rows[2], rows[3], rows[4]
-    allowed, rates, slow, predicted = rows[5], rows[6], rows[7], rows[8:]
+    lower = rows[0]
+    upper = rows[1]
+    brake = rows[2]
+    ahead = rows[3]
+    momentum = rows[4]
+    allowed = rows[5]
+    rates = rows[6]
+    slow = rows[7]
+    predicted = rows[8:]
     for i in range(len(nu)):
         rates[i] = 0.0
     now = 0.0
     for i in range(len(nu) - 1, -1, -1):
-        share, rest = 0.5 * nu[i] * nu[i], nu[i]
+        share = 0.5 * nu[i] * nu[i]
+        rest = nu[i]
         now += share
         for j in range(i, len(nu)):
             rates[j] += inverse[i, j] * nu[i]
@@ -175,12 +188,15 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
         momentum[i] = rest / inverse[i, i]
     limit = _foreseen(now, limit, fraction)
     _brake(momentum, rates, effort, change, period, 1.0, lower, upper, brake)
-    good, part, step = 0.0, 1.0, 1.0
+    good = 0.0
+    part = 1.0
+    step = 1.0
     for i in range(len(nu)):
         slow[i] = PREDICTED * change[i]
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
-            ahead[i], predicted[0, i] = momentum[i], brake[i] + part * (near[i] - brake[i])
+            ahead[i] = momentum[i]
+            predicted[0, i] = brake[i] + part * (near[i] - brake[i])
         step *= 0.5
         if _keeps(inverse, ahead, rates, predicted, slow, period, limit, allowed, lower, upper):
             good = part
@@ -222,20 +238,28 @@ def deliver(
     `last` one. Masks: joints at their limits, and joints that wait for their rate. A robot that is
     `compensated` receives efforts without gravity. `inverse` ℓ is empty without an energy limit.
     """
-    effort, demand, saturated, waiting = rows[0], rows[1], rows[2], rows[3]
-    moving, change, work, is_within = rows[4], rows[5], rows[6:], True
+    effort = rows[0]
+    demand = rows[1]
+    saturated = rows[2]
+    waiting = rows[3]
+    moving = rows[4]
+    change = rows[5]
+    work = rows[6:]
+    is_within = True
     for k in range(len(tau)):
         is_within = is_within and abs(tau[k]) <= limit[k]
         bound = limit[k]
         if compensated:  # weight beyond the limit is left to the robot
             bound = max(bound, abs(gravity[k]))
-        work[0, k], work[1, k] = -bound - gravity[k], bound - gravity[k]
+        work[0, k] = -bound - gravity[k]
+        work[1, k] = bound - gravity[k]
         demand[k] = tau[k] - gravity[k]
     scale = _saturate(demand, work[0], work[1], HEAVY)
     for k in range(len(tau)):
         offset = 0.0 if compensated else gravity[k]
         saturated[k] = not is_within and abs(gravity[k] + demand[k]) >= limit[k] * (1.0 - ROUNDING)
-        moving[k], change[k] = last[k] - offset, period * effort_rate[k]
+        moving[k] = last[k] - offset
+        change[k] = period * effort_rate[k]
         effort[k] = min(max(demand[k], moving[k] - change[k]), moving[k] + change[k])
     brakes = (
         len(inverse) > 0
@@ -268,7 +292,8 @@ def demand_rate(tau, gravity, rate, period, rows):
     Of each joint the least demand of this and the last cycles counts. The rows have the last τ − g
     and the last demands. Without a period there is none.
     """
-    largest, joint = 0.0, 0
+    largest = 0.0
+    joint = 0
     for k in range(len(tau)):
         moving = tau[k] - gravity[k]
         if period > 0.0:
@@ -278,6 +303,7 @@ def demand_rate(tau, gravity, rate, period, rows):
                 least = min(least, rows[row, k])
                 rows[row, k] = rows[row - 1, k] if row > 1 else demand
             if least > largest:
-                largest, joint = least, k
+                largest = least
+                joint = k
         rows[0, k] = moving
     return largest, joint

@@ -24,18 +24,19 @@ class Workspace:
     """
 
     def __init__(self, bodies, gravity, couplings=None):
-        moving, body = bodies[1:], np.arange(1, len(bodies))
+        moving = bodies[1:]
+        body = np.arange(1, len(bodies))
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
-        nv, widest = int(own.sum()), int(np.bincount(moving["first"][grouped]).max(initial=1))
+        nv = int(own.sum())
+        widest = int(np.bincount(moving["first"][grouped]).max(initial=1))
         nq = max(
             (int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0
         )
-        self.bodies, self.gravity = (
-            np.ascontiguousarray(bodies),
-            np.ascontiguousarray(gravity, dtype=np.float64),
-        )
-        self.work, self.table = np.zeros(len(bodies), records.WORK), np.zeros((2, nv, widest))
+        self.bodies = np.ascontiguousarray(bodies)
+        self.gravity = np.ascontiguousarray(gravity, dtype=np.float64)
+        self.work = np.zeros(len(bodies), records.WORK)
+        self.table = np.zeros((2, nv, widest))
         for name in ("multiplier", "offset"):
             self.work[name] = bodies[name]
         self.couplings = couplings and Couplings(self.bodies, self.work, nq, nv, couplings)

@@ -90,7 +90,8 @@ def mobility_of(w):
 @nk.kernel
 def _add_joint(body, w, Y):
     """Υ of a body from Υ⁺: Υ⁺ − S gᵀ − g Sᵀ + S (GᵀΥ⁺G + D⁻¹) Sᵀ with g = Υ⁺G."""
-    G, S = records.force_of(w.G), sp.motion_along(body.direction, 1.0)
+    G = records.force_of(w.G)
+    S = sp.motion_along(body.direction, 1.0)
     g = mobility_times(Y, G)
     half = sp.motion_along(body.direction, 0.5 * (sp.power(G, g) + 1.0 / w.D))
     h = sp.subtract_motion(g, half)
@@ -126,7 +127,8 @@ def mobilities_outward(robot):
     bodies, _, work, _ = ws.opened(robot)
     records.set_inertia(work[0].P, sp.NO_INERTIA)
     for i in range(1, len(bodies)):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         if not groups.is_grouped(body):
             Y = mobility_to_child(records.placement_of(w), records.inertia_of(work[body.parent].P))
             records.set_inertia(w.P, _add_joint(body, w, Y))
@@ -139,7 +141,8 @@ def _write(Y, mobility):
     """Write Υ as 6x6 numbers, its linear part first."""
     for a in range(3):
         for b in range(3):
-            mobility[a, b], mobility[3 + a, 3 + b] = Y.C[a][b], Y.A[a][b]
+            mobility[a, b] = Y.C[a][b]
+            mobility[3 + a, 3 + b] = Y.A[a][b]
             mobility[3 + a, b] = mobility[b, 3 + a] = Y.B[a][b]
 
 

@@ -171,7 +171,8 @@ def lane_of(row, b):
 @nk.kernel
 def values_of(body):
     """Numbers of a body as constants for the compiler, in loops that write to memory."""
-    about, R = body.inertia, matrix_of(body.rotation)
+    about = body.inertia
+    R = matrix_of(body.rotation)
     return Body(
         (*R[0], *R[1], *R[2]),
         vector_of(body.translation),
@@ -273,7 +274,9 @@ def set_placement(w, X):
 def set_symmetric(a, first, M):
     """Write the upper triangle of a symmetric matrix."""
     a[first], a[first + 1], a[first + 2] = M[0]
-    a[first + 3], a[first + 4], a[first + 5] = M[1][1], M[1][2], M[2][2]
+    a[first + 3] = M[1][1]
+    a[first + 4] = M[1][2]
+    a[first + 5] = M[2][2]
 
 
 @nk.kernel

@@ -27,9 +27,14 @@ LOAD = 4
 @nk.kernel
 def coefficients(S, V):
     """Return the coefficients of a body's parameters in SᵀI V, S and V in the body's frame."""
-    a, b, v, w = S.linear, S.angular, V.linear, V.angular
+    a = S.linear
+    b = S.angular
+    v = V.linear
+    w = V.angular
     h = sp.add(sp.cross(a, w), sp.cross(v, b))
-    xy, xz, yz = b[0] * w[1] + b[1] * w[0], b[0] * w[2] + b[2] * w[0], b[1] * w[2] + b[2] * w[1]
+    xy = b[0] * w[1] + b[1] * w[0]
+    xz = b[0] * w[2] + b[2] * w[0]
+    yz = b[1] * w[2] + b[2] * w[1]
     return sp.dot(a, v), h[0], h[1], h[2], b[0] * w[0], xy, b[1] * w[1], xz, yz, b[2] * w[2]
 
 
@@ -39,7 +44,8 @@ def propagate_motions(bodies, last, gravity, q, qd, work):
     status = joints.start_motion(bodies, q, qd, work)
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, last + 1):
-        body, w = bodies[i], work[i]
+        body = bodies[i]
+        w = work[i]
         X = joints.update_placement(body, q, w)
         joints.update_velocity(body, qd, work, w)
         records.set_motion(
@@ -65,18 +71,22 @@ def regressor(robot, q, qd, qdd, frames, Y):
         joints.update_motion(bodies, i, q, qd, qdd, work)
     ws.clear(flat(Y))
     for link in range(len(frames)):
-        frame, i = frames[link], frames[link].body
-        R, p = records.matrix_of(frame.rotation), records.vector_of(frame.translation)
+        frame = frames[link]
+        i = frames[link].body
+        R = records.matrix_of(frame.rotation)
+        p = records.vector_of(frame.translation)
         V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
         A = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
         while i > 0:
             S = sp.motion_along(bodies[i].direction, work[i].multiplier)
             S = sp.motion_to_child(sp.Placement(R, p), S)
-            inertial, centrifugal = coefficients(S, A), coefficients(sp.cross_motion(S, V), V)
+            inertial = coefficients(S, A)
+            centrifugal = coefficients(sp.cross_motion(S, V), V)
             for j in range(PARAMETERS):
                 Y[bodies[i].dof, PARAMETERS * link + j] += inertial[j] + centrifugal[j]
             X = records.placement_of(work[i])
-            R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+            R = sp.product(X.rotation, R)
+            p = sp.add(X.translation, sp.apply(X.rotation, p))
             i = bodies[i].parent
     return 0 if joints.are_finite(flat(Y)) else -1
 
@@ -90,44 +100,48 @@ def _load_columns(bodies, frame, work, momentum, bias):
     for k in range(len(momentum)):
         ws.clear(momentum[k])
         ws.clear(bias[k])
-    R, p = records.matrix_of(frame.rotation), records.vector_of(frame.translation)
+    R = records.matrix_of(frame.rotation)
+    p = records.vector_of(frame.translation)
     i = frame.body
     V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
     up = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
     while i > 0:
-        body, T = bodies[i], sp.Placement(R, p)
+        body = bodies[i]
+        T = sp.Placement(R, p)
         S = sp.motion_along(body.direction, work[i].multiplier)
         moving = records.motion_of(work[i - body.rank + body.dofs - 1].V)
         turning = sp.cross_motion(moving, S)
         turning = sp.add_motion(turning, sp.motion_along(body.direction, work[i].multiplier_rate))
         turning = sp.motion_to_child(T, turning)
         S = sp.motion_to_child(T, S)
-        own, gravity, kinetic = coefficients(S, V), coefficients(S, up), coefficients(turning, V)
+        own = coefficients(S, V)
+        gravity = coefficients(S, up)
+        kinetic = coefficients(turning, V)
         for j in range(LOAD):
             momentum[body.dof, j] += own[j]
             bias[body.dof, j] += gravity[j] - kinetic[j]
         X = records.placement_of(work[i])
-        R, p = sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p))
+        R = sp.product(X.rotation, R)
+        p = sp.add(X.translation, sp.apply(X.rotation, p))
         i = body.parent
 
 
 @nk.kernel
 def _filter_columns(columns, share, interval):
     """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean is spread over the interval."""
-    before, bias_before, momentum, bias, filtered = (
-        columns[0],
-        columns[1],
-        columns[2],
-        columns[3],
-        columns[4],
-    )
+    before = columns[0]
+    bias_before = columns[1]
+    momentum = columns[2]
+    bias = columns[3]
+    filtered = columns[4]
     for k in range(len(momentum)):
         for j in range(LOAD):
             mean = (momentum[k, j] - before[k, j]) / interval + 0.5 * (
                 bias_before[k, j] + bias[k, j]
             )
             filtered[k, j] += share * (mean - filtered[k, j])
-            before[k, j], bias_before[k, j] = momentum[k, j], bias[k, j]
+            before[k, j] = momentum[k, j]
+            bias_before[k, j] = bias[k, j]
 
 
 @nk.kernel
@@ -198,7 +212,10 @@ def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, 
     status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
     if status != 0:
         return status
-    interval, gain, forgetting, weight = rates[0], rates[1], rates[2], rates[3]
+    interval = rates[0]
+    gain = rates[1]
+    forgetting = rates[2]
+    weight = rates[3]
     _load_columns(bodies, frames[0], work, columns[2], columns[3])
     if interval == 0.0:
         for k in range(len(torque)):

@@ -255,11 +255,9 @@ def inertia_times(P, V):
 def inertia_to_parent(X, P):
     """XᵀP X: the child's inertia seen in the parent's frame."""
     r = X.translation
-    A, B, C = (
-        mirror(rotated(X.rotation, P.A)),
-        rotated(X.rotation, P.B),
-        mirror(rotated(X.rotation, P.C)),
-    )
+    A = mirror(rotated(X.rotation, P.A))
+    B = rotated(X.rotation, P.B)
+    C = mirror(rotated(X.rotation, P.C))
     # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B and −Bᵀr̃ = (r̃ B)ᵀ to C
     shifted = matrix_sum(B, transpose(cross_columns(r, A)))
     C = matrix_sum(matrix_sum(C, transpose(cross_columns(r, B))), cross_columns(r, shifted))
@@ -338,7 +336,8 @@ def motion_along(direction, rate):
     if direction == LINEAR_Z:
         return Motion((0.0, 0.0, rate), ZERO)
     axis = direction if direction < ANGULAR_X else direction - ANGULAR_X
-    x, y = rate if axis == LINEAR_X else 0.0, rate if axis == LINEAR_Y else 0.0
+    x = rate if axis == LINEAR_X else 0.0
+    y = rate if axis == LINEAR_Y else 0.0
     return Motion((x, y, 0.0), ZERO) if direction < ANGULAR_X else Motion(ZERO, (x, y, 0.0))
 
 
@@ -428,7 +427,8 @@ def rotation_quaternion(vector):
 @nk.kernel
 def quaternion_product(p, r):
     """The rotation r, then p: quaternions (x, y, z, w)."""
-    a, b = (p[0], p[1], p[2]), (r[0], r[1], r[2])
+    a = (p[0], p[1], p[2])
+    b = (r[0], r[1], r[2])
     v = add(add(scale(b, p[3]), scale(a, r[3])), cross(a, b))
     return (v[0], v[1], v[2], p[3] * r[3] - dot(a, b))
 
@@ -440,7 +440,10 @@ def rotation_vector(x, y, z, w):
     It is the inverse of :func:`rotation_quaternion`.
     """
     if w < 0.0:
-        x, y, z, w = -x, -y, -z, -w
+        x = -x
+        y = -y
+        z = -z
+        w = -w
     sine = math.sqrt(x * x + y * y + z * z)
     # θ / sin(θ/2); by its series where the sine is nothing but rounding.
     s = 2.0 * math.atan2(sine, w) / sine if sine > 1e-8 else 2.0 / w
@@ -486,7 +489,8 @@ def transport_along_z(direction, rate, P):
     """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
     B = turn_columns(P.B, rate)
     if direction == ANGULAR_Z:
-        A, C = turn_columns(P.A, rate), turn_columns(P.C, rate)
+        A = turn_columns(P.A, rate)
+        C = turn_columns(P.C, rate)
         return Inertia(
             mirror(matrix_sum(A, transpose(A))),
             matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
@@ -552,11 +556,13 @@ def sine_and_cosine(x):
     two parts (Cody and Waite 1980). The polynomials are fdlibm's.
     """
     n = (x * (2.0 / math.pi) + TO_NEAREST) - TO_NEAREST
-    r, w = x - n * HALF_PI[0], n * HALF_PI[1]
+    r = x - n * HALF_PI[0]
+    w = n * HALF_PI[1]
     y = r - w
     t = (r - y) - w  # rounding error of y
     z = y * y
-    v, half = z * y, 0.5 * z
+    v = z * y
+    half = 0.5 * z
     p = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * SINE[5])))
     s = y - ((z * (0.5 * t - v * p) - t) - v * SINE[0])
     p = z * (
@@ -567,7 +573,8 @@ def sine_and_cosine(x):
     c = rounded + (((1.0 - rounded) - half) + (z * p - y * t))
     odd = n - 2.0 * ((0.5 * n + TO_NEAREST) - TO_NEAREST)
     odd = odd * odd  # 1 where n is odd, else 0
-    even, turns = 1.0 - odd, 0.5 * (n - odd)
+    even = 1.0 - odd
+    turns = 0.5 * (n - odd)
     back = turns - 2.0 * ((0.5 * turns + TO_NEAREST) - TO_NEAREST)
     sign = 1.0 - 2.0 * back * back
     return sign * (even * s + odd * c), sign * (even - odd) * (even * c + odd * s)
