@@ -57,6 +57,16 @@ class Library(JITCodeLibrary):
             super()._finalize_final_module()
         self._finalized = True
 
+    def serialize_using_object_code(self):
+        """Return machine code of an entry, and empty functions of the same names.
+
+        numba keeps bitcode for functions that call it; those compile the kernel instead.
+        """
+        functions = self.get_defined_functions()
+        empty = "".join(f'define void @"{x.name}"() {{ ret void }}' for x in functions)
+        code = self._get_compiled_object(), binding.parse_assembly(empty).as_bitcode()
+        return self.name, "object", code
+
 
 class KernelCompiler(Compiler):
     """numba's compiler into a :class:`Library`, if that works."""
