@@ -10,6 +10,7 @@ and not emitted. Of a table, kernels compile the fields alone that they use.
 
 import logging
 import math
+from functools import cache, partial
 
 import numba
 from llvmlite import binding
@@ -17,6 +18,7 @@ from numba import _dynfunc, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
+from numba.core.runtime import nrtdynmod
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
@@ -66,6 +68,23 @@ class Library(JITCodeLibrary):
         empty = "".join(f'define void @"{x.name}"() {{ ret void }}' for x in functions)
         code = self._get_compiled_object(), binding.parse_assembly(empty).as_bitcode()
         return self.name, "object", code
+
+
+class RuntimeLibrary:
+    """numba's functions for the memory of arrays, compiled for a function that calls them.
+
+    numba would compile them also to load compiled code, which contains them.
+    """
+
+    def __init__(self, context, build=nrtdynmod.compile_nrt_functions):
+        self._build = cache(partial(build, context))
+
+    def __getattr__(self, name):
+        """Return an attribute of the compiled library."""
+        return getattr(self._build(), name)
+
+
+nrtdynmod.compile_nrt_functions = RuntimeLibrary
 
 
 class KernelCompiler(Compiler):
