@@ -11,10 +11,12 @@ and not emitted. Of a table, kernels compile the fields alone that they use.
 import logging
 import math
 from functools import cache, partial
+from pathlib import Path
 
 import numba
 from llvmlite import binding
 from numba import _dynfunc, types
+from numba.core.caching import CacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
@@ -22,6 +24,7 @@ from numba.core.runtime import nrtdynmod
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
+from diag_dynamics.numerics.cache import cache_folder
 from diag_dynamics.numerics.progress import begin_compilation
 
 logger = logging.getLogger(__name__)
@@ -85,6 +88,31 @@ class RuntimeLibrary:
 
 
 nrtdynmod.compile_nrt_functions = RuntimeLibrary
+
+
+class CodeLocator(CacheImpl._locator_classes[0]):
+    """Place of compiled code in a folder of ours, the same for all copies of the package.
+
+    The name of the folder has the hash of the sources.
+    """
+
+    @classmethod
+    def from_function(cls, function, file):
+        """Return the place, None in a folder of others."""
+        if Path(numba.config.CACHE_DIR).parent == cache_folder():
+            return super().from_function(function, file)
+        return None
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, file):
+        """Return the name of the module's folder, without its path."""
+        return Path(file).parent.name
+
+    def get_source_stamp(self):
+        """Return no time: those of copies differ."""
+
+
+CacheImpl._locator_classes.insert(0, CodeLocator)
 
 
 class KernelCompiler(Compiler):
