@@ -3,7 +3,6 @@
 
 """`diag-dynamics compile`: all kernels compiled in advance, in several processes."""
 
-import hashlib
 import multiprocessing
 import os
 import platform
@@ -18,12 +17,10 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.numerics.cache import (
-    PACKAGE,
     STAMP_PREFIX,
     cache_folder,
     code_folder,
     source_hash,
-    source_path,
 )
 from diag_dynamics.text import Progress
 from diag_dynamics.threads import cores
@@ -137,28 +134,13 @@ def compile_unit(unit):
     kernel.precompile(f"diag_dynamics.{unit}")
 
 
-COPY = (
-    f"{hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:16]}"
-    f".py{sys.version_info[0]}{sys.version_info[1]}"
-)
-"""Part of the names of this copy's files.
-
-Copies of the package and versions of Python share the folder.
-"""
-
-
 def _stamp_file():
-    return cache_folder() / f"{STAMP_PREFIX}{COPY}"
+    return cache_folder() / (STAMP_PREFIX + sys.implementation.cache_tag)
 
 
 def _stamp():
-    """Return a text that changes with the sources and the files of compiled code.
-
-    It also changes with the times of the sources, the machine and the units. numba ignores compiled
-    code if the time of its source is another one, as after a checkout of another version and back.
-    """
+    """Return a text that changes with machine, units, sources and files of compiled code."""
     modules = [f"diag_dynamics.{unit}" for unit in UNITS]
-    times = [str(path.stat().st_mtime_ns) for path in map(source_path, modules) if path.is_file()]
     folders = {code_folder(module) for module in modules} - {None}
     files = sorted(path.name for folder in folders for path in folder.rglob("*.nb?"))
-    return "\n".join([platform.node(), *UNITS, *map(source_hash, modules), *times, *files])
+    return "\n".join([platform.node(), *UNITS, *map(source_hash, modules), *files])
