@@ -15,9 +15,13 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from diag_dynamics.numerics.cache import code_folder, only_process
-from diag_dynamics.numerics.kernel import compile_ahead, compiler_lock, linking, without_collection
-from diag_dynamics.numerics.progress import report_compilation
+from diag_dynamics.numerics.cache import code_folder
+from diag_dynamics.numerics.kernel import (
+    compilation,
+    compile_ahead,
+    compiler_lock,
+    without_collection,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -87,24 +91,17 @@ class Callback:
     def _compiled(self):
         """The compiled function, kept on disk."""
         folder = code_folder(self.__module__)
-        with (
-            report_compilation(self.__name__, linking is not None),
-            only_process(folder, self.__name__),
-        ):
-            function = self.__wrapped__
-            before = numba.config.CACHE_DIR
-            signature = _NUMBER(*[_NUMBER] * function.__code__.co_argcount)
-            compiler = functools.partial(numba.cfunc, signature, error_model="numpy")
+        function = self.__wrapped__
+        signature = _NUMBER(*[_NUMBER] * function.__code__.co_argcount)
+        compiler = functools.partial(numba.cfunc, signature, error_model="numpy")
+        with compilation(self.__name__, folder):
             try:
-                numba.config.CACHE_DIR = str(folder or before)
                 return compiler(cache=folder is not None)(function)
             except Exception as error:  # a full disk; a damaged file may unpickle into any
                 logger.warning(
                     "The cache %s cannot be used for %s: %r", folder, self.__name__, error
                 )
                 return compiler()(function)
-            finally:
-                numba.config.CACHE_DIR = before
 
 
 @intrinsic

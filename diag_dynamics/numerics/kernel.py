@@ -114,6 +114,18 @@ def without_collection():
             gc.enable()
 
 
+@contextmanager
+def compilation(name, folder):
+    """Let numba keep code in a folder, in one process at a time; report how long it compiles."""
+    before = numba.config.CACHE_DIR
+    with report_compilation(name, linking is not None), only_process(folder, name):
+        try:
+            numba.config.CACHE_DIR = str(folder or before)
+            yield
+        finally:
+            numba.config.CACHE_DIR = before
+
+
 class Entry:
     """A function that Python calls: see :func:`entry_kernel`.
 
@@ -147,11 +159,7 @@ class Entry:
         with compiler_lock:
             if self.run == self._compile_and_run:  # else another thread was first
                 folder = code_folder(self.__module__)
-                with (
-                    without_collection(),
-                    report_compilation(self.__name__, linking is not None),
-                    only_process(folder, self.__name__),
-                ):
+                with without_collection(), compilation(self.__name__, folder):
                     self.run = self._compile(folder)
 
     def _compile_and_run(self, *arguments):
@@ -159,36 +167,31 @@ class Entry:
         return self.run(*arguments)
 
     def _compile(self, folder):
-        before = numba.config.CACHE_DIR
+        compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(
+            self.__wrapped__
+        )
         try:
-            numba.config.CACHE_DIR = str(folder or before)
-            compiled = _decorator("ENTRY", nogil=self._nogil, cache=folder is not None)(
-                self.__wrapped__
+            compiled.compile(self._signature)
+        except OSError as error:  # a full disk, or a folder that cannot be read
+            logger.warning(
+                "The cache %s cannot be used; each process compiles %s again: %s",
+                folder,
+                self.__name__,
+                error,
             )
-            try:
+            if not compiled.signatures:
+                compiled = _decorator("ENTRY", nogil=self._nogil)(self.__wrapped__)
                 compiled.compile(self._signature)
-            except OSError as error:  # a full disk, or a folder that cannot be read
-                logger.warning(
-                    "The cache %s cannot be used; each process compiles %s again: %s",
-                    folder,
-                    self.__name__,
-                    error,
-                )
-                if not compiled.signatures:
-                    compiled = _decorator("ENTRY", nogil=self._nogil, cache=False)(self.__wrapped__)
-                    compiled.compile(self._signature)
-            except Exception as error:  # a damaged file may unpickle into any
-                files = list(folder.rglob(f"*.{self.__name__}-*.nb?")) if folder else []
-                if not files:
-                    raise
-                logger.warning(
-                    "Compiled code in %s is unreadable and compiled again: %r", folder, error
-                )
-                for file in files:
-                    file.unlink(missing_ok=True)
-                compiled.compile(self._signature)
-        finally:
-            numba.config.CACHE_DIR = before
+        except Exception as error:  # a damaged file may unpickle into any
+            files = list(folder.rglob(f"*.{self.__name__}-*.nb?")) if folder else []
+            if not files:
+                raise
+            logger.warning(
+                "Compiled code in %s is unreadable and compiled again: %r", folder, error
+            )
+            for file in files:
+                file.unlink(missing_ok=True)
+            compiled.compile(self._signature)
         compiled.disable_compile()
         return compiled
 
