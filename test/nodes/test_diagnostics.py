@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot
 from diag_dynamics.nodes.monitor.watch import Moment, Watch
 from diag_dynamics.nodes.monitor.watches import WATCHES, EnergyWatch
@@ -254,27 +253,6 @@ def test_only_the_last_minute_counts():
     assert share_of(watch) < 0.0
     feed(watch, end, 30.5, 1.0)
     assert share_of(watch) > 0.99
-
-
-@pytest.mark.parametrize(
-    ("armature", "named"), [([""], True), (["shoulder=10.0", "elbow=10.0"], False)]
-)
-def test_joints_without_rotor_inertia(armature, named):
-    """They are named by D and effort limit, as `inspect` names them; no more with the rotors'
-    inertia.
-    """
-    limited = TwoLinkArm(I1=0.02).urdf.replace(
-        'effort="100" velocity="100"', 'effort="20000" velocity="3"'
-    )
-    values = DEFAULTS | {"armature": armature}
-    robot = MonitoredRobot(limited, model_of(limited, values), Settings.of(values), 1)
-    expected = {
-        name
-        for f in inspect_robot(limited).findings
-        if f.check == "rotor_inertia"
-        for name in f.joints
-    }
-    assert expected and set(robot.without_rotors) == (expected if named else set())
 
 
 # --- watches

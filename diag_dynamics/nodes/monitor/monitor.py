@@ -152,9 +152,6 @@ class MonitorNode(TableNode, Node):
         self.reaction.end()
         self._revision = robot.revision
         log = self.get_logger()
-        if robot.without_rotors:
-            rotors = f"The URDF seems to lack the rotor inertia of {listed(robot.without_rotors)}"
-            log.info(shortened(f"{rotors}. If so, set armature (docs/identification.md)."))
         if count := robot.threshold_count:
             log.info(f"Collision thresholds of {count} joints.")
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"

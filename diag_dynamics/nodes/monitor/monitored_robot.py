@@ -12,7 +12,6 @@ from diag_dynamics.description.text import folder_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.inspection.motion import too_quick
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
@@ -32,9 +31,6 @@ ASSUMED_NOISE = 0.1
 
 It is that of good torque sensors.
 """
-
-POSES = 20
-"""Poses in which a joint's largest D is looked for: it changes little."""
 
 MIN_LOAD = 0.1
 """Gravity torque [N m, N] that a robot at rest cannot carry without efforts."""
@@ -71,9 +67,6 @@ class MonitoredRobot:
     source : str, bytes or file
         The description as it was when the robot was loaded.
     watches : tuple of Watch
-    without_rotors : tuple of str
-        Joints whose D is so far below what their effort limits suggest that their rotors' inertia
-        must be missing.
 
     Raises
     ------
@@ -158,7 +151,6 @@ class MonitoredRobot:
         if is_new:
             self.dynamics, self.revision, self.state = dynamics, None, None
             self.dynamics.compile("evaluate")  # also for groups, or the first state would wait
-            self.without_rotors = _without_rotors(self.dynamics)
             resistance = (
                 np.asarray(values, dtype=float)
                 for values in (model.damping, model.friction, model.effort_offset)
@@ -349,25 +341,6 @@ def joint_names_of(values):
     return JointNames(entries) if entries else None
 
 
-def _without_rotors(dynamics):
-    """Return the names of joints that move nearly no mass.
-
-    The random poses are the same each time.
-    """
-    model, rng = dynamics.model, np.random.default_rng(0)
-    if not model.nv:
-        return ()
-    still = np.zeros(model.nv)
-    with suppress(
-        DiagDynamicsError
-    ):  # a robot of numbers that nothing can be computed with; each state will say so
-        D = np.array(
-            [dynamics.evaluate(model.random(rng), still).articulated_inertia for _ in range(POSES)]
-        )
-        return tuple(name for name in too_quick(model, D) if name not in model.flexible_joints)
-    return ()
-
-
 class _Text(NamedTuple):
     """File of a description, with its text when the robot was loaded.
 
@@ -423,7 +396,6 @@ def model_status(robot, revision, refused, loading):
             "locked joints": counted(model.locked_joints),
             "payloads": counted(model.payloads),
             "topics serialized by rclpy": counted(sorted(robot.encoder.unlike)),
-            "joints that may lack rotor inertia": counted(robot.without_rotors),
         }
         if model.flexible_joints:
             rigid = [
