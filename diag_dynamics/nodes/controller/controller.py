@@ -51,7 +51,7 @@ from diag_dynamics.nodes.support.controller_manager import NOT_LOADED, Controlle
 from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
-from diag_dynamics.nodes.support.graph import clock_notes
+from diag_dynamics.nodes.support.graph import clock_notes, node_names
 from diag_dynamics.nodes.support.guard import Fault, answered, attempt
 from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
 from diag_dynamics.nodes.support.runner import Stop
@@ -349,8 +349,7 @@ class ControllerNode(ManagedNode):
 
     def _receivers(self):
         """Return the names of the nodes that receive the commands."""
-        receivers = self.get_subscriptions_info_by_topic(self._commands.topic_name)
-        return [f"{end.node_namespace.rstrip('/')}/{end.node_name}" for end in receivers]
+        return node_names(self.get_subscriptions_info_by_topic(self._commands.topic_name))
 
     def _compare_joints(self):
         """Raise InputError if the effort controller has another order of joints."""

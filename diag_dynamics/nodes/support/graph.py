@@ -21,7 +21,7 @@ def publishers(node, subscription, kind):
     """
     topic, problems = subscription.topic_name, {}
     infos = node.get_publishers_info_by_topic(topic)
-    names = _node_names(infos)
+    names = node_names(infos)
     for name, info in zip(names, infos, strict=True):
         if info.topic_type != kind:
             problems[name] = f"{name} publishes {info.topic_type} on {topic}, expected {kind}"
@@ -34,7 +34,7 @@ def publishers(node, subscription, kind):
     return names, problems
 
 
-def _node_names(infos):
+def node_names(infos):
     """Return the full names of the nodes that endpoints of a topic belong to."""
     return [
         "unknown node"  # its publisher was discovered before it
@@ -61,7 +61,7 @@ def clock_notes(node, publishes=False):
     if not publishes and not node.get_clock().ros_time_is_active:
         return {}, []
     topic = node.resolve_topic_name(CLOCK)
-    names, problems = sorted(_node_names(node.get_publishers_info_by_topic(topic))), []
+    names, problems = sorted(node_names(node.get_publishers_info_by_topic(topic))), []
     if len(names) > 1:
         problems.append(f"several nodes publish {topic}, so time jumps: {counted(names)}")
     waits = node.time.steady() - node.time.start > CLOCK_TIMEOUT

@@ -46,12 +46,11 @@ def attempt(action, *arguments):
         return None, Fault(error)
 
 
-def answered(node, kind, answer, named=str, keep=()):
+def answered(node, kind, answer, keep=()):
     """Return the callback of a service whose failures are responses.
 
     Responses of a `kind` have `success` and `message`. `answer` takes request and response, and
-    returns the message of success or None. `named` puts a message into the request's own words. The
-    response of a failure keeps the fields `keep`.
+    returns the message of success or None. The response of a failure keeps the fields `keep`.
     """
 
     def callback(request, response):
@@ -59,12 +58,10 @@ def answered(node, kind, answer, named=str, keep=()):
         if fault is None:
             response.success, response.message = True, message or ""
             return response
-        reason = named(fault.text)
         if fault.is_internal:
             text = shortened(f"{kind.__name__}: {fault.reason}")
             node.get_logger().error(text, throttle_duration_sec=5.0)
-            reason = f"Internal error: {fault.text}"
         kept_fields = {field: getattr(response, field) for field in keep}
-        return kind.Response(success=False, message=shortened(reason), **kept_fields)
+        return kind.Response(success=False, message=fault.reason, **kept_fields)
 
     return callback
