@@ -28,6 +28,11 @@ MAX_REST = (
     0.1  # fraction of a payload that counts as none once it is put down: its own mass has an error
 )
 MAX_DISTANCE = 0.4  # of the centre of a load from the link's origin [m]
+MEMORY, HOLD = (
+    0.5,
+    0.6,
+)  # time constant of weights; time that the conditions of a load must hold [s]
+MIN_EXPLAINED = 0.8  # of the energy of m r beyond its noise
 
 
 class Load(NamedTuple):
@@ -82,15 +87,15 @@ class LoadEstimator:
 
         m r = −Φπ,   Φ = K_O(Y_p − F Y_p) + F(Y_g − Y_∂),   F = K_O/(s + K_O)
 
-    The weight of older states decays with the time constant `memory`. The noise of m r is
+    The weight of older states decays with the time constant MEMORY. The noise of m r is
     correlated over 1/K_O, and errors of the model longer. Therefore a state counts dt·K_O/10.
 
-    `is_load` is set after `hold` seconds with all of these: the load explains `min_explained` of
+    `is_load` is set after HOLD seconds with all of these: the load explains MIN_EXPLAINED of
     the energy of m r beyond its noise, this energy is above twice that of the noise, the mass is
     above two standard deviations, and the centre is within 0.4 m of the link's origin. It begins
     only in a state where the load explains more of m r than any constant joint torque. At rest Φ is
     constant, so that no load does: move the arm. It lasts at rest. A downward force on one point of
-    a moving link is like a weight; after `hold` it may count as a load. Use an estimator in one
+    a moving link is like a weight; after HOLD it may count as a load. Use an estimator in one
     thread.
 
     Parameters
@@ -103,10 +108,6 @@ class LoadEstimator:
         K_O of the observer [1/s].
     covariance : array_like, shape (nv, nv)
         Second moment of m r without contact [N m, N of prismatic joints], of :func:`calibrate`.
-    memory, hold : float
-        Time constant of the weights, and time that the conditions must hold [s].
-    min_explained : float
-        Minimum of `explained`, from 0 to 1.
     """
 
     def __init__(
@@ -115,17 +116,9 @@ class LoadEstimator:
         link: str,
         gain: float,
         covariance: MatrixLike,
-        *,
-        memory: float = 0.5,
-        hold: float = 0.6,
-        min_explained: float = 0.8,
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         self.link, self.gain = link, positive("gain", gain, "[1/s]")
-        self.memory, self.hold = positive("memory", memory, "[s]"), positive("hold", hold, "[s]")
-        self.min_explained = number(
-            "min_explained", min_explained, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0
-        )
         nv = dynamics.model.nv
         self._whitening = np.ascontiguousarray(whitening(dynamics.model, covariance))
         self._prior = np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
@@ -190,7 +183,7 @@ class LoadEstimator:
             if interval == 0.0:
                 return self.last
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
-        rates = np.array([interval, self.gain, 1.0 / self.memory, weight])
+        rates = np.array([interval, self.gain, 1.0 / MEMORY, weight])
         if update_load(
             self._workspace.robot,
             q,
@@ -217,7 +210,7 @@ class LoadEstimator:
 
         The low-pass of this torque from the restart on is `_response`.
         """
-        decay = math.exp(-interval / self.memory)
+        decay = math.exp(-interval / MEMORY)
         self._response -= math.expm1(-self.gain * interval) * (1.0 - self._response)
         self._count = self._count * decay + weight
         self._energy = self._energy * decay + weight * self._response**2
@@ -244,13 +237,13 @@ class LoadEstimator:
         holds = (
             load.is_significant
             and self._known().mass + load.mass > -self._uncertain(load)
-            and explained >= self.min_explained
+            and explained >= MIN_EXPLAINED
             and energy > MIN_ENERGY * noise
             and float(load.center @ load.center) < MAX_DISTANCE**2
         )
         self._since = min(self._since, time) if holds else math.inf
         return load._replace(
-            is_load=time - self._since >= self.hold and (self.last.is_load or self._is_moved())
+            is_load=time - self._since >= HOLD and (self.last.is_load or self._is_moved())
         )
 
     @property

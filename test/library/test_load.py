@@ -38,8 +38,8 @@ def estimates(estimator, motion, seen):
     ]
 
 
-def estimator_of(arm, **options):
-    return dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.diag(arm.deviation**2), **options)
+def estimator_of(arm):
+    return dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.diag(arm.deviation**2))
 
 
 def check_counts(count, seed=0):
