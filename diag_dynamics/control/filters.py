@@ -231,13 +231,11 @@ class Limits:
         effort, demand, saturated, waiting = rows[:4]
         if self._rate.scaling_joint is not None:
             waiting[self._rate.scaling_joint] = 1.0
-        at_limit = names_where(self._names, saturated)
-        limited = at_limit + names_where(self._names, waiting)
         return Limited(
             self._send(effort),
             demand,
-            command._replace(limited=at_limit),
-            tuple(dict.fromkeys(limited)),
+            command,
+            names_where(self._names, saturated + waiting),
             brakes or slower is not unlimited,
             command is not slower,
         )

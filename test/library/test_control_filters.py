@@ -118,7 +118,7 @@ def test_saturation_scales_what_moves_and_not_what_holds():
             0.5, 1, N
         )
         limits = dd.Limits(s.dyn, effort_limit=limit, effort_rate=1e12)
-        effort, _, result, *_ = limits.filter(q, qd, command, PERIOD)
+        effort, _, _, limited, *_ = limits.filter(q, qd, command, PERIOD)
         g, rest = command.gravity_torque, command.tau - command.gravity_torque
         assert (np.abs(effort) <= limit * (1.0 + 1e-15)).all() and 0.0 <= limits.scale <= 1.0
         np.testing.assert_allclose(
@@ -127,11 +127,11 @@ def test_saturation_scales_what_moves_and_not_what_holds():
         driving += (qd @ (np.clip(command.tau, -limit, limit) - g)) * (qd @ rest) < 0.0
         at_limit = np.isclose(np.abs(effort), limit, rtol=1e-12)
         if limits.scale == 1.0:
-            assert not at_limit.any() and result.limited == ()
+            assert not at_limit.any() and limited == ()
         else:
             acted += 1
             assert (
-                result.limited
+                limited
                 == tuple(n for n, x in zip(s.model.dof_names, at_limit, strict=True) if x)
                 != ()
             )
