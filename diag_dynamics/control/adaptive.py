@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import not_negative, numbers, positive
-from diag_dynamics.control.laws import STABLE, Gain, JointTracking, require_at_most
+from diag_dynamics.checks import not_negative, positive
+from diag_dynamics.control.laws import (
+    STABLE,
+    Gain,
+    JointTracking,
+    positive_definite,
+    require_at_most,
+)
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import symmetric
@@ -85,16 +91,8 @@ class AdaptiveTracking(JointTracking):
 
     def reset(self, pseudo_inertia: MatrixLike | None = None) -> None:
         """Start from an estimate P̂, shape (4, 4), by default that of the model without payload."""
-        expected = "4 x 4 finite numbers, symmetric and positive definite"
-        P = numbers(
-            "pseudo_inertia",
-            self._nominal if pseudo_inertia is None else pseudo_inertia,
-            (4, 4),
-            expected,
-        )
-        if not np.allclose(P, P.T) or np.linalg.eigvalsh(P)[0] <= 0.0:
-            raise InputError(f"pseudo_inertia is {P.tolist()}; expected {expected}.")
-        self._factor = np.linalg.cholesky(P)  # of P̂
+        P = self._nominal if pseudo_inertia is None else pseudo_inertia
+        self._factor = np.linalg.cholesky(positive_definite("pseudo_inertia", P, 4))  # of P̂
         self._power = np.zeros((4, 4))  # L of the last command
 
     @property

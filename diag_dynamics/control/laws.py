@@ -70,7 +70,6 @@ class Command(NamedTuple):
     lyapunov_rate: float
     error: Array | PoseError | None = None  # q_d − q of a joint-space target, or that of a pose
     friction: Array | None = None  # working moments in epsilon that friction takes up [J^½/s]
-    limited: tuple[str, ...] = ()  # degrees of freedom at their effort limits
 
 
 def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
@@ -344,13 +343,9 @@ class JointRegulation(JointLaw):
 
     @stiffness.setter
     def stiffness(self, matrix: MatrixLike) -> None:
-        size = self.dynamics.model.nv
-        expected = f"{size} x {size} finite numbers, symmetric and positive definite"
-        matrix = numbers("stiffness", matrix, (size, size), expected)
-        values, axes = np.linalg.eigh(matrix)
-        if values[0] <= 0.0 or not np.allclose(matrix, matrix.T):
-            raise InputError(f"stiffness is {matrix.tolist()}; expected {expected}.")
-        self._stiffness, self._root = matrix, (axes * np.sqrt(values)) @ axes.T
+        self._stiffness = positive_definite("stiffness", matrix, self.dynamics.model.nv)
+        values, axes = np.linalg.eigh(self._stiffness)
+        self._root = (axes * np.sqrt(values)) @ axes.T
 
     def _respond(self, q: Array, qd: Array, error: Array, qd_d: Array, qdd_d: Array) -> Command:
         s = self.dynamics.nu_from_qd(q, qd - qd_d)
@@ -366,6 +361,15 @@ class JointRegulation(JointLaw):
         names = [f"stiffness of '{name}'" for name in self.dynamics.model.dof_names]
         largest = largest_frequency(self.damping_ratio, period)
         require_slow(root, names, np.diag(self._stiffness), largest, period)
+
+
+def positive_definite(name: str, value: MatrixLike, size: int) -> Array:
+    """Return a symmetric and positive definite matrix of shape (size, size)."""
+    expected = f"{size} x {size} finite numbers, symmetric and positive definite"
+    matrix = numbers(name, value, (size, size), expected)
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] <= 0.0:
+        raise InputError(f"{name} is {matrix.tolist()}; expected {expected}.")
+    return matrix
 
 
 def modal_damping(root: Array, nu: Array, ratio: float, least: float = 0.0) -> Array:

@@ -213,11 +213,10 @@ class ContactSeen(NamedTuple):
     """Contact at a state, by the entry with the largest fraction of its allowed speed."""
 
     contact: PredictedContact
-    worst: int  # the entry; -1 if nothing moves
-    energy: float  # its transferable energy [J]
+    energy: float = 0.0  # its transferable energy [J]
     # Its limit [J] is the energy at the allowed speed, scaled; inf at rest or without a limit.
-    limit: float
-    link: str  # its link; empty if nothing moves
+    limit: float = math.inf
+    link: str = ""  # its link; empty if nothing moves
 
 
 class ContactLimiter:
@@ -273,11 +272,11 @@ class ContactLimiter:
         contact = self.dynamics.contact_limits(q, qd, self.points)
         usage = contact.usage
         k = int(np.argmax(usage))
-        self.seen = ContactSeen(contact, -1, 0.0, math.inf, "")
+        self.seen = ContactSeen(contact)
         if usage[k] > 0.0:
             allowed = self._scale * float(contact.allowed_speed[k])
             limit = 0.5 * float(contact.reflected_mass[k]) * allowed * allowed
-            self.seen = ContactSeen(contact, k, float(contact.energy[k]), limit, contact.links[k])
+            self.seen = ContactSeen(contact, float(contact.energy[k]), limit, contact.links[k])
         return self.seen
 
     def filter(

@@ -467,7 +467,7 @@ def test_no_contact_limit_is_exceeded(h, scale):
     q, limiter = arm().model.neutral + 0.1, contact_limiter()
     resting = dd.GravityCompensation(dyn).command(q, np.zeros(N))
     assert limiter.filter(q, np.zeros(N), resting, h) is resting
-    assert limiter.seen.worst == -1 and limiter.seen.energy == 0.0
+    assert limiter.seen.link == "" and limiter.seen.energy == 0.0
     limiter.scale = scale
     free, bound, usage = Swing(0, h), Swing(0, h, limiter), []
     steps = range(int(shortened(1.0, 0.5) / h))
