@@ -26,10 +26,9 @@ setup:  ## install the virtual environment, ROS 2 and the package under build/
 setup-tests:  ## setup plus the packages for tests, lint and benchmarks
 	@scripts/setup --tests
 
-demo:  ## show a simulated robot in terminal and browser; ROBOT=<name or URDF path> MASSLESS=lock MIMIC=free ARGS=<options>
+demo:  ## show a simulated robot in terminal and browser; ROBOT=<name or URDF path> ARGS=<options>
 	@DIAG_DYNAMICS_COMPILE=OFF scripts/setup
-	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(if $(MASSLESS),--massless $(MASSLESS)) \
-	  $(if $(MIMIC),--mimic $(MIMIC)) $(ARGS)
+	@$(in_env) scripts/demo $(if $(ROBOT),--robot "$(ROBOT)") $(ARGS)
 
 demo-control: setup  ## push a controlled arm: detected, kinetic energy bounded; writes a plot; ARGS=<file>
 	@$(in_env) python3 examples/demos/demo_control.py $(or $(ARGS),push_panda.png)

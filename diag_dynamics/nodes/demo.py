@@ -99,13 +99,12 @@ def find_port(port=PARAMETERS["port"].default):
     return 0
 
 
-def compile_robot(source, options):
+def compile_robot(source, massless, loops_file):
     """Load a robot and compile what its nodes call; return the model.
 
     Messages have the share of the compilation that is done.
     """
-    robot = {name: value for name, value in options.items() if name != "loops_file"}
-    model = load_urdf(source, loops=options["loops_file"] or None, **robot)
+    model = load_urdf(source, massless=massless, loops=loops_file or None)
     if model.nv == 0:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
     dynamics = DiagonalDynamics(model)
@@ -137,12 +136,6 @@ def parse(arguments):
         "xacro_args", nargs="*", metavar="NAME:=VALUE", help="arguments of a xacro file"
     )
     parser.add_argument(
-        "--massless", choices=("error", "lock"), default="error", help="joints that move no inertia"
-    )
-    parser.add_argument(
-        "--mimic", choices=("embed", "free", "lock"), default="embed", help="mimic joints"
-    )
-    parser.add_argument(
         "--loops", metavar="FILE.yaml", default="", help="closed loops of the robot"
     )
     return parser.parse_args(arguments)
@@ -152,11 +145,11 @@ def main(args=None):
     """Run the demo until a signal; ``--help`` lists the options."""
     chosen = parse((args or sys.argv)[1:])
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    options = {"massless": chosen.massless, "mimic": chosen.mimic, "loops_file": chosen.loops}
+    options = {"massless": "lock", "loops_file": chosen.loops}
     signal.signal(signal.SIGINT, lambda *_: leave(130))  # the compiler catches KeyboardInterrupt
     try:
         source = robot_source(chosen.robot, chosen.xacro_args)
-        model = compile_robot(source, options)
+        model = compile_robot(source, **options)
     except DiagDynamicsError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1

@@ -20,14 +20,11 @@ from diag_dynamics.nodes import demo
         ("pandaa", ["'pandaa'", "is neither a file"]),
         ("anymal", ["anymal_b_simple", "anymal_c_simple"]),
         ("iris_simple", ["iris", "no moving joint"]),
-        ("romeo_laas_small", ["l_gripper_joint"]),
         ("nowhere/panda.urdf", ["nowhere/panda.urdf"]),
     ],
 )
 def test_robots_it_cannot_show(robot, texts, capsys, monkeypatch):
-    """Status 1 and the reason: unknown and ambiguous names, paths, robots without motion or
-    inertia.
-    """
+    """Status 1 and the reason: unknown and ambiguous names, paths, robots without motion."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr(demo.signal, "signal", lambda *_: None)  # later tests have Ctrl-C
     assert demo.main(["demo", "--robot", robot]) == 1
