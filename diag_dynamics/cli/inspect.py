@@ -16,7 +16,6 @@ from diag_dynamics.text import listed, plain, shortened
 WIDTH = 80
 
 MAX_NAMES = 6  # names that a finding shows; --json has all
-JOINED = "\u00a0"  # space at which no line is broken
 
 EPILOG = (
     "exit status: 0 notes at most, 1 warnings, 2 errors. A note is information. "
@@ -133,10 +132,8 @@ def _count(number, noun):
 def _facts(report):
     facts = report.facts
     yield from _wrapped("", facts["name"])
-    path, space = report.source, WIDTH - 11
-    path = path if len(path) <= space else f"…{path[1 - space :]}"
     rows = [
-        ("file", path),
+        ("file", report.source),
         ("links", _links(facts)),
         ("joints", f"{facts['joints']}, {facts['moving_joints']} movable"),
     ]
@@ -195,7 +192,7 @@ def _range(extremes, unit):
 
 def _finding(finding):
     names, values = (*finding.links, *finding.joints), finding.values
-    unit = f" [{finding.unit.replace(' ', JOINED)}]" if finding.unit and values else ""
+    unit = f" [{finding.unit}]" if finding.unit and values else ""
     text = f"{finding.what.rstrip('.') if names else finding.what}{unit}{':' if names else ''}"
     yield from _wrapped(f"{finding.severity:9}", text)
     if names:
@@ -204,7 +201,7 @@ def _finding(finding):
             if len(names) > 1
             else ""
         )
-        texts = [f"{name}{JOINED}{values[name]:.3g}" if name in values else name for name in names]
+        texts = [f"{name} {values[name]:.3g}" if name in values else name for name in names]
         yield from _wrapped(" " * 11, f"{count}{listed(texts, MAX_NAMES)}")
     if finding.remedy:
         yield from _wrapped(f"{'':9}→ ", finding.remedy)
@@ -214,4 +211,4 @@ def _wrapped(start, text):
     """Yield the lines of a text behind `start`."""
     lines = textwrap.wrap(plain(text), WIDTH - len(start), break_on_hyphens=False) or [""]
     for number, line in enumerate(lines):
-        yield f"{' ' * len(start) if number else start}{line.replace(JOINED, ' ')}".rstrip()
+        yield f"{' ' * len(start) if number else start}{line}".rstrip()
