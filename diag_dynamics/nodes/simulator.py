@@ -173,7 +173,7 @@ class SimulatorNode(TableNode, Node):
         if self._keeps_time and self.get_clock().ros_time_is_active:
             # A launch sets it for all of its nodes.
             self.set_parameters([Parameter("use_sim_time", value=False)])
-            self.get_logger().info(
+            self.log_info(
                 "This node publishes simulated time, so it sets its use_sim_time to false."
             )
         judge(self, PARAMETERS, self._take_parameters)
@@ -221,7 +221,7 @@ class SimulatorNode(TableNode, Node):
         else:
             self.create_timer(UNPACED, self._tick, clock=steady_clock())
         text = f"{model.nv} degrees of freedom, motion '{values['motion']}', {values['rate']:g} Hz"
-        self.get_logger().info(shortened(f"Ready: robot '{model.name}', {text}."))
+        self.log_info(f"Ready: robot '{model.name}', {text}.")
 
     def _use(self, model):
         self._maker = MessageMaker(model, self._revision)
@@ -348,7 +348,7 @@ class SimulatorNode(TableNode, Node):
             self._log_rejected(WRENCHES, error)
 
     def _log_rejected(self, topic, error):
-        self.get_logger().debug(shortened(f"rejected on {topic}: {error}"))
+        self.log_debug(f"rejected on {topic}: {error}")
 
     # --- Outputs
 

@@ -333,11 +333,11 @@ class RobotSubscription:
         dynamics, _, meshes, _ = robot
         self._set_fault("states", "")  # of the robot before
         self.stream.set_robot(*robot, difference)
-        name, log = dynamics.model.name, self._node.get_logger()
+        name, node = dynamics.model.name, self._node
         self.difference = difference and f"{self.monitor}: {difference}"
-        log.info(shortened(f"Showing robot '{name}' of {self.monitor}."))
+        node.log_info(f"Showing robot '{name}' of {self.monitor}.")
         for why in list(meshes.missing.values())[:3]:
-            log.warning(shortened(f"Robot '{name}' lacks a mesh: {why}"))
+            node.log_warning(f"Robot '{name}' lacks a mesh: {why}")
         return dynamics.model
 
     # --- States ---
@@ -476,7 +476,7 @@ class ViewNode(TableNode, Node):
         address = values["host"], values["port"]
         self._server = PageServer(self._streams, *address, values["rate"], on_push=on_push)
         self._server.start()
-        self.get_logger().info(f"Page: {self.address}")
+        self.log_info(f"Page: {self.address}")
         self._diagnostics = Diagnostics(self, self._report, lambda: None)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._receive_diagnostics, 10)
         self.create_timer(SEARCH_PERIOD, self._find_monitors, clock=steady_clock())

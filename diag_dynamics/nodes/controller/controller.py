@@ -135,7 +135,7 @@ class ControllerNode(ManagedNode):
         self._starting = self.values["autostart"]  # activates itself as soon as there is a robot
         if not self._starting:
             todo = f"ros2 lifecycle set {self.get_fully_qualified_name()} configure"
-            self.get_logger().info(
+            self.log_info(
                 f"Waiting to be configured: {todo}. Or start the node with -p autostart:=true."
             )
         elif self.trigger_configure() != SUCCESS:
@@ -225,9 +225,7 @@ class ControllerNode(ManagedNode):
         self._watch = self.create_timer(
             self.values["max_state_age"] / WATCHES, self._look, clock=clock
         )
-        self.get_logger().info(
-            shortened(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
-        )
+        self.log_info(f"Active: mode {loop.mode}, commands for {', '.join(self._joints)}.")
 
     def _subscribe(self, kind, topic, take, qos, **options):
         self._subscribed.append(
@@ -307,15 +305,10 @@ class ControllerNode(ManagedNode):
         self._description = description
         model, limits = self._loop.dynamics.model, self._loop.limits
         limits.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
-        self.get_logger().info(
-            shortened(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
-        )
+        self.log_info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
         if limits.unlimited:
-            self.get_logger().warning(
-                shortened(
-                    f"No effort limit for {', '.join(limits.unlimited)}: commands are not limited."
-                )
-            )
+            joints = ", ".join(limits.unlimited)
+            self.log_warning(f"No effort limit for {joints}: commands are not limited.")
         if self._starting:
             self._starting = False
             if self.trigger_activate() != SUCCESS and self.values["robot_description"]:
@@ -340,7 +333,7 @@ class ControllerNode(ManagedNode):
 
     def _refuse(self, reason):
         self._refused = shortened(f"robot_description rejected: {reason}")
-        self.get_logger().error(self._refused)
+        self.log_error(self._refused)
 
     @property
     def _controller(self):
@@ -357,7 +350,7 @@ class ControllerNode(ManagedNode):
         theirs = joints_of_controller(self, controller, CHECK_TIMEOUT)
         if theirs is None:
             self._order_known = f"not compared: no parameter 'joints' from {controller}"
-            self.get_logger().warning(f"The order of joints is {self._order_known}.")
+            self.log_warning(f"The order of joints is {self._order_known}.")
         else:
             require_same_joints(self._joints, theirs, controller)
             self._order_known = f"that of {controller}"
@@ -430,7 +423,7 @@ class ControllerNode(ManagedNode):
 
     def _rejected(self, now, cause, reason):
         self._record.refuse(f"rejected: {cause}", reason)
-        self.get_logger().debug(shortened(f"rejected: {cause}: {reason}"))
+        self.log_debug(f"rejected: {cause}: {reason}")
         return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
@@ -457,19 +450,19 @@ class ControllerNode(ManagedNode):
         self._reported_phase = phase = supervisor.phase
         if phase == before:
             return
-        log, was_logged = self.get_logger(), self._logged_reason is not None
+        was_logged = self._logged_reason is not None
         self._logged_reason = supervisor.reason
         if phase == RAMPING_DOWN:
-            log.error(shortened(f"Ramping down: {supervisor.reason}."))
+            self.log_error(f"Ramping down: {supervisor.reason}.")
         elif phase == HOLDING:
             if self._holds.is_due(supervisor.reason, self.time.steady()):
-                log.warning(shortened(f"Holding gravity: {supervisor.reason}."))
+                self.log_warning(f"Holding gravity: {supervisor.reason}.")
             else:
                 self._logged_reason = None
         elif before == RAMPING_DOWN:
-            log.warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
+            self.log_warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
         elif before == HOLDING and was_logged:
-            log.info(f"Resumed: mode {self._loop.mode}.")
+            self.log_info(f"Resumed: mode {self._loop.mode}.")
         if phase > (before or 0) and phase in (HOLDING, RAMPING_DOWN):
             self._diagnostics.publish([self._control_status(Counter())])
 
@@ -485,7 +478,7 @@ class ControllerNode(ManagedNode):
         _, fault = attempt(self._check_and_take, topic, take, message)
         if fault is None:
             self._record.counts[f"{topic} accepted"] += 1
-            self.get_logger().debug(f"{topic} accepted")
+            self.log_debug(f"{topic} accepted")
             self._trajectories.update()
             return True
         if topic in (TRAJECTORY, ACTION):
@@ -495,10 +488,10 @@ class ControllerNode(ManagedNode):
         return False
 
     def _log_rejected(self, topic, reason):
-        text, log = shortened(f"Rejected on {topic}: {reason}"), self.get_logger()
-        log.debug(text)
+        text = f"Rejected on {topic}: {reason}"
+        self.log_debug(text)
         if self._rejections.is_due(text, self.time.steady()):
-            log.warning(text)
+            self.log_warning(text)
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
@@ -537,7 +530,7 @@ class ControllerNode(ManagedNode):
             raise InputError(f"the controller is {self.phase}. Activate it first.")
         self._loop.switch(mode)
         self._trajectories.update()
-        self.get_logger().warning(f"Mode {mode}, by service.")
+        self.log_warning(f"Mode {mode}, by service.")
         return f"mode {mode}"
 
     # --- Diagnostics

@@ -51,8 +51,7 @@ class ManagedNode(TableNode, LifecycleNode):
             answered, fault = attempt(answer, request, response)
             if fault is None:
                 return answered
-            text = f"Transition rejected in state {self.phase}: {fault.reason}"
-            self.get_logger().error(shortened(text))
+            self.log_error(f"Transition rejected in state {self.phase}: {fault.reason}")
             response.success = False
             return response
 
@@ -64,7 +63,7 @@ class ManagedNode(TableNode, LifecycleNode):
             self.phase, self.failure = phase, ""
             return SUCCESS
         self.failure = shortened(f"{problem}: {fault.text}")
-        self.get_logger().error(self.failure)
+        self.log_error(self.failure)
         undo()
         return FAILURE
 

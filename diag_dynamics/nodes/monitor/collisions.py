@@ -160,12 +160,11 @@ class CollisionWatch(Watch):
             state = state._replace(effort=None, partial=None)
         self.accept_state(state)
         self._node.reaction.accept_state(self, moment.received)
-        log = self._node.get_logger()
         if self.collision.begins:
-            log.warning(shortened(f"Collision: {self.collision.cause}."))
+            self._node.log_warning(f"Collision: {self.collision.cause}.")
         elif self.contact.begins:
             text = shortened(f"Contact: {self.contact.cause}.")
-            log.info(text, throttle_duration_sec=1.0)
+            self._node.get_logger().info(text, throttle_duration_sec=1.0)
         if not self.collision.on or self._message:
             return []
         return [self._status(), *self._node.reaction.report()]
@@ -213,8 +212,7 @@ class CollisionWatch(Watch):
         if frames[0] != self._unobserved_frame:
             self._unobserved_frame = frames[0]
             reason = "the joints do not observe all directions (docs/external-wrench.md)"
-            text = shortened(f"No external wrench at {frames[0]}: {reason}.")
-            self._node.get_logger().warning(text)
+            self._node.log_warning(f"No external wrench at {frames[0]}: {reason}.")
 
     def _alarming(self):
         """Return the Alarming of the last state."""
@@ -338,8 +336,7 @@ class LoadWatch(Watch):
         if self.begins:
             change = "Picked up" if load.mass > 0.0 else "Put down"
             mass = f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg"
-            text = shortened(f"{change}: load {mass} at '{self.link}'.")
-            self._node.get_logger().info(text)
+            self._node.log_info(f"{change}: load {mass} at '{self.link}'.")
 
     def report(self):
         """See Watch."""

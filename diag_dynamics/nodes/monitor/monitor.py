@@ -151,12 +151,11 @@ class MonitorNode(TableNode, Node):
         self._robot, self._refused, self._started = robot, None, self.time.steady()
         self.reaction.end()
         self._revision = robot.revision
-        log = self.get_logger()
         if count := robot.threshold_count:
-            log.info(f"Collision thresholds of {count} joints.")
+            self.log_info(f"Collision thresholds of {count} joints.")
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
         topic = self.resolve_topic_name("joint_states")
-        log.info(shortened(f"Ready: robot '{robot.model.name}', {size}; subscribed to {topic}."))
+        self.log_info(f"Ready: robot '{robot.model.name}', {size}; subscribed to {topic}.")
 
     def _in_force(self):
         """Return what the services need of the robot in force."""
@@ -239,7 +238,7 @@ class MonitorNode(TableNode, Node):
 
     def _reject(self, outcome, cause, text):
         self._statistics.count_rejected(outcome, cause, text)
-        self.get_logger().debug(shortened(f"{outcome}: {self._statistics.last_rejection}"))
+        self.log_debug(f"{outcome}: {self._statistics.last_rejection}")
 
     def _publish(self, robot, state, outcome):
         """Evaluate a state, watch it, and publish it where there are subscribers."""

@@ -13,7 +13,6 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.nodes.support.controller_manager import ControllerSwitch
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.statuses import ERROR, OK, Status
-from diag_dynamics.text import shortened
 
 RESPONSE_TIMEOUT, RESULT_TIMEOUT = 1.0, 1.0
 """Timeouts of a response and of a result [s].
@@ -30,7 +29,7 @@ class Reaction:
     """
 
     def __init__(self, node):
-        self._log, self._steady = node.get_logger(), node.time.steady
+        self._node, self._steady = node, node.time.steady
         self._publisher = connected(node.create_publisher, Bool, "~/collision", latched())
         self._service, self._client = node.values["reaction.service"], None
         self._on_contact = node.values["reaction.event"] == "contact"
@@ -113,7 +112,7 @@ class Reaction:
         self._future, response = None, future.result()
         latency = self._measure("response", received)
         if getattr(response, "success", getattr(response, "ok", False)):
-            self._log.info(
+            self._node.log_info(
                 f"Reaction: response of '{self._service}' {latency:.3g} ms after the joint state."
             )
             if self._controllers:
@@ -138,7 +137,7 @@ class Reaction:
     def _fail(self, reason):
         self._failures += not self._failure  # once a call
         self._failure = reason
-        self._log.error(shortened(f"Reaction failed: '{self._service}': {reason}"))
+        self._node.log_error(f"Reaction failed: '{self._service}': {reason}")
 
     def report(self):
         """Return the status of the service in a list; empty without a service."""

@@ -68,6 +68,22 @@ class TableNode:
         value, fault = attempt(convert, parameter.name, parameter.value, defaults[parameter.name])
         return parameter if fault else Parameter(parameter.name, value=value)
 
+    def log_debug(self, text):
+        """Log a text, shortened and without control characters."""
+        self.get_logger().debug(shortened(text))
+
+    def log_info(self, text):
+        """See log_debug."""
+        self.get_logger().info(shortened(text))
+
+    def log_warning(self, text):
+        """See log_debug."""
+        self.get_logger().warning(shortened(text))
+
+    def log_error(self, text):
+        """See log_debug."""
+        self.get_logger().error(shortened(text))
+
     def destroy_node(self):
         """See rclpy; the compiler reports to stderr from now on."""
         set_progress_callback(None)
@@ -165,7 +181,7 @@ def judge(node, specs, take):
         if fault is None:
             return SetParametersResult(successful=True)
         if fault.is_internal:
-            node.get_logger().error(shortened(f"Parameters rejected: {fault.reason}"))
+            node.log_error(f"Parameters rejected: {fault.reason}")
         return SetParametersResult(successful=False, reason=fault.reason)
 
     _warn_unknown(node)
@@ -183,4 +199,4 @@ def _warn_unknown(node):
     for name in sorted(unknown):
         meant = nearest(name, declared)
         question = f" Did you mean '{meant}'?" if meant else ""
-        node.get_logger().warning(shortened(f"Unknown parameter '{name}' ignored.{question}"))
+        node.log_warning(f"Unknown parameter '{name}' ignored.{question}")

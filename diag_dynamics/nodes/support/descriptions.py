@@ -24,7 +24,6 @@ from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.parameters.robots import model_of
-from diag_dynamics.text import shortened
 
 COMPILED = (
     *(
@@ -81,18 +80,18 @@ def load_robot(node, description, values):
     file with arguments of xacro behind it.
     """
     _refuse_mjcf(description)
-    node.get_logger().info("Loading the robot.")
+    node.log_info("Loading the robot.")
     warnings = []
     if path := values["parameters_file"]:
         parameters = Parameters.load(path)
         values = values | {"parameters_file": parameters}
         count = parameters.joint_count
         text = f"Parameters of {count} joint{'s' * (count != 1)} from '{path}'."
-        node.get_logger().info(shortened(text))
+        node.log_info(text)
     with handle_warnings(warnings.append):
         model = model_of(described(description), values)
     for warning in warnings:
-        node.get_logger().warning(str(warning))
+        node.log_warning(str(warning))
     return model
 
 
@@ -172,11 +171,11 @@ def subscribe_description(node, take):
 
     def take_message(message):
         description = codecs.BOM_UTF8 + message.data.lstrip("\ufeff").encode(errors="replace")
-        node.get_logger().debug(f"robot_description received: {len(description)} bytes")
+        node.log_debug(f"robot_description received: {len(description)} bytes")
         take(description)
 
     subscription = connected(
         node.create_subscription, String, "robot_description", take_message, latched()
     )
-    node.get_logger().info(f"Waiting for a robot on {subscription.topic_name}.")
+    node.log_info(f"Waiting for a robot on {subscription.topic_name}.")
     return subscription

@@ -46,7 +46,7 @@ class Diagnostics:
         """Log and publish at once what is compiled; the compiler calls it in a thread."""
         self._compiled = text
         with suppress(Exception):  # the node may be gone
-            self._node.get_logger().info(text)
+            self._node.log_info(text)
             self.publish([Status("compiling", OK, "compiling", {"what": text})])
 
     def publish(self, statuses):
@@ -66,11 +66,10 @@ class Diagnostics:
             array.status.append(status)
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)
-        log = self._node.get_logger()
         for level, text in self._log.lines(statuses, self._node.time.steady()):
             if level == ERROR:
-                log.error(shortened(text))
+                self._node.log_error(text)
             elif level == WARN:
-                log.warning(shortened(text))
+                self._node.log_warning(text)
             else:
-                log.info(shortened(text))
+                self._node.log_info(text)
