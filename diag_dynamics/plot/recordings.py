@@ -23,8 +23,8 @@ SIZE_OF_FIGURE = (9.0, 3.8)  # [inch]
 def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
     """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
 
-    The joints of most energy have a layer each, all others one. Of very many states those of the
-    largest and smallest K are drawn.
+    The degrees of freedom of most energy have a layer each, all others one. Of very many states
+    those of the largest and smallest K are drawn.
 
     Parameters
     ----------
@@ -38,10 +38,10 @@ def energy(of: Recording | BatchEvaluation, t: VectorLike | None = None, ax: Any
     -------
     matplotlib.axes.Axes
     """
-    joints, times, values = _joint_energies(of, t)
+    names, times, values = _energies(of, t)
     with drawing.pyplot().rc_context(drawing.STYLE):
         axes = ax or drawing.pyplot().figure(figsize=SIZE_OF_FIGURE).add_subplot()
-        _draw_layers(axes, times, *_merge_joints(joints, values))
+        _draw_layers(axes, times, *_merge(names, values))
         axes.set_title(f"{escape(of.model.name)}: kinetic energy by total joint rate")
     return axes
 
@@ -64,10 +64,10 @@ def _slices(of: Recording) -> list[slice]:
     return [slice(k, k + SIZE) for k in range(0, len(of), SIZE)]
 
 
-def _joint_energies(
+def _energies(
     of: Recording | BatchEvaluation, t: VectorLike | None
-) -> tuple[list[str], Array | None, Array]:
-    """Return joints, times from zero on [s], and the energy share of each joint [J]."""
+) -> tuple[tuple[str, ...], Array | None, Array]:
+    """Return degrees of freedom, times from zero on [s], and their energy shares [J]."""
     if isinstance(of, Recording):
         _check_states(of.q)
         t, dynamics = of.t, DiagonalDynamics(of.model)
@@ -81,23 +81,19 @@ def _joint_energies(
     times = None if t is None else np.asarray(t, dtype=float)
     if times is not None and times.shape != (len(energies),):
         raise InputError(f"t has shape {times.shape}; expected ({len(energies)},), one per state.")
-    joints = [joint for joint in of.model.joint_names if joint not in of.model.mimics]
     if not of.model.nv:
         raise InputError(f"robot '{of.model.name}' has no joint that moves, so no energy to plot.")
-    names = [name if name in joints else name.rpartition("/")[0] for name in of.model.dof_names]
-    owned = np.array([[name == joint for joint in joints] for name in names], dtype=float)
-    return joints, None if times is None else times - times[0], energies @ owned
+    return of.model.dof_names, None if times is None else times - times[0], energies
 
 
-def _merge_joints(joints: list[str], values: Array) -> tuple[list[str], Array]:
-    """Return names and energies of the joints of most energy, and those of all others as one."""
+def _merge(names: tuple[str, ...], values: Array) -> tuple[list[str], Array]:
+    """Return names and energies of those of most energy, and of all others as one."""
     chosen = sorted(np.argsort(values.mean(axis=0))[::-1][: len(COLOURS)].tolist())
-    rest = sorted({*range(len(joints))} - {*chosen})
-    names = [escape(joints[k]) for k in chosen]
-    if not rest:
-        return names, values
-    names.append(f"{len(rest)} others" if len(rest) > 1 else escape(joints[rest[0]]))
-    return names, np.column_stack([values[:, chosen], values[:, rest].sum(axis=1)])
+    layers, labels = values[:, chosen], [escape(names[k]) for k in chosen]
+    if len(chosen) < len(names):
+        labels.append("others")
+        layers = np.column_stack([layers, values.sum(axis=1) - layers.sum(axis=1)])
+    return labels, layers
 
 
 def _check_states(states: Array) -> None:

@@ -79,7 +79,7 @@ def test_energy_is_stacked_by_joint(count, recording, monkeypatch):
         at, top = layer.get_paths()[0].vertices.T
         edge = np.array([top[at == x].max() for x in t[::100]])
         label = layer.get_label()
-        chosen = others if label == "3 others" else {label}
+        chosen = others if label == "others" else {label}
         expected = sum(shares[joint] for joint in chosen)
         assert np.allclose(edge - below[::100], expected[::100], atol=1e-12)
         others = others - chosen
