@@ -27,7 +27,7 @@ from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact_limits import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.shared import ROBOT, payloads_of
-from diag_dynamics.parameters.spec import Spec, fixed, wrong
+from diag_dynamics.parameters.spec import Spec, check, fixed
 from diag_dynamics.text import distinct
 
 RATES = {
@@ -345,9 +345,8 @@ class Settings(NamedTuple):
 
         Raise InputError for an invalid value.
         """
-        for name, value in values.items():
-            if reason := wrong(name, value, PARAMETERS):
-                raise InputError(f"{reason}.")
+        for name, spec in PARAMETERS.items():
+            check(name, values[name], spec)
         payloads_of(values["payloads"])
         sources = [name for name in ("gravity_frame", "gravity_imu") if values[name]]
         if sources and (values["floating_base"] or len(sources) > 1):

@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 from diag_dynamics.entries import LARGEST
+from diag_dynamics.exceptions import InputError
 
 
 class Spec(NamedTuple):
@@ -54,11 +55,8 @@ def _words(name):
     return " ".join(sorted(re.split(r"[._]", name)))
 
 
-def wrong(name, value, specs):
-    """Return why a value is not acceptable, or None."""
-    spec = specs.get(name)
-    if spec is None:
-        return None
+def check(name, value, spec):
+    """Raise InputError for a value that a Spec does not accept."""
     is_list = isinstance(spec.default, list) and isinstance(spec.default[0], float)
     numbers, expected = value if is_list else [value], None
     if spec.choices and value not in spec.choices:
@@ -75,7 +73,6 @@ def wrong(name, value, specs):
         expected = f"{spec.minimum:g} to {spec.maximum:g}"
     elif is_list and any(abs(number) > spec.maximum for number in numbers):
         expected = f"numbers within ±{spec.maximum:g}"
-    return (
-        expected
-        and f"parameter '{name}' is {list(value) if is_list else value!r}, expected {expected}"
-    )
+    if expected:
+        text = list(value) if is_list else repr(value)
+        raise InputError(f"parameter '{name}' is {text}, expected {expected}.")

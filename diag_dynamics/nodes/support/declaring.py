@@ -21,7 +21,7 @@ from diag_dynamics.nodes.support.clocks import NodeTime
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.numerics.progress import set_progress_callback
-from diag_dynamics.parameters.spec import nearest, wrong
+from diag_dynamics.parameters.spec import check, nearest
 from diag_dynamics.text import shortened
 
 NOT_OVERRIDES = ("use_sim_time", "start_type_description_service")
@@ -44,7 +44,7 @@ class TableNode:
             if parameter.name not in NOT_OVERRIDES:
                 self.overrides[parameter.name] = parameter.value
                 self.undeclare_parameter(parameter.name)  # until it is declared with its type
-        self.values = {name: _declare(self, name, spec, specs) for name, spec in specs.items()}
+        self.values = {name: _declare(self, name, spec) for name, spec in specs.items()}
         defaults = {name: spec.default for name, spec in specs.items()}
         if hasattr(self, "add_pre_set_parameters_callback"):  # not in Humble
             self.add_pre_set_parameters_callback(
@@ -90,7 +90,7 @@ class TableNode:
         super().destroy_node()
 
 
-def _declare(node, name, spec, specs):
+def _declare(node, name, spec):
     """Declare one parameter and return its value."""
     value = spec.default
     if name in node.overrides:
@@ -98,8 +98,7 @@ def _declare(node, name, spec, specs):
         kind = Parameter.Type.from_parameter_value(spec.default)
         if Parameter.Type.from_parameter_value(value) != kind:
             raise InvalidParameterTypeException(Parameter(name, value=value), kind.name)
-    if reason := wrong(name, value, specs):
-        raise InputError(f"{reason}.")
+    check(name, value, spec)
     descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
     constraints = ["one of " + ", ".join(map(str, spec.choices))] if spec.choices else []
     constraints += (
@@ -163,8 +162,7 @@ def judge(node, specs, take):
             if parameter.name in specs and parameter.value is not None
         }
         for name, value in changed.items():
-            if reason := wrong(name, value, specs):
-                raise InputError(f"{reason}.")
+            check(name, value, specs[name])
             if (
                 specs[name].while_unconfigured
                 and not node.is_unconfigured
