@@ -29,9 +29,9 @@ from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, text_of
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import CLOCK, clock_notes
-from diag_dynamics.nodes.support.guard import answered
+from diag_dynamics.nodes.support.guard import offer
 from diag_dynamics.nodes.support.messages import MessageMaker, doubles, to_time
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS, connected, latched
+from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.requests import read_state
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
@@ -254,9 +254,7 @@ class SimulatorNode(TableNode, Node):
             (Trigger, "reset", self._reset, ()),
             (SetState, "set_state", self._set_state, ()),
         ):
-            self.create_service(
-                kind, f"~/{name}", answered(self, kind, answer, keep=keep), qos_profile=SERVICE_QOS
-            )
+            offer(self, kind, name, answer, keep)
 
     # --- Time
 

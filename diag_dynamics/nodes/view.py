@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
@@ -28,6 +27,7 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import topics_of
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.publishing import latched, newest
 from diag_dynamics.nodes.support.statuses import WARN, Status, problem_status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.page.forces import ForceOptions
@@ -107,8 +107,6 @@ KINDS = {
 }
 """Types of a monitor's messages by topic."""
 
-NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-
 
 class RobotSubscription:
     """The robot of one monitor. Messages stay bytes until a page asks for a frame.
@@ -139,10 +137,9 @@ class RobotSubscription:
         self._subscriptions, self._added_at = {}, node.time.steady()
         for topic in ("state", "external_torque", "load"):
             self._subscribe(topic)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
         self._subscriptions["robot_description"] = node.create_subscription(
-            String, self._topic, self._receive_description, latched
+            String, self._topic, self._receive_description, latched()
         )
         self._client = node.create_client(GetParameters, f"{monitor}/get_parameters")
         self._loader = RobotLoader(node, self._load_robot, self._take_robot)
@@ -224,7 +221,7 @@ class RobotSubscription:
 
         callback = self._receive_state if topic == "state" else receive
         self._subscriptions[topic] = self._node.create_subscription(
-            KINDS[topic], f"{self.monitor}/{topic}", callback, NEWEST, raw=True
+            KINDS[topic], f"{self.monitor}/{topic}", callback, newest(), raw=True
         )
 
     # --- Faults ---

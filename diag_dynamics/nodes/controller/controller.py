@@ -15,7 +15,7 @@ from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
@@ -52,8 +52,8 @@ from diag_dynamics.nodes.support.declaring import judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, node_names
-from diag_dynamics.nodes.support.guard import Fault, answered, attempt
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS, RateLimit, connected
+from diag_dynamics.nodes.support.guard import Fault, attempt, offer
+from diag_dynamics.nodes.support.publishing import RateLimit, connected, newest
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
@@ -166,10 +166,8 @@ class ControllerNode(ManagedNode):
             self._transforms = Transforms.if_installed(self)
         self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
         for mode in MODES:
-            callback = answered(self, Trigger, partial(self._switch, mode))
-            self._offered.append(
-                self.create_service(Trigger, f"~/mode/{mode}", callback, qos_profile=SERVICE_QOS)
-            )
+            service = offer(self, Trigger, f"mode/{mode}", partial(self._switch, mode))
+            self._offered.append(service)
         if self.values["robot_description"]:
             self._loader.load(self.values["robot_description"], dict(self.values))
         else:
@@ -195,10 +193,7 @@ class ControllerNode(ManagedNode):
         self._last_time = None
         self._record.begin()
         self._reported_phase = self._logged_reason = None
-        newest = QoSProfile(
-            depth=5, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.BEST_EFFORT
-        )
-        self._subscribe(JointState, "joint_states", self._take_joint_state, newest, raw=True)
+        self._subscribe(JointState, "joint_states", self._take_joint_state, newest(), raw=True)
         loop, model = self._loop, self._loop.dynamics.model
         names = model.dof_names
         for kind, topic, take in (

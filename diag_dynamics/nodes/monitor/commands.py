@@ -6,12 +6,11 @@
 from collections import deque
 
 import numpy as np
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 
 from diag_dynamics.nodes.support.guard import attempt
-from diag_dynamics.nodes.support.publishing import connected
+from diag_dynamics.nodes.support.publishing import connected, newest
 
 TOPIC = "effort_controller/commands"
 
@@ -24,8 +23,8 @@ class EffortCommands:
 
     def __init__(self, node):
         self._commands = deque(maxlen=MAX_COMMANDS)
-        qos = QoSProfile(depth=MAX_COMMANDS, reliability=ReliabilityPolicy.BEST_EFFORT)
-        connected(node.create_subscription, Float64MultiArray, TOPIC, self._take, qos, raw=True)
+        create, take = node.create_subscription, self._take
+        connected(create, Float64MultiArray, TOPIC, take, newest(), raw=True)
 
     def _take(self, raw):
         self._commands.append(raw)

@@ -7,7 +7,6 @@ from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
 
@@ -34,7 +33,7 @@ from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, su
 from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, publishers, topics_of
 from diag_dynamics.nodes.support.guard import Fault, attempt
-from diag_dynamics.nodes.support.publishing import connected
+from diag_dynamics.nodes.support.publishing import connected, newest
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
@@ -92,11 +91,7 @@ class MonitorNode(TableNode, Node):
                 kind,
                 topic,
                 take,
-                QoSProfile(
-                    depth=5,
-                    history=HistoryPolicy.KEEP_LAST,
-                    reliability=ReliabilityPolicy.BEST_EFFORT,
-                ),
+                newest(),
                 event_callbacks=SubscriptionEventCallbacks(message_lost=self._count_lost),
                 raw=True,  # bytes that are no message must not end the node
             )

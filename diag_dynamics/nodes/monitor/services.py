@@ -10,9 +10,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import Payload
-from diag_dynamics.nodes.support.guard import answered
+from diag_dynamics.nodes.support.guard import offer
 from diag_dynamics.nodes.support.messages import doubles
-from diag_dynamics.nodes.support.publishing import SERVICE_QOS
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
 
@@ -37,8 +36,7 @@ class DynamicsServices:
             (Diagonalize, "diagonalize", self._diagonalize),
             (SetPayload, "set_payload", self._set_payload),
         ):
-            callback = answered(node, kind, answer)
-            node.create_service(kind, f"~/{name}", callback, qos_profile=SERVICE_QOS)
+            offer(node, kind, name, answer)
 
     def _read(self, request):
         """Return the dynamics, MessageMaker, state and options of a request."""
@@ -93,9 +91,8 @@ class PayloadServices:
     def __init__(self, node, current, attach):
         self._current, self._attach = current, attach
         self._accepted = None  # link, its payload before the first acceptance, and the accepted one
-        for name, answer in (("accept_payload", self._accept), ("reset_payload", self._reset)):
-            callback = answered(node, Trigger, lambda request, response, answer=answer: answer())
-            node.create_service(Trigger, f"~/{name}", callback, qos_profile=SERVICE_QOS)
+        offer(node, Trigger, "accept_payload", self._accept)
+        offer(node, Trigger, "reset_payload", self._reset)
 
     def _model(self):
         return _required(self._current()).model
@@ -108,7 +105,7 @@ class PayloadServices:
             )
         return load
 
-    def _accept(self):
+    def _accept(self, *_):
         """Add the load to the payload of its link; return a message."""
         watch = self._watch()
         link, estimate = watch.link, watch.estimate
@@ -137,7 +134,7 @@ class PayloadServices:
             return self._accepted[1]
         return now
 
-    def _reset(self):
+    def _reset(self, *_):
         watch = self._watch()
         before = self._before(watch.link)
         self._attach(watch.link, before)

@@ -6,6 +6,7 @@
 from typing import NamedTuple
 
 from diag_dynamics.exceptions import DiagDynamicsError, RejectedError, cause_of
+from diag_dynamics.nodes.support.publishing import SERVICE_QOS
 from diag_dynamics.text import shortened
 
 
@@ -46,8 +47,8 @@ def attempt(action, *arguments):
         return None, Fault(error)
 
 
-def answered(node, kind, answer, keep=()):
-    """Return the callback of a service whose failures are responses.
+def offer(node, kind, name, answer, keep=()):
+    """Return the service ``~/name`` of a node, whose failures are responses.
 
     Responses of a `kind` have `success` and `message`. `answer` takes request and response, and
     returns the message of success or None. The response of a failure keeps the fields `keep`.
@@ -64,4 +65,4 @@ def answered(node, kind, answer, keep=()):
         kept_fields = {field: getattr(response, field) for field in keep}
         return kind.Response(success=False, message=fault.reason, **kept_fields)
 
-    return callback
+    return node.create_service(kind, f"~/{name}", callback, qos_profile=SERVICE_QOS)

@@ -3,7 +3,7 @@
 
 """Publishers, subscriptions and services with their QoS, and rate limits."""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions, QoSPolicyKind
 
 from diag_dynamics.exceptions import InputError
@@ -25,6 +25,11 @@ SERVICE_QOS = QoSProfile(depth=1000)
 def latched():
     """Return the QoS of robot_description: who subscribes late receives the last message."""
     return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def newest():
+    """Return the QoS of joint_states: new messages count, lost ones do not return."""
+    return QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def connected(create, kind, topic, *arguments, **options):
