@@ -21,6 +21,7 @@ from diag_dynamics.control.laws import (
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.rigid_body import symmetric
+from diag_dynamics.rotations import vee
 
 MIN_MASS, MIN_RADIUS = 0.5, 0.03
 """Minimum mass [kg] and radius of gyration [m] of the body at the start.
@@ -177,8 +178,7 @@ def _velocities(twist: Array) -> Array:
 
 def _wrench(moments: Array) -> Array:
     """Return force and moment, shape (6,), of forces on points of a body, ∫ f r̄ᵀdm."""
-    F = moments
-    return np.array([*F[:, 3], F[2, 1] - F[1, 2], F[0, 2] - F[2, 0], F[1, 0] - F[0, 1]])
+    return np.concatenate([moments[:, 3], vee(moments)])
 
 
 def pseudo_inertia(dynamics: DiagonalDynamics, link: str) -> Array:

@@ -194,7 +194,7 @@ class JointLaw(Law):
             dynamics, "inverse_dynamics", "coriolis_matrix_times", "epsilon_from_tau", *methods
         )
         model = dynamics.model
-        self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        self._continuous = np.isin(model.dof_names, model.continuous_joints)
         self._zero = np.zeros(model.nv)
 
     def command(

@@ -256,7 +256,7 @@ class JointMode(Mode):
         model = self._model
         self._approach = approach  # final decay rates of the distance to a set-point [1/s]
         self._speed = values["set_point_speed"] * self.max_speed
-        self._continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        self._continuous = np.isin(model.dof_names, model.continuous_joints)
         self._rubs = values["friction_compensation"] and model.has_friction
 
     def _stay(self, state):

@@ -172,7 +172,7 @@ class Trajectory:
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):
-        self._stamp, self._continuous = stamp, np.array([name in continuous for name in names])
+        self._stamp, self._continuous = stamp, np.isin(names, continuous)
         self._points, self._times, self.positions = waypoints, waypoints.times, waypoints.positions
         _require_order(self._times)
         for field in ("positions", "velocities", "accelerations"):

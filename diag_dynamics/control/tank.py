@@ -57,7 +57,7 @@ class EnergyTank:
         self.dynamics, model = actuated(dynamics), dynamics.model
         self.capacity = positive("capacity", capacity, "[J]")
         self.rate = positive("rate", rate, "[1/s]")
-        continuous = np.array([name in model.continuous_joints for name in model.dof_names])
+        continuous = np.isin(model.dof_names, model.continuous_joints)
         self._continuous = continuous if continuous.any() else None
         self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
