@@ -21,7 +21,6 @@ from std_srvs.srv import SetBool, Trigger
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
 from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.model import Payload
 from diag_dynamics.model.followers import Followers
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
@@ -43,7 +42,7 @@ from diag_dynamics.nodes.support.statuses import (
     without_numbers,
 )
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.parameters.shared import check_entries, payloads_of
+from diag_dynamics.parameters.shared import check_entries, payloads_of, with_payloads
 from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.drives import TIMED_OUT
 from diag_dynamics.simulation.pace import COMMAND_TIMEOUT, Lockstep, Pace
@@ -446,9 +445,7 @@ class SimulatorNode(TableNode, Node):
 
     def _apply(self, values):
         """Change the payloads and the gravity of the plant."""
-        model, payloads = self._plant.simulation.model, payloads_of(values["payloads"])
-        for link in {**model.payloads, **payloads}:
-            model = model.with_payload(link, *payloads.get(link, Payload(0.0)))
+        model = with_payloads(self._plant.simulation.model, payloads_of(values["payloads"]))
         self._plant.simulation.change_model(model.with_gravity(values["gravity"]))
 
     # --- Diagnostics

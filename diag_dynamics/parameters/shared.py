@@ -13,6 +13,9 @@ from diag_dynamics.parameters.spec import Spec, fixed
 
 MIMIC = ("embed", "free", "lock")
 
+NO_PAYLOAD = Payload(0.0)
+"""Removes the payload of a link."""
+
 ROBOT = "URDF, or the path of a URDF, an MJCF, or a xacro file followed by NAME:=VALUE arguments"
 """Description of the parameter robot_description."""
 
@@ -75,6 +78,13 @@ def payloads_of(entries):
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     return payloads
+
+
+def with_payloads(model, payloads):
+    """Return a model with these payloads by link in place of its own."""
+    for link in {**model.payloads, **payloads}:
+        model = model.with_payload(link, *payloads.get(link, NO_PAYLOAD))
+    return model
 
 
 def check_entries(values):

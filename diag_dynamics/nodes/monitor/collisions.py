@@ -10,10 +10,10 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.control.load import LoadEstimator
 from diag_dynamics.control.observer import Disturbance, DisturbanceObserver
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.monitor.services import NO_PAYLOAD
 from diag_dynamics.nodes.monitor.watch import Watch
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status, without_numbers
+from diag_dynamics.parameters.shared import NO_PAYLOAD
 from diag_dynamics.text import shortened
 from diag_dynamics.wire.fields import Alarming
 

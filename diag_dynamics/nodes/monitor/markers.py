@@ -20,7 +20,7 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.nodes.support.messages import to_time
 from diag_dynamics.page.layout import center_of_body
 from diag_dynamics.page.scene import links_of
-from diag_dynamics.rotations import to_quaternion
+from diag_dynamics.rotations import pose, to_quaternion
 from diag_dynamics.text import plain
 
 COLD, HOT = np.array([0.55, 0.60, 0.66]), np.array([0.84, 0.37, 0.0])
@@ -128,13 +128,12 @@ class MarkerMaker:
 
     def _draw_velocity(self, X, state):
         """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
-        q, R, origin, ellipsoid = state.position, X[:3, :3], X[:3, 3], X.copy()
+        q, R, origin = state.position, X[:3, :3], X[:3, 3]
         values, axes = self._mobility(q)
         half_axes = np.maximum(
             self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach
         )  # never flat
-        ellipsoid[:3, :3] = R @ axes * half_axes
-        placement, diameters = _sphere(ellipsoid)
+        placement, diameters = _sphere(pose(origin, R @ axes * half_axes))
         self._ellipsoid.pose, self._ellipsoid.scale = _pose(placement), _vector(diameters)
         v = self._dynamics.link_velocity(q, self.link, state.velocity)[:3]
         speed = float(np.linalg.norm(v))

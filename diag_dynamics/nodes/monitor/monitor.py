@@ -24,7 +24,7 @@ from diag_dynamics.nodes.monitor.monitored_robot import (
 )
 from diag_dynamics.nodes.monitor.outputs import Outputs
 from diag_dynamics.nodes.monitor.reaction import Reaction
-from diag_dynamics.nodes.monitor.services import NO_PAYLOAD, DynamicsServices, PayloadServices
+from diag_dynamics.nodes.monitor.services import DynamicsServices, PayloadServices
 from diag_dynamics.nodes.monitor.watch import Moment
 from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
@@ -37,7 +37,12 @@ from diag_dynamics.nodes.support.publishing import connected, newest
 from diag_dynamics.nodes.support.statuses import OK, STALE, WARN, Status
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.shared import check_entries, payload_entry, payloads_of
+from diag_dynamics.parameters.shared import (
+    check_entries,
+    payload_entry,
+    payloads_of,
+    with_payloads,
+)
 from diag_dynamics.text import listed, shortened
 
 START_PERIOD = 2.0
@@ -284,8 +289,7 @@ class MonitorNode(TableNode, Node):
             payloads = payloads_of(changed["payloads"])
             for link in robot.unapplied():  # a warning has named it
                 payloads.pop(link, None)
-            for link in {**model.payloads, **payloads}:
-                model = model.with_payload(link, *payloads.get(link, NO_PAYLOAD))
+            model = with_payloads(model, payloads)
         if "gravity" in changed:
             model = model.with_gravity(changed["gravity"])
         revision = self._revision + (model is not robot.model)

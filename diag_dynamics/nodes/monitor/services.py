@@ -13,10 +13,8 @@ from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import offer
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
+from diag_dynamics.parameters.shared import NO_PAYLOAD
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
-
-NO_PAYLOAD = Payload(0.0)
-"""Removes the payload of a link."""
 
 
 def _required(current):
