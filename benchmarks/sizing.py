@@ -14,7 +14,7 @@ from statistics import median
 from graph import prebuilt
 from graph.session import Session, Subject, private_domain
 
-from diag_dynamics.nodes.support.topics import ORDER
+from diag_dynamics.nodes.support.messages import ORDER
 
 ROBOTS = ("double_pendulum", "ur5_robot", "panda", "talos_reduced")
 RATES = (100.0, 1000.0)  # Hz

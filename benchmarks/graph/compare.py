@@ -7,7 +7,7 @@ import sys
 from collections import defaultdict
 from typing import NamedTuple
 
-from diag_dynamics.nodes.support.topics import ORDER
+from diag_dynamics.nodes.support.messages import ORDER
 from graph.executors import EXECUTORS
 from graph.processes import GraphError
 from graph.session import TIMED, Burst, Session, Subject, private_domain

@@ -13,8 +13,7 @@ import diag_dynamics as dd
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.nodes.support.messages import MessageMaker
-from diag_dynamics.nodes.support.topics import MATRICES, ORDER
+from diag_dynamics.nodes.support.messages import MATRICES, ORDER, MessageMaker
 from diag_dynamics.parameters.monitor import RATES
 
 

@@ -33,10 +33,11 @@ from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_status
 from diag_dynamics.nodes.support import messages
 from diag_dynamics.nodes.support.messages import (
+    MATRICES,
+    ORDER,
     BytesMaker,
     MessageMaker,
 )
-from diag_dynamics.nodes.support.topics import MATRICES, ORDER
 from diag_dynamics.parameters.monitor import Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import Template

@@ -8,8 +8,9 @@ from importlib import import_module
 from rclpy.qos import QoSProfile
 
 from diag_dynamics.nodes.support.guard import attempt
+from diag_dynamics.nodes.support.messages import ORDER
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
-from diag_dynamics.nodes.support.topics import ORDER, TOPICS
+from diag_dynamics.nodes.support.topics import TOPICS
 from diag_dynamics.text import shortened
 
 

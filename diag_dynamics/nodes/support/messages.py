@@ -62,15 +62,18 @@ MATRICES = {
 """Messages of matrices."""
 
 EVALUATED = {
+    "kinetic_energy": KineticEnergy,
+    "state": DiagonalizedState,
     "total_joint_rates": TotalJointRates,
     "working_moments": WorkingMoments,
     "coriolis": CoriolisTerm,
-    "kinetic_energy": KineticEnergy,
-    "state": DiagonalizedState,
 }
 """Messages about an Evaluation."""
 
-TOPICS = *EVALUATED, *MATRICES, "external_torque"
+ORDER = *EVALUATED, *MATRICES
+"""Topics about a state, in the order in which they are published: matrices last."""
+
+TOPICS = *ORDER, "external_torque"
 """Topics whose fields recordings have, too."""
 
 
@@ -141,7 +144,7 @@ class MessageMaker:
         return self.make(topic, kind, state, texts, values, (with_effort, s.friction is not None))
 
     def matrix(self, topic, dynamics, state, with_inverse=False):
-        """Return a message of topics.MATRICES at a RobotState: m, D, perhaps ℓ; or M, c, g."""
+        """Return a message of :data:`MATRICES` at a RobotState: m, D, perhaps ℓ; or M, c, g."""
         values = matrix_fields(topic, dynamics, state, with_inverse)
         return self.make(topic, MATRICES[topic], state, self._texts[topic], values, (with_inverse,))
 

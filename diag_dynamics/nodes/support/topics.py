@@ -24,12 +24,8 @@ class Topic(NamedTuple):
     type: str
     """Type of the message: ``package/Name``, or the name of a message of this package."""
     meaning: str
-    matrix: bool = False
-    """Whether it is not made of the evaluation of a state."""
     condition: str = ""
     """Parameter without which nothing is published."""
-    beside: bool = False
-    """Whether it is made by itself, beside the others."""
 
 
 TOPICS = (
@@ -46,29 +42,25 @@ TOPICS = (
         "mass_matrix_factors",
         "MassMatrixFactors",
         "m, D; ℓ with publish_inverse_factor",
-        matrix=True,
     ),
-    Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g", matrix=True),
+    Topic("joint_space_dynamics", "JointSpaceDynamics", "M, c, g"),
     Topic(
         "external_torque",
         "ExternalTorque",
         "r, m r, |r| and collision of a disturbance observer",
         condition="external_torque.gain",
-        beside=True,
     ),
     Topic(
         "external_wrench",
         "geometry_msgs/WrenchStamped",
         "wrench of the environment on the robot at the first of external_wrench.frames",
         condition="external_wrench.frames",
-        beside=True,
     ),
     Topic(
         "external_wrench_estimates",
         "ExternalWrench",
         "wrench at each frame with its covariance and unobserved directions, also without a result",
         condition="external_wrench.frames",
-        beside=True,
     ),
     Topic(
         "load",
@@ -76,29 +68,17 @@ TOPICS = (
         "mass and centre of a load with standard deviations, "
         "and whether the external torque is that of a load",
         condition="load.link",
-        beside=True,
     ),
     Topic(
         "contact_limits",
         "ContactLimits",
         "predicted contact at the worst point of each link: speed, mass, energy, force, margin",
-        beside=True,
     ),
     Topic(
         "markers",
         "visualization_msgs/MarkerArray",
         "for RViz and Foxglove: "
         "links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, collision",
-        beside=True,
     ),
 )
-"""Topics in the order in which messages of a state are published.
-
-Topics for safety are first, matrices last.
-"""
-
-MATRICES = tuple(topic.name for topic in TOPICS if topic.matrix)
-"""Topics that are not made of the evaluation of a state."""
-
-ORDER = (*(topic.name for topic in TOPICS if not topic.matrix and not topic.beside), *MATRICES)
-"""Topics about a state, in the order in which they are published: matrices last."""
+"""All topics of the monitor."""
