@@ -85,7 +85,8 @@ def run(chosen):
             "recording is missing; expected a path before --set and --joint-names, or --fleet "
             "PATTERN."
         )
-    parameters, robot = _parameters(chosen), common.chosen_robot(chosen)
+    parameters = _parameters(chosen)
+    robot = common.chosen_robot(chosen)
     if chosen.fleet is not None:
         return fleet.analyse(chosen, parameters, robot)
     fleet.refuse(chosen)
@@ -107,7 +108,8 @@ def run(chosen):
 
 def _write_column_map(chosen):
     """Write a column map of the first recording to fill in."""
-    path, recording = Path(chosen.columns).expanduser(), chosen.recording[0]
+    path = Path(chosen.columns).expanduser()
+    recording = chosen.recording[0]
     source = open_source(recording)
     if isinstance(source, BagSource):
         raise InputError(f"'{plain(recording)}' is no table; expected --columns with a file.")
@@ -133,7 +135,8 @@ def _analyse(chosen, parameters, robot, write):
 
 def _analyse_several(chosen, parameters, robot, write):
     """Analyse one recording after another; one that fails does not stop the others."""
-    summaries, failed = [], {}
+    summaries = []
+    failed = {}
     for recording in chosen.recording:
         try:
             summary = _summary(chosen, recording, parameters, robot)

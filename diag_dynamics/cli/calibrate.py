@@ -99,7 +99,8 @@ def run(chosen):
             threads=chosen.threads,
         )
     calibration.save(chosen.output, _notes(chosen))
-    texts, is_damaged = [], False
+    texts = []
+    is_damaged = False
     for recording in recordings:
         for finding in recording.findings:
             if finding.cause != "note":
@@ -155,7 +156,8 @@ def _summary(calibration, model, path, findings):
     yield f"Thresholds of collision, {method}, and of contact, {contact_method}; for joints also"
     yield "the smallest external torque that it shows while it stands"
     names = [LABELS.get(name, (name, ""))[0] for name in calibration.limits]
-    width, units = max(map(len, names)), _units(model)
+    width = max(map(len, names))
+    units = _units(model)
     smallest = calibration.smallest_torques
     for name, label in zip(calibration.limits, names, strict=True):
         limits = f"{calibration.limits[name]:.4g} {units[name]}  {contact.limits[name]:.4g}"

@@ -219,14 +219,19 @@ class StreamedRecording:
     """A recording that each call of :meth:`pieces` reads; `findings` are of the last reading."""
 
     def __init__(self, path, read, model, progress):
-        self.path, self.model, self.findings = path, model, []
-        self._read, self._progress = read, progress
+        self.path = path
+        self.model = model
+        self.findings = []
+        self._read = read
+        self._progress = progress
 
     def pieces(self):
         """Yield Recordings; raise InputError without any state."""
-        reading, states = self._read(self.path, self.model), 0
+        reading = self._read(self.path, self.model)
+        states = 0
         for piece in reading.pieces():
-            self.findings, states = piece.findings, states + len(piece)
+            self.findings = piece.findings
+            states = states + len(piece)
             self._progress.show(f"{self.path}: {states} states")
             yield piece
         if not states:

@@ -94,7 +94,8 @@ def _compile(jobs, progress):
     An interrupt ends the processes.
     """
     context = multiprocessing.get_context("spawn")  # a fork would share the compiler's locks
-    pool, done = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent), 0
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_parent)
+    done = 0
     try:
         before = signal.signal(
             signal.SIGINT, signal.SIG_IGN

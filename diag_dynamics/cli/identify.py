@@ -67,7 +67,8 @@ def add_arguments(parser):
 
 def run(chosen):
     """Identify; return the exit status."""
-    parameters, robot = common.chosen_parameters(chosen), common.chosen_robot(chosen)
+    parameters = common.chosen_parameters(chosen)
+    robot = common.chosen_robot(chosen)
     if chosen.write_urdf and is_mjcf(robot):
         raise InputError(
             f"--write-urdf requires a URDF, but '{robot}' is an MJCF. Use -o ARM.yaml."
@@ -128,7 +129,8 @@ def _report_outputs(chosen):
 
 def format_summary(result):
     """Return lines on the parameters and the quality in cross-validation."""
-    quality, model = result.quality, result.model
+    quality = result.quality
+    model = result.model
     lines = [
         f"{model.name}: {', '.join(quality['taken']) or 'no parameter improved the model'}",
         "",

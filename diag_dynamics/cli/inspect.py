@@ -191,7 +191,8 @@ def _range(extremes, unit):
 
 
 def _finding(finding):
-    names, values = (*finding.links, *finding.joints), finding.values
+    names = (*finding.links, *finding.joints)
+    values = finding.values
     unit = f" [{finding.unit}]" if finding.unit and values else ""
     text = f"{finding.what.rstrip('.') if names else finding.what}{unit}{':' if names else ''}"
     yield from _wrapped(f"{finding.severity:9}", text)

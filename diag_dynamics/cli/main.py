@@ -47,7 +47,8 @@ OWN_MAIN = "demo", "top"
 
 def main(arguments=None):
     """Run the command that the arguments begin with; return the exit status."""
-    show, warnings.showwarning = warnings.showwarning, _show_warning
+    show = warnings.showwarning
+    warnings.showwarning = _show_warning
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         sys.stdout.flush()

@@ -85,7 +85,8 @@ class AdaptiveTracking(JointTracking):
     ) -> None:
         super().__init__(dynamics, gain, convergence, **options)
         dynamics.compile("jacobian", "link_acceleration", "placement", "factors")
-        self.link, self.rate = link, positive("rate", rate, "[1/J]")
+        self.link = link
+        self.rate = positive("rate", rate, "[1/J]")
         self.max_mass = positive("max_mass", max_mass, "[kg]")
         self._nominal = pseudo_inertia(dynamics, link)
         self.reset()
@@ -123,7 +124,8 @@ class AdaptiveTracking(JointTracking):
         tau, g = super()._reference(q, qd, qd_r, qdd_r)
         J = self.dynamics.jacobian(q, self.link)
         G = self._accelerations(q, J, qd, qd_r, qdd_r)
-        change, weight = self.pseudo_inertia - self._nominal, self._upward(q)
+        change = self.pseudo_inertia - self._nominal
+        weight = self._upward(q)
         G += weight
         L = _velocities(J @ (qd - qd_r)).T @ G
         self._power = 0.5 * (L + L.T)
@@ -135,7 +137,8 @@ class AdaptiveTracking(JointTracking):
         The largest weight is stable if ω²·period < K/2.
         """
         super().require_stable(q, period)
-        J, G = self.dynamics.jacobian(q, self.link), self._upward(q)
+        J = self.dynamics.jacobian(q, self.link)
+        G = self._upward(q)
         powers = [_velocities(column).T @ G for column in J.T]
         columns = np.array(
             [self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]
@@ -172,7 +175,8 @@ def _velocities(twist: Array) -> Array:
 
     The twist has the linear velocity first, then the angular velocity.
     """
-    (vx, vy, vz), (x, y, z) = twist[:3], twist[3:]
+    vx, vy, vz = twist[:3]
+    x, y, z = twist[3:]
     return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz]])
 
 
@@ -186,7 +190,8 @@ def pseudo_inertia(dynamics: DiagonalDynamics, link: str) -> Array:
     index, placement = dynamics.model.placement_in_body(link)
     if index == 0:
         raise InputError(f"link is '{link}'; expected a link that a joint moves.")
-    body, P = dynamics.model.bodies[index], np.zeros((4, 4))
+    body = dynamics.model.bodies[index]
+    P = np.zeros((4, 4))
     inertia = symmetric(body["inertia"])
     mass = max(float(body["mass"]), MIN_MASS)
     center = body["first_moment"] / mass

@@ -39,10 +39,8 @@ class DeadZone:
     def __init__(self, dynamics: DiagonalDynamics, fraction: float, gain: float) -> None:
         self._gain = positive("gain", gain, "[1/s]")
         model = instance("dynamics", dynamics, DiagonalDynamics).model
-        self._dynamics, self._fraction = (
-            dynamics,
-            not_negative("fraction", fraction, "(a fraction)"),
-        )
+        self._dynamics = dynamics
+        self._fraction = not_negative("fraction", fraction, "(a fraction)")
         self._is_used = bool(fraction and (model.friction.any() or model.load_friction.any()))
         self._largest: Array = np.zeros((2, model.nv))  # of standing joints, and at all states
         if self._is_used:
@@ -89,7 +87,8 @@ class DeadZone:
         """
         if not self._is_used or not len(stamps):
             return residual, external_torque
-        model, lowered = self._dynamics.model, external_torque.copy()
+        model = self._dynamics.model
+        lowered = external_torque.copy()
         zones = np.broadcast_to(model.friction, lowered.shape)
         if model.load_friction.any():
             zones = zones + model.load_friction * np.abs(self._dynamics.gravity_torque(q))

@@ -56,24 +56,28 @@ class EffortRate:
     def begin(self) -> None:
         """Scale nothing until the next command."""
         self._demands = np.zeros((CYCLES, len(self.rate)))
-        self._scale, self.scaling_joint = 1.0, None
+        self._scale = 1.0
+        self.scaling_joint = None
 
     def scaled(self, command: Command, period: float) -> Command:
         """Return the command of a law, scaled for the rate of its efforts.
 
         The last command was a period [s] before.
         """
-        tau, gravity = command.tau, command.gravity_torque
+        tau = command.tau
+        gravity = command.gravity_torque
         demand, joint = demand_rate(tau, gravity, self.rate, SHARE * period, self._demands)
         if demand * self._scale > 1.0:
             slower = self._scale * math.exp(-DECAY * period)
-            self._scale, self.scaling_joint = max(1.0 / demand, slower), joint
+            self._scale = max(1.0 / demand, slower)
+            self.scaling_joint = joint
         elif self._scale < 1.0:
             self._scale = min(self._scale * math.exp(GROWTH * period), 1.0)
         if self._scale == 1.0:
             self.scaling_joint = None
             return command
-        tau, friction = gravity + self._scale * (tau - gravity), command.friction
+        tau = gravity + self._scale * (tau - gravity)
+        friction = command.friction
         if friction is not None:
             friction = self._scale * friction
         return command._replace(tau=tau, epsilon=self._scale * command.epsilon, friction=friction)

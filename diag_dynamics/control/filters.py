@@ -121,7 +121,8 @@ class Limits:
         start: VectorLike | None = None,
     ) -> None:
         model = actuated(dynamics).model
-        self._names, self._compensated = model.dof_names, compensated
+        self._names = model.dof_names
+        self._compensated = compensated
         margin = not_negative("margin", margin, "[rad, m]")
         limit = model.effort_limit if effort_limit is None else effort_limit
         expected = "a number > 0 [N m, N]"
@@ -144,7 +145,8 @@ class Limits:
             if contact_points is None
             else ContactLimiter(dynamics, contact_points, CONTACT_RATE)
         )
-        self._rate, self._dynamics = EffortRate(effort_rate, model.dof_names), dynamics
+        self._rate = EffortRate(effort_rate, model.dof_names)
+        self._dynamics = dynamics
         self._energy_limits = energy.limit, energy.joint_limit, energy.rate
         dynamics.compile("factors")
         deliver.compile()
@@ -191,7 +193,8 @@ class Limits:
         """
         not_negative("period", period, "[s]")
         h = period or FIRST_PERIOD
-        q, qd = vector("q", q, self._names), vector("qd", qd, self._names)
+        q = vector("q", q, self._names)
+        qd = vector("qd", qd, self._names)
         vector("command.tau", instance("command", command, Command).tau, self._names)
         external = None if external is None else vector("external", external, self._names)
         g = vector("command.gravity_torque", command.gravity_torque, self._names)
@@ -201,7 +204,8 @@ class Limits:
         command = self._rate.scaled(command, period)
         if self._springs:
             command = self._springs.filter(q, qd, command, h)
-        unlimited, outside = command, external
+        unlimited = command
+        outside = external
         if command.friction is not None:
             outside = -command.friction if external is None else external - command.friction
         if self.energy:

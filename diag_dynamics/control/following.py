@@ -59,8 +59,11 @@ class Following:
     """
 
     def __init__(self, names, trajectory, tolerances, continuous):
-        self.names, self._tolerances, self._continuous = names, tolerances, continuous
-        self.start, self._end = trajectory.start, trajectory.end
+        self.names = names
+        self._tolerances = tolerances
+        self._continuous = continuous
+        self.start = trajectory.start
+        self._end = trajectory.end
         self.outcome = self.state = self.desired = None
 
     def finish(self, outcome):
@@ -72,7 +75,8 @@ class Following:
     @property
     def error(self):
         """Desired minus actual position [rad, m] and velocity [rad/s, m/s], shape (2, nv)."""
-        state, desired = self.state, self.desired
+        state = self.state
+        desired = self.desired
         position = nearest(desired.position, state.position, self._continuous) - state.position
         return np.array([position, desired.velocity - state.velocity])
 
@@ -84,8 +88,10 @@ class Following:
         """
         if self.outcome:
             return ""
-        self.state, self.desired = state, desired
-        late, tolerances = (state.newest - self._end) * 1e-9, self._tolerances
+        self.state = state
+        self.desired = desired
+        late = (state.newest - self._end) * 1e-9
+        tolerances = self._tolerances
         limits = tolerances.path if late < 0.0 else tolerances.goal
         error = np.abs(self.error)
         beyond = np.argwhere(~(error <= limits))

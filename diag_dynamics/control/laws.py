@@ -211,7 +211,8 @@ class JointLaw(Law):
         of a continuous joint the shorter way round.
         """
         names = self.dynamics.model.dof_names
-        q, qd = vector("q", q, names), vector("qd", qd, names)
+        q = vector("q", q, names)
+        qd = vector("qd", qd, names)
         error = vector("desired_q", desired_q, names) - q
         error = np.where(self._continuous, rotations.wrap_angle(error), error)
         qd_d = self._zero if desired_qd is None else vector("desired_qd", desired_qd, names)
@@ -490,14 +491,18 @@ class PoseRegulation(Law):
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
         position, axes = self.pose(q)
-        wrench, stored, distance, rotation = np.zeros(6), 0.0, None, None
+        wrench = np.zeros(6)
+        stored = 0.0
+        distance = None
+        rotation = None
         regulated = np.repeat([self._position is not None, self._axes is not None], 3)
         if self._position is not None:
             distance = self._position - position
             wrench[:3] = self.position_stiffness * distance
             stored += 0.5 * float(wrench[:3] @ distance)
         if self._axes is not None:
-            weight, R = 0.5 * self.orientation_stiffness, self._axes @ axes.T
+            weight = 0.5 * self.orientation_stiffness
+            R = self._axes @ axes.T
             wrench[3:] = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
             stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
             rotation = rotations.to_vector(R)
@@ -522,7 +527,8 @@ class PoseRegulation(Law):
             largest = largest_frequency(self.damping_ratio, period)
         else:
             self._require_rates("damping", self.damping, period)
-            root, largest = root / np.sqrt(self.damping)[:, None], math.sqrt(STABLE / period)
+            root = root / np.sqrt(self.damping)[:, None]
+            largest = math.sqrt(STABLE / period)
         names = [f"position_stiffness of '{axis}'" for axis in "xyz"]
         names += 3 * ["orientation_stiffness"]
         require_slow(root, names, self._root**2, largest, period)
@@ -530,7 +536,8 @@ class PoseRegulation(Law):
 
 def rotation_of(orientation: Any) -> Array:
     """Return the rotation matrix of a unit quaternion (x, y, z, w) or a rotation matrix."""
-    expected, array = "a rotation matrix or a unit quaternion (x, y, z, w)", array_of(orientation)
+    expected = "a rotation matrix or a unit quaternion (x, y, z, w)"
+    array = array_of(orientation)
     if array is not None and array.shape == (4,) and np.isfinite(array).all():
         length = math.sqrt(float(array @ array))
         if abs(length - 1.0) > UNIT:

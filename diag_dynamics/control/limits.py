@@ -89,7 +89,8 @@ class EnergyLimiter:
         joint_limit: Gain = math.inf,
         rate: float = 50.0,
     ) -> None:
-        self.dynamics, names = actuated(dynamics), dynamics.model.dof_names
+        self.dynamics = actuated(dynamics)
+        names = dynamics.model.dof_names
         self.limit = math.inf if limit == math.inf else positive("limit", limit, "[J]")
         self.joint_limit = per_name(
             "joint_limit", joint_limit, names, "a number > 0 [J]", lambda x: x > 0.0
@@ -111,9 +112,12 @@ class EnergyLimiter:
 
         `period` is h > 0, until the next command [s].
         """
-        h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
-        q, qd = vector("q", q, names), vector("qd", qd, names)
-        tau, end = command.tau, command.nu + h * command.epsilon
+        h = positive("period", period, "[s]")
+        names = self.dynamics.model.dof_names
+        q = vector("q", q, names)
+        qd = vector("qd", qd, names)
+        tau = command.tau
+        end = command.nu + h * command.epsilon
         if external is not None:
             external = vector("external", external, names)
             tau = tau + self.dynamics.tau_from_epsilon(q, external)
@@ -162,7 +166,8 @@ class PositionRepulsion:
         self, dynamics: DiagonalDynamics, margin: Gain, stiffness: Gain, damping: Gain = 0.0
     ) -> None:
         self.dynamics = actuated(dynamics)
-        model, names = dynamics.model, dynamics.model.dof_names
+        model = dynamics.model
+        names = dynamics.model.dof_names
         margin = per_name("margin", margin, names, "a finite number > 0 [rad, m]")
         self.stiffness = per_name(
             "stiffness", stiffness, names, "a finite number > 0 [N m/rad, N/m]"
@@ -189,8 +194,10 @@ class PositionRepulsion:
 
         `period` is h > 0, until the next command [s].
         """
-        h, names = positive("period", period, "[s]"), self.dynamics.model.dof_names
-        q, qd = vector("q", q, names), vector("qd", qd, names)
+        h = positive("period", period, "[s]")
+        names = self.dynamics.model.dof_names
+        q = vector("q", q, names)
+        qd = vector("qd", qd, names)
         step = RETREAT * h * self._margin
         lower, upper = (q, q) if self._is_new else (self._lower + step, self._upper - step)
         self._is_new = False
@@ -246,7 +253,8 @@ class ContactLimiter:
     _scale = 1.0
 
     def __init__(self, dynamics: DiagonalDynamics, points: ContactPoints, rate: float) -> None:
-        self.dynamics, self.points = actuated(dynamics), points
+        self.dynamics = actuated(dynamics)
+        self.points = points
         self.rate = positive("rate", rate, "[1/s]")
         if not points.limited.any():
             raise InputError("points have no limit: there is nothing to bound.")
@@ -291,9 +299,11 @@ class ContactLimiter:
 
         `period` is h > 0, until the next command [s].
         """
-        dynamics, names = self.dynamics, self.dynamics.model.dof_names
+        dynamics = self.dynamics
+        names = self.dynamics.model.dof_names
         h = positive("period", period, "[s]")
-        q, qd = vector("q", q, names), vector("qd", qd, names)
+        q = vector("q", q, names)
+        qd = vector("qd", qd, names)
         now = self.look(q, qd).contact.usage ** 2
         tau = command.tau
         if external is not None:
@@ -330,7 +340,8 @@ class ContactLimiter:
         The impulse stops the worst point of the entry. In total rates it takes ν's projection onto
         the range of ℓJᵀ.
         """
-        dynamics, point = self.dynamics, self.points.points[k][contact.point[k]]
+        dynamics = self.dynamics
+        point = self.points.points[k][contact.point[k]]
         factor = dynamics.wrench_factor(q, contact.links[k], point)[:, :3]
         directions, sizes, _ = np.linalg.svd(factor, full_matrices=False)
         directions = directions[:, sizes**2 > IMMOBILE * sizes[0] ** 2]

@@ -118,11 +118,13 @@ class LoadEstimator:
         covariance: MatrixLike,
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
-        self.link, self.gain = link, positive("gain", gain, "[1/s]")
+        self.link = link
+        self.gain = positive("gain", gain, "[1/s]")
         nv = dynamics.model.nv
         self._whitening = np.ascontiguousarray(whitening(dynamics.model, covariance))
         self._prior = np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
-        self._columns, self._matrices = np.zeros((5, nv, LOAD)), np.zeros((3, LOAD + 1, LOAD + 1))
+        self._columns = np.zeros((5, nv, LOAD))
+        self._matrices = np.zeros((3, LOAD + 1, LOAD + 1))
         self._time: float | None = None
         update_load.compile()
         self.dynamics = dynamics
@@ -137,8 +139,11 @@ class LoadEstimator:
         body, placement = dynamics.model.placement_in_body(self.link)
         if body == 0:
             raise InputError(f"link is '{self.link}'; expected a link that a joint moves.")
-        before, self.dynamics, self._frames = self.dynamics, dynamics, np.zeros(1, FRAME)
-        self._frames["body"], self._frames["rotation"] = body, placement[:3, :3].ravel()
+        before = self.dynamics
+        self.dynamics = dynamics
+        self._frames = np.zeros(1, FRAME)
+        self._frames["body"] = body
+        self._frames["rotation"] = placement[:3, :3].ravel()
         self._frames["translation"] = placement[:3, 3]
         self._workspace = dynamics.model.new_workspace()
         if dynamics.model.bodies is not before.model.bodies:
@@ -150,7 +155,8 @@ class LoadEstimator:
         self._since = math.inf  # time from which on the conditions hold
         self._matrices[:] = 0.0
         self._count = 0.0
-        self._constant, self._energy = np.zeros(self.dynamics.model.nv), 0.0
+        self._constant = np.zeros(self.dynamics.model.nv)
+        self._energy = 0.0
         self.last = Load(False, "no state since the reset")
 
     def update(
@@ -168,18 +174,20 @@ class LoadEstimator:
             m r [N m, N]. None resets: the observer has restarted at this state. Do not pass states
             that it has skipped.
         """
-        time, model = number("time", time, "a finite number [s]"), self.dynamics.model
-        q, qd = vector("q", q, model.coordinate_names), vector("qd", qd, model.dof_names)
+        time = number("time", time, "a finite number [s]")
+        model = self.dynamics.model
+        q = vector("q", q, model.coordinate_names)
+        qd = vector("qd", qd, model.dof_names)
         if external_torque is None or self._time is None or time < self._time:
             reason = "the observer has no result" if external_torque is None else "first state"
             self.reset()
-            interval, torque, self._response = 0.0, np.zeros(model.nv), 0.0
+            interval = 0.0
+            torque = np.zeros(model.nv)
+            self._response = 0.0
             self.last = Load(False, reason)
         else:
-            interval, torque = (
-                time - self._time,
-                vector("external_torque", external_torque, model.dof_names),
-            )
+            interval = time - self._time
+            torque = vector("external_torque", external_torque, model.dof_names)
             if interval == 0.0:
                 return self.last
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
@@ -226,8 +234,10 @@ class LoadEstimator:
         return bool(self._matrices[1, LOAD, LOAD] < energy)
 
     def _result(self, time: float) -> Load:
-        swept, energy = self._matrices[1], float(self._matrices[0, LOAD, LOAD])
-        mass, covariance = float(swept[0, LOAD]), -swept[:LOAD, :LOAD]
+        swept = self._matrices[1]
+        energy = float(self._matrices[0, LOAD, LOAD])
+        mass = float(swept[0, LOAD])
+        covariance = -swept[:LOAD, :LOAD]
         noise = len(self._whitening) * self._count
         unexplained = max(0.0, float(swept[LOAD, LOAD]) - noise)
         explained = 1.0 - unexplained / (energy - noise) if energy > noise else 0.0
@@ -269,8 +279,10 @@ class LoadEstimator:
         InputError
             The mass of the estimate is not significant.
         """
-        load, payload = self.last, self._known()
-        remaining, uncertain = payload.mass + load.mass, self._uncertain(load)
+        load = self.last
+        payload = self._known()
+        remaining = payload.mass + load.mass
+        uncertain = self._uncertain(load)
         if not load.is_significant or remaining < -uncertain:
             estimate = (
                 f"{load.mass:.3g} ± {load.mass_deviation:.2g} kg"

@@ -78,7 +78,8 @@ class Sent(NamedTuple):
 
 def require_consistent(values):
     """Raise InputError if values of the controller's parameters contradict each other."""
-    hold_time, max_age = values["hold_time"], values["max_state_age"]
+    hold_time = values["hold_time"]
+    max_age = values["max_state_age"]
     if hold_time < 2.0 * max_age:
         hold, least, age = distinct(hold_time, 2.0 * max_age, max_age)
         raise InputError(
@@ -95,7 +96,8 @@ def _limits(dynamics, values, compensated, points):
     """Return the Limits of the parameters; efforts begin at zero."""
     model = dynamics.model
     unbounded = np.full(model.nv, np.inf)
-    shares, rates = values["joint_energy_limit"], values["effort_rate"]
+    shares = values["joint_energy_limit"]
+    rates = values["effort_rate"]
     return Limits(
         dynamics,
         margin=values["limit_margin"],
@@ -144,7 +146,9 @@ class ControlLoop:
     def forget(self):
         """Wait for the next valid state, which starts the initial mode."""
         self.supervisor.forget()
-        self._mode, self.state, self.energy = self._initial_mode, None, 0.0
+        self._mode = self._initial_mode
+        self.state = None
+        self.energy = 0.0
         self._stands_by = False  # whether the last command came from stand_by
         self._origin = None  # stamp of the observer's first state [ns]
         self._is_late = False  # whether the last period was longer than max_age
@@ -218,7 +222,8 @@ class ControlLoop:
         Damping or gravity compensation replaces them. Return the reason.
         """
         gap = 0.0 if before is None else (self.state.newest - before.newest) * 1e-9
-        was_late, self._is_late = self._is_late, gap > self.supervisor.max_age
+        was_late = self._is_late
+        self._is_late = gap > self.supervisor.max_age
         if gap <= 0.0 or (self._is_late and not was_late):  # a single stall
             return ""
         self._periods += 1
@@ -322,7 +327,8 @@ class ControlLoop:
 
         With a timeout, a missing or stale scale counts as 0.
         """
-        limiter, timeout = self.limits.contact, self._scale_timeout
+        limiter = self.limits.contact
+        timeout = self._scale_timeout
         if limiter is not None:
             scale, time = self._scale or (1.0, None)
             fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
@@ -341,7 +347,8 @@ class ControlLoop:
             problem = self._outside_limits(state.position)
         if problem:
             return self.without_state(now, problem)
-        before, self.state = self.state, state
+        before = self.state
+        self.state = state
         if supervisor.will_start:
             self._begin_efforts()
         if supervisor.phase == RAMPING_DOWN:  # the arm may have been moved, perhaps by a person
@@ -397,8 +404,10 @@ class ControlLoop:
 
         Return None then.
         """
-        state, limits = self.state, self.limits
-        command, time = self._braking.command(state), state.newest
+        state = self.state
+        limits = self.limits
+        command = self._braking.command(state)
+        time = state.newest
         if before is None:
             limits.limit_to_gravity(command)
         if self._carried_since is None and limits.reaches_gravity(command, self._elapsed(time)):
@@ -521,7 +530,8 @@ class ControlLoop:
         self._mode.forget_rate()
         if self._observer:
             self._observer.reset()
-        silent, demand = self.is_silent, self.at_rest
+        silent = self.is_silent
+        demand = self.at_rest
         effort = self.limits.ramp(demand, self._elapsed(now))
         self._count_time(now)
         waiting = names_where(self.dynamics.model.dof_names, effort != demand)

@@ -80,7 +80,8 @@ class Mode:
     _moving = False  # whether the target of the last command moves, and V with it
 
     def __init__(self, law, values):
-        self.law, self._model = law, law.dynamics.model
+        self.law = law
+        self._model = law.dynamics.model
         self._max_period = values["max_state_age"]
         self._max_error = values["following_energy"] or np.inf
         limits = self._model.velocity_bound
@@ -90,9 +91,11 @@ class Mode:
 
     def stop(self):
         """Make the next state the target."""
-        self.begun, self._lag = False, 0.0  # V of the last command relative to following_energy
+        self.begun = False
+        self._lag = 0.0  # V of the last command relative to following_energy
         self.desired = None
-        self._away_since, self.shortfall = None, ""
+        self._away_since = None
+        self.shortfall = ""
         self.forget_rate()
 
     def begin(self, state):
@@ -139,8 +142,10 @@ class Mode:
 
         It is None unless both have the same target.
         """
-        V, last = command.lyapunov, self._last
-        self._lag, self._last = V / self._max_error, None if self._moving else (V, time)
+        V = command.lyapunov
+        last = self._last
+        self._lag = V / self._max_error
+        self._last = None if self._moving else (V, time)
         if last is None or time <= last[1]:
             return None
         return (V - last[0]) / ((time - last[1]) * 1e-9)
@@ -163,7 +168,8 @@ def _gains(dynamics, values, name):
 class GravityCompensationMode(Mode):
     """Gravity compensation: the robot is guided by hand."""
 
-    name, stops_arm = "gravity_compensation", False
+    name = "gravity_compensation"
+    stops_arm = False
 
     def __init__(self, dynamics, values):
         super().__init__(GravityCompensation(dynamics), values)
@@ -184,7 +190,9 @@ class PoseMode(Mode):
     Its springs pull to a pose that moves to the target at bounded speed.
     """
 
-    name, targets, stops_arm = "pose", ("target",), False
+    name = "pose"
+    targets = ("target",)
+    stops_arm = False
 
     def __init__(self, dynamics, values):
         law = PoseRegulation(
@@ -202,7 +210,8 @@ class PoseMode(Mode):
         self._aim = None  # position [m] and axes to which the springs pull
 
     def _stay(self, state):
-        self._aim, self._target = self.law.pose(state.position), None
+        self._aim = self.law.pose(state.position)
+        self._target = None
         self.law.aim(*self._aim)
 
     def take_pose(self, state, link, position, orientation):
@@ -212,11 +221,13 @@ class PoseMode(Mode):
         """
         name = "target.pose.position"
         position = numbers(name, position, (3,), "three finite numbers [m]")
-        axes, X = rotation_of(orientation), self.law.dynamics.placement(state.position, link)
+        axes = rotation_of(orientation)
+        X = self.law.dynamics.placement(state.position, link)
         # the nearest rotation, because the URDF's angles are rounded
         U, _, V = np.linalg.svd(X[:3, :3] @ axes)
         self.begin(state)
-        goal, rate = (X[:3, :3] @ position + X[:3, 3], U @ V), np.full(2, APPROACH_RATE)
+        goal = (X[:3, :3] @ position + X[:3, 3], U @ V)
+        rate = np.full(2, APPROACH_RATE)
         self._target = PoseTarget(
             goal, state.newest, self._aim, self._speed, rate, self._max_period, self._target
         )
@@ -265,7 +276,9 @@ class JointMode(Mode):
 
     def _set_target(self, position, state):
         """Make a position the target, from the desired motion on."""
-        start, moving, model = self.desired.position, self.desired.velocity, self._model
+        start = self.desired.position
+        moving = self.desired.velocity
+        model = self._model
         room = np.where(moving > 0.0, model.upper - start, start - model.lower)
         motion = self.desired, self._speed, self._approach, self._continuous
         self._target = SetPoint(position, state.newest, *motion, self._max_period, room)
@@ -304,7 +317,8 @@ class JointMode(Mode):
 
         A robot would press on its stops there.
         """
-        model, positions = self._model, np.atleast_2d(positions)
+        model = self._model
+        positions = np.atleast_2d(positions)
         beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
         if len(beyond):
             row, k = beyond[0]
@@ -378,13 +392,15 @@ class JointMode(Mode):
         At rest this is the spring once more, at most FRICTION_SHARE of Coulomb friction: it alone
         does not move a joint.
         """
-        model, velocity = self._model, self.desired.velocity
+        model = self._model
+        velocity = self.desired.velocity
         moving = np.minimum(np.abs(velocity) / max(model.friction_velocity, AT_REST), 1.0)
         bound = FRICTION_SHARE * _coulomb_friction(model, command.gravity_torque)
         effort = self.law.dynamics.friction_torque(velocity, q)
         effort += (1.0 - moving) * np.clip(self._spring(command.error), -bound, bound)
         added = self.law.dynamics.epsilon_from_tau(q, effort)
-        tau, epsilon = command.tau + effort, command.epsilon + added
+        tau = command.tau + effort
+        epsilon = command.epsilon + added
         return command._replace(tau=tau, epsilon=epsilon, friction=added)
 
 
@@ -433,7 +449,8 @@ class RegulationMode(JointMode):
 
     def adapt(self, position, period):
         """Set the stiffness for a position [rad, m] and a period [s]."""
-        self._period, law = period, self.law
+        self._period = period
+        law = self.law
         m, inverse = law.dynamics.factors(position)[:2]
         root = np.sqrt(STIFFNESS_RATIO) * self._convergence[:, None] * m * self._gain
         friction = _coulomb_friction(self._model, law.dynamics.gravity_torque(position))
@@ -456,10 +473,13 @@ def _stable_stiffness(inverse, root, single, largest):
     No mode exceeds the square `largest` of a frequency [1/s²]. D are the inertias of single joints,
     so that springs give way where they are stiff for their inertia.
     """
-    fastest, allowed = np.linalg.norm(inverse @ root, 2) ** 2, 0.5 * largest
+    fastest = np.linalg.norm(inverse @ root, 2) ** 2
+    allowed = 0.5 * largest
     coupled = allowed / max(fastest, allowed) * root @ root.T
     inertia = 1.0 / np.square(inverse).sum(axis=0)
-    low, high, square = 0.0, largest, largest
+    low = 0.0
+    high = largest
+    square = largest
     for _ in range(ROUNDS):
         stiffness = coupled + np.diag(np.minimum(single, square * inertia))
         if np.linalg.norm(inverse @ stiffness @ inverse.T, 2) > largest:

@@ -87,10 +87,12 @@ class DisturbanceObserver:
     ) -> None:
         instance("dynamics", dynamics, DiagonalDynamics)
         choice("effort", effort, ("sampled", "held"))
-        self._dynamics, self._names = dynamics, dynamics.model.dof_names
+        self._dynamics = dynamics
+        self._names = dynamics.model.dof_names
         self.gain = per_name("gain", gain, self._names, "a finite number > 0 [1/s]")
         self.max_gap = positive("max_gap", max_gap, "[s]")
-        self._held, self._friction = effort == "held", bool(friction)
+        self._held = effort == "held"
+        self._friction = bool(friction)
         self.reset()
         self.use(dynamics)
 
@@ -104,7 +106,8 @@ class DisturbanceObserver:
                 ", ".join(names) for names in (dynamics.model.dof_names, self._names)
             )
             raise InputError(f"dynamics have the degrees of freedom {actual}, expected {expected}.")
-        before, self._dynamics = self._dynamics, dynamics
+        before = self._dynamics
+        self._dynamics = dynamics
         dynamics.compile("momentum", "epsilon_from_tau")
         if dynamics.model.bodies is not before.model.bodies:
             self.reset()
@@ -166,7 +169,8 @@ class DisturbanceObserver:
         return self._last
 
     def _sample_at(self, time: float, q: Array, qd: VectorLike, applied: Array) -> _Sample:
-        dynamics, friction = self._dynamics, self._friction and self._dynamics.model.has_friction
+        dynamics = self._dynamics
+        friction = self._friction and self._dynamics.model.has_friction
         qd = vector("qd", qd, self._names)
         p, rate = dynamics.momentum(q, qd)
         resisting = (dynamics.friction_torque(qd, q) if friction else 0.0) - rate
@@ -182,7 +186,8 @@ class DisturbanceObserver:
             self.reset()
             return Disturbance(False, "the residual was larger than any number")
         if unknown.any():
-            torque[unknown], r[unknown @ influence(self._dynamics)] = np.nan, np.nan
+            torque[unknown] = np.nan
+            r[unknown @ influence(self._dynamics)] = np.nan
         return Disturbance(True, "", r, torque, _norm(r))
 
 

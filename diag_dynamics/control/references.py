@@ -73,8 +73,12 @@ class SetPoint:
         self, goal, time, desired, speed, rate, continuous, max_period=np.inf, room=np.inf
     ):
         self._position = nearest(desired.position, goal, continuous)
-        self._goal, self._speed, self._rate = goal, speed, rate
-        self.velocity, self._time, self._max_period = desired.velocity, time, max_period
+        self._goal = goal
+        self._speed = speed
+        self._rate = rate
+        self.velocity = desired.velocity
+        self._time = time
+        self._max_period = max_period
         braking = desired.velocity**2 / (2.0 * np.maximum(room, MIN_ROOM))
         self._acceleration = np.maximum(
             np.maximum(speed, np.abs(desired.velocity)) / WITHIN, braking
@@ -86,12 +90,16 @@ class SetPoint:
         `lag` is V of the law relative to following_energy: the target slows down from a quarter on,
         and rests from three quarters on.
         """
-        elapsed, self._time = min(max(time - self._time, 0) * 1e-9, self._max_period), time
+        elapsed = min(max(time - self._time, 0) * 1e-9, self._max_period)
+        self._time = time
         if elapsed == 0.0:
             return Desired(self._position.copy(), self.velocity.copy(), np.zeros_like(self._goal))
-        left, a, k = self._goal - self._position, self._acceleration, self._rate
+        left = self._goal - self._position
+        a = self._acceleration
+        k = self._rate
         # Both velocities are equal at `near`, and so are their slopes.
-        far, near = np.abs(left), a / k**2
+        far = np.abs(left)
+        near = a / k**2
         braking = np.sqrt(2.0 * a * np.maximum(far - 0.5 * near, 0.0))
         velocity = np.where(far > near, braking, k * far)
         velocity = np.sign(left) * np.minimum(np.minimum(velocity, self._speed), far / elapsed)
@@ -114,7 +122,9 @@ class PoseTarget:
     """
 
     def __init__(self, goal, time, start, speed, rate, max_period, before=None):
-        self.goal, self._start, self.arrived = goal, start, False
+        self.goal = goal
+        self._start = start
+        self.arrived = False
         self._vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
         self._lengths = np.linalg.norm(self._vectors, axis=1)
         moving = self._lengths[:, None] > REACHED
@@ -172,8 +182,11 @@ class Trajectory:
     """
 
     def __init__(self, waypoints, names, continuous=(), stamp=0):
-        self._stamp, self._continuous = stamp, np.isin(names, continuous)
-        self._points, self._times, self.positions = waypoints, waypoints.times, waypoints.positions
+        self._stamp = stamp
+        self._continuous = np.isin(names, continuous)
+        self._points = waypoints
+        self._times = waypoints.times
+        self.positions = waypoints.positions
         _require_order(self._times)
         for field in ("positions", "velocities", "accelerations"):
             _require_numbers(field, getattr(waypoints, field), names)
@@ -230,7 +243,8 @@ class Trajectory:
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
             return at_rest(self.positions[-1])
-        c, s = self._segments[k], t - self._knots[k]
+        c = self._segments[k]
+        s = t - self._knots[k]
         position = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
         acceleration = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
         return Desired(position, _velocity(c, s), acceleration)
@@ -273,10 +287,13 @@ def _polynomials(start, end):
 
     They are quintic, cubic or linear, of shape (points, 6, nv).
     """
-    (times, q, v, a, has_v, has_a), (times1, q1, v1, a1, has_v1, has_a1) = start, end
-    T, step = (times1 - times)[:, None], q1 - q
+    times, q, v, a, has_v, has_a = start
+    (times1, q1, v1, a1, has_v1, has_a1) = end
+    T = (times1 - times)[:, None]
+    step = q1 - q
     c = np.zeros((len(T), 6, q.shape[1]))
-    c[:, 0], c[:, 1] = q, step / T
+    c[:, 0] = q
+    c[:, 1] = step / T
     k = has_v & has_v1
     c[k, 1] = v[k]
     c[k, 2] = ((3.0 * step - (2.0 * v + v1) * T) / T**2)[k]

@@ -28,13 +28,17 @@ class Supervisor:
     """
 
     def __init__(self, max_age, hold_time, machine_time=time.monotonic):
-        self.max_age, self.hold_time, self._machine_time = max_age, hold_time, machine_time
+        self.max_age = max_age
+        self.hold_time = hold_time
+        self._machine_time = machine_time
         self.forget()
 
     def forget(self):
         """Wait for the first valid state."""
-        self.phase, self.starting = INACTIVE, False
-        self.reason, self.cause = "no valid state yet", ""
+        self.phase = INACTIVE
+        self.starting = False
+        self.reason = "no valid state yet"
+        self.cause = ""
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
         self._last = 0  # clock at the last event [ns]
         self._moved = 0.0  # machine time when it moved [s]
@@ -71,12 +75,16 @@ class Supervisor:
         elif self.phase == ACTIVE:
             self._outage = max(self._outage - max(now - self._last, 0), 0)
         self.starting = not carried and (self.starting or self.will_start)
-        self.phase, self.reason, self._last = ACTIVE, "", now
+        self.phase = ACTIVE
+        self.reason = ""
+        self._last = now
 
     def stand_by(self, now, reason):
         """Accept a valid state while the robot does not execute the commands; start again then."""
-        self.phase, self.starting = HOLDING, True
-        self.reason, self._outage = reason, 0
+        self.phase = HOLDING
+        self.starting = True
+        self.reason = reason
+        self._outage = 0
         self._last, self._moved = now, self._machine_time()
 
     def invalid(self, now, reason):
@@ -84,7 +92,8 @@ class Supervisor:
         self.reason = reason
         if self.phase == INACTIVE:
             return
-        machine, elapsed = self._machine_time(), now - self._last
+        machine = self._machine_time()
+        elapsed = now - self._last
         if self.phase == ACTIVE:  # the last state was valid for max_age at most
             self._outage = max(self._outage - min(max(elapsed, 0), round(self.max_age * 1e9)), 0)
         else:  # a clock that goes back does not shorten the outage
@@ -97,5 +106,6 @@ class Supervisor:
             return
         self.phase = HOLDING
         if stands_still or self._outage * 1e-9 >= self.hold_time:
-            self.phase, self.starting = RAMPING_DOWN, False
+            self.phase = RAMPING_DOWN
+            self.starting = False
             self.cause = f"{reason}; the clock stands still" if stands_still else reason

@@ -54,7 +54,8 @@ class EnergyTank:
     def __init__(
         self, dynamics: DiagonalDynamics, capacity: float, rate: float, gravity: bool = True
     ) -> None:
-        self.dynamics, model = actuated(dynamics), dynamics.model
+        self.dynamics = actuated(dynamics)
+        model = dynamics.model
         self.capacity = positive("capacity", capacity, "[J]")
         self.rate = positive("rate", rate, "[1/s]")
         continuous = np.isin(model.dof_names, model.continuous_joints)
@@ -77,7 +78,8 @@ class EnergyTank:
         names = self.dynamics.model.dof_names
         q = vector("q", q, names)
         potential = float(self.dynamics.potential_energy(q)) if self._gravity else 0.0
-        last, self._at = self._at, (q, potential)
+        last = self._at
+        self._at = (q, potential)
         if tau is not None and last is not None:
             moved = q - last[0]
             if self._continuous is not None:
@@ -98,7 +100,8 @@ class EnergyTank:
 
         `period` is h > 0, until the next command [s]. `external` [J^½/s] improves the prediction.
         """
-        h, nu = positive("period", period, "[s]"), command.nu
+        h = positive("period", period, "[s]")
+        nu = command.nu
         epsilon = self._braked(nu, command.epsilon, min(self.rate, 1.0 / h))
         moving = command.tau - command.gravity_torque
         if epsilon is not command.epsilon:
@@ -118,7 +121,8 @@ class EnergyTank:
 
     def _braked(self, nu: Array, epsilon: Array, rate: float) -> Array:
         """Return ε of the power that x covers above its reserve."""
-        power, square = float(nu @ epsilon), float(nu @ nu)
+        power = float(nu @ epsilon)
+        square = float(nu @ nu)
         excess = power - rate * (self.energy - RESERVE * self.capacity)
         excess = min(excess, max(power, 0.0) + rate * square)
         return epsilon - nu * (excess / square) if excess > 0.0 and square > 0.0 else epsilon

@@ -74,7 +74,8 @@ class Pusher(Node):
 
     def __init__(self, model, link, force):
         super().__init__("pusher")
-        self._link, self._force = link, force
+        self._link = link
+        self._force = force
         dynamics = DiagonalDynamics(model)
         self._wrenches = {name: turning_wrench(dynamics, name) for name in model.link_names}
         self._publisher = self.create_publisher(WrenchStamped, "external_wrench", 10)
@@ -86,7 +87,8 @@ class Pusher(Node):
         message = WrenchStamped()
         message.header.frame_id = link or self._link
         wrench = self._force * self._wrenches[message.header.frame_id]
-        force, torque = message.wrench.force, message.wrench.torque
+        force = message.wrench.force
+        torque = message.wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = wrench.tolist()
         self._force = -self._force
         self._publisher.publish(message)
@@ -153,7 +155,8 @@ def main(args=None):
     except DiagDynamicsError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         return 1
-    link, weight = end_effector_link(model), GRAVITY * model.total_mass
+    link = end_effector_link(model)
+    weight = GRAVITY * model.total_mass
     simulator = {
         "robot_description": source,
         "motion": "wave",

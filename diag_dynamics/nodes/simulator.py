@@ -72,7 +72,8 @@ def joint_state_message(names, measured, stamp):
     """Return a JointState of these joints."""
     message = JointState(name=names)
     message.header.stamp = stamp
-    message.position, message.velocity = doubles(measured.position), doubles(measured.velocity)
+    message.position = doubles(measured.position)
+    message.velocity = doubles(measured.velocity)
     message.effort = doubles(measured.effort)
     return message
 
@@ -81,11 +82,15 @@ def odometry_message(root_link, measured, stamp):
     """Return the Odometry of a floating base."""
     q, qd = measured.base
     message = Odometry(child_frame_id=root_link)
-    message.header.stamp, message.header.frame_id = stamp, WORLD
-    pose, velocity = message.pose.pose, message.twist.twist
-    position, o = pose.position, pose.orientation
+    message.header.stamp = stamp
+    message.header.frame_id = WORLD
+    pose = message.pose.pose
+    velocity = message.twist.twist
+    position = pose.position
+    o = pose.orientation
     position.x, position.y, position.z, o.x, o.y, o.z, o.w = map(float, q)
-    linear, angular = velocity.linear, velocity.angular
+    linear = velocity.linear
+    angular = velocity.angular
     linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = map(float, qd)
     return message
 
@@ -108,7 +113,8 @@ def simulation_status(plant, paused, failure):
         "payloads": counted(simulation.model.payloads),
     }
     if failure:
-        values["failure"], text = failure, f"stopped: {failure}"
+        values["failure"] = failure
+        text = f"stopped: {failure}"
         return Status("simulation", ERROR, without_numbers(text), values, text)
     if paused:
         return Status("simulation", WARN, "paused", values)
@@ -165,9 +171,13 @@ class SimulatorNode(TableNode, Node):
         require_consistent(values)
         check_entries(values)
         self._keeps_time = values["lockstep"] or values["real_time_factor"] != 1.0
-        self._plant, self._lockstep = None, Lockstep()
-        self._paused, self._timeless, self._failure = False, False, ""
-        self._revision, self._latest = 1, 0  # of the model; stamp [ns]
+        self._plant = None
+        self._lockstep = Lockstep()
+        self._paused = False
+        self._timeless = False
+        self._failure = ""
+        self._revision = 1  # of the model
+        self._latest = 0  # stamp [ns]
         self._reported = Counter()  # counts of inputs at the last report
         if self._keeps_time and self.get_clock().ros_time_is_active:
             # A launch sets it for all of its nodes.
@@ -202,7 +212,8 @@ class SimulatorNode(TableNode, Node):
         text, self._plant = result
         if any(self.values[name] != loaded[name] for name in DYNAMIC):  # changed meanwhile
             self._apply(self.values)
-        values, model = self.values, self._plant.simulation.model
+        values = self.values
+        model = self._plant.simulation.model
         self._lockstep.begin(self.time.steady())
         self._start = self.time.now()
         self._pace = Pace(
@@ -336,7 +347,8 @@ class SimulatorNode(TableNode, Node):
         self._answer()
 
     def _take_wrench(self, message):
-        f, n = message.wrench.force, message.wrench.torque
+        f = message.wrench.force
+        n = message.wrench.torque
         try:
             self._plant.pushes.push(
                 message.header.frame_id, (f.x, f.y, f.z, n.x, n.y, n.z), self._plant.time
@@ -358,9 +370,12 @@ class SimulatorNode(TableNode, Node):
 
     def _measure_and_publish(self):
         """Publish the time, measurements and the truth."""
-        plant, stamp, simulation = self._plant, self._stamp, self._plant.simulation
+        plant = self._plant
+        stamp = self._stamp
+        simulation = self._plant.simulation
         self._publish_time()
-        measured, time = plant.measure(), to_time(stamp)
+        measured = plant.measure()
+        time = to_time(stamp)
         if measured.base is not None:
             self._odometry.publish(odometry_message(simulation.model.root_link, measured, time))
         self._lockstep.publish()
@@ -455,9 +470,11 @@ class SimulatorNode(TableNode, Node):
             return [Status("simulation", STALE, "loading the robot")]
         lockstep = self.values["lockstep"]
         waits = lockstep and self._moving and self._lockstep.waits(self.time.steady())
-        drives, pushes = self._plant.drives, self._plant.pushes
+        drives = self._plant.drives
+        pushes = self._plant.pushes
         counts = drives.counts + pushes.counts
-        recent, self._reported = counts - self._reported, counts
+        recent = counts - self._reported
+        self._reported = counts
         return [
             simulation_status(self._plant, self._paused, self._failure),
             pace_status(self._pace, lockstep, waits, *clock_notes(self, self._keeps_time)),

@@ -31,12 +31,17 @@ class Top(Node):
 
     def __init__(self, topic=STATE, by="energy", note=QUIT, time=NodeTime, **options):
         super().__init__("top", enable_rosout=False, start_parameter_services=False, **options)
-        self._steady, self._note, self._by = time(self).steady, note, by
-        self._torque, self._received, self._peaks = ExternalTorque(), -math.inf, {}
+        self._steady = time(self).steady
+        self._note = note
+        self._by = by
+        self._torque = ExternalTorque()
+        self._received = -math.inf
+        self._peaks = {}
         self._largest = [0.0] * len(UNITS)  # of all joints until now
         self.rows = []  # peak, name and values of each joint at the last state
         self._title = self.resolve_topic_name(topic).removesuffix(f"/{STATE}") or "/"
-        qos, torques = qos_profile_sensor_data, f"{topic.removesuffix('state')}external_torque"
+        qos = qos_profile_sensor_data
+        torques = f"{topic.removesuffix('state')}external_torque"
         self.create_subscription(DiagonalizedState, topic, self._accept_state, qos)
         self.create_subscription(ExternalTorque, torques, self._accept_torque, qos)
         self._live = Live(screen=True, auto_refresh=False)
@@ -65,7 +70,8 @@ class Top(Node):
             return Text(f"{self._title}: no state in the last second", "bold red")
         peak, name, _ = self.rows[0]
         text = f"{self._title}: K {number(self._energy)} J, peak {self._by} {number(peak)}"
-        text, torque = f"{text} {UNITS[self._by]} at {name}", self._torque
+        text = f"{text} {UNITS[self._by]} at {name}"
+        torque = self._torque
         if not torque.collision:
             return Text(text, "bold")
         links = zip(torque.touched_link_probability, torque.touched_links, strict=False)

@@ -7,6 +7,7 @@ import json
 import time
 from pathlib import Path
 from threading import Lock
+from typing import ClassVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -128,13 +129,18 @@ class RobotSubscription:
     """
 
     def __init__(self, node, monitor, folders):
-        self.monitor, self.namespace = monitor, monitor.rpartition("/")[0] or "/"
-        self._node, self._folders = node, folders
-        self._newest, self._count, self._read_count = {}, 0, 0
+        self.monitor = monitor
+        self.namespace = monitor.rpartition("/")[0] or "/"
+        self._node = node
+        self._folders = folders
+        self._newest = {}
+        self._count = 0
+        self._read_count = 0
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
         name = self.namespace if is_usual else monitor
         self.stream = RobotStream(name, self._read, notifies=True)
-        self._subscriptions, self._added_at = {}, node.time.steady()
+        self._subscriptions = {}
+        self._added_at = node.time.steady()
         for topic in ("state", "external_torque", "load"):
             self._subscribe(topic)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
@@ -145,10 +151,16 @@ class RobotSubscription:
         self._loader = RobotLoader(node, self._load_robot, self._take_robot)
         # Of the topic; of the monitor; both of the model in force.
         self._description = self._values = self._loaded = None
-        self._publishers, self._requested_at, self._is_outdated = set(), None, True
-        self._published_at, self._revision = time.monotonic(), None
-        self._differs_in_time, self._points = False, ()
-        self._diagnostics, self._faults, self.difference = {}, {}, ""
+        self._publishers = set()
+        self._requested_at = None
+        self._is_outdated = True
+        self._published_at = time.monotonic()
+        self._revision = None
+        self._differs_in_time = False
+        self._points = ()
+        self._diagnostics = {}
+        self._faults = {}
+        self.difference = ""
         self._lock = Lock()  # of the faults
         self.stream.set_waiting(f"waiting for the parameters of {monitor}")
 
@@ -167,7 +179,8 @@ class RobotSubscription:
         """Request the monitor's parameters if they may have changed; called once a second."""
         self._show_diagnostics()
         infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
-        endpoints, now = {bytes(info.endpoint_gid) for info in infos}, time.monotonic()
+        endpoints = {bytes(info.endpoint_gid) for info in infos}
+        now = time.monotonic()
         self._is_outdated |= endpoints != self._publishers  # a monitor has started
         self._publishers = endpoints
         if not endpoints:
@@ -199,7 +212,8 @@ class RobotSubscription:
         self._show_diagnostics()
 
     def _show_diagnostics(self):
-        oldest, statuses = time.monotonic() - DIAGNOSTICS_TIMEOUT, []
+        oldest = time.monotonic() - DIAGNOSTICS_TIMEOUT
+        statuses = []
         for name, (received, about) in list(self._diagnostics.items()):
             if received > oldest:
                 statuses.append(about)
@@ -265,7 +279,8 @@ class RobotSubscription:
         self._load()
 
     def _receive_parameters(self, future):
-        self._requested_at, self._is_outdated = None, False
+        self._requested_at = None
+        self._is_outdated = False
         values = [parameter_value_to_python(value) for value in future.result().values]
         received = {
             name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None
@@ -300,7 +315,8 @@ class RobotSubscription:
             description if values["robot_description"] else description.encode(errors="replace")
         )
         with handle_warnings(lambda warning: None):  # the monitor logs them
-            text, difference = read_text(source), ""
+            text = read_text(source)
+            difference = ""
             try:
                 model = model_of(text, values)
             except InputError as error:  # as for a file of another machine
@@ -311,16 +327,15 @@ class RobotSubscription:
         meshes = MeshLibrary(
             [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
         )
-        dynamics, forces = (
-            DiagonalDynamics(model),
-            ForceOptions.of(observation_of(values), values, model),
-        )
+        dynamics = DiagonalDynamics(model)
+        forces = ForceOptions.of(observation_of(values), values, model)
         compile_frames(dynamics, forces)
         return dynamics, scene_of(model, text, meshes), meshes, forces, shortened(difference)
 
     def _take_robot(self, loaded, *_):
         if self._try("robot", self._show_robot, loaded) is None:
-            self._loaded, self._is_outdated = None, True  # try again
+            self._loaded = None
+            self._is_outdated = True  # try again
 
     def _show_robot(self, loaded):
         """Show a loaded robot and return its model; raise the error of its loading."""
@@ -330,7 +345,8 @@ class RobotSubscription:
         dynamics, _, meshes, _ = robot
         self._set_fault("states", "")  # of the robot before
         self.stream.set_robot(*robot, difference)
-        name, node = dynamics.model.name, self._node
+        name = dynamics.model.name
+        node = self._node
         self.difference = difference and f"{self.monitor}: {difference}"
         node.log_info(f"Showing robot '{name}' of {self.monitor}.")
         for why in list(meshes.missing.values())[:3]:
@@ -352,17 +368,22 @@ class RobotSubscription:
         if "state" not in self._newest:
             return None
         raw, received = self._newest.pop("state")
-        count, self._read_count = self._count - self._read_count, self._count
-        message, model = deserialize_message(raw, DiagonalizedState), dynamics.model
+        count = self._count - self._read_count
+        self._read_count = self._count
+        message = deserialize_message(raw, DiagonalizedState)
+        model = dynamics.model
         if message.model_revision != self._revision:
-            self._revision, self._is_outdated = message.model_revision, True
-        names, positions = tuple(message.dof_names), tuple(message.position_names)
+            self._revision = message.model_revision
+            self._is_outdated = True
+        names = tuple(message.dof_names)
+        positions = tuple(message.position_names)
         if names != model.dof_names or (positions or names) != model.coordinate_names:
             self._is_outdated = True
             raise InputError(f"joint names differ from those of robot '{model.name}'")
         vectors = []
         for name in VECTORS:
-            values, expected = getattr(message, name), model.nq if name == "position" else model.nv
+            values = getattr(message, name)
+            expected = model.nq if name == "position" else model.nv
             if len(values) not in (0, expected):
                 raise InputError(f"{name} has {len(values)} entries; expected {expected}")
             vectors.append(row_of(values))
@@ -461,13 +482,15 @@ def folders_of(entries):
 class ViewNode(TableNode, Node):
     """The node `view`, see the module; `on_push` is that of the server."""
 
-    _robots, _server = {}, None  # also of a node whose parameters are refused
+    _robots: ClassVar = {}  # also of a node whose parameters are refused
+    _server = None
 
     def __init__(self, on_push=None, **options):
         super().__init__(NODES["view"], PARAMETERS, **options)
         values = self.values
         self._robots = {}
-        self._found_at, self._missing = self.time.steady(), ""  # last time of a monitor [s]
+        self._found_at = self.time.steady()  # last time of a monitor [s]
+        self._missing = ""
         self._absence = RobotStream("no monitor", lambda dynamics: None)
         self._folders = folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
@@ -487,7 +510,8 @@ class ViewNode(TableNode, Node):
 
     def destroy_node(self):
         """End the streams and unsubscribe."""
-        robots, self._robots = self._robots, {}
+        robots = self._robots
+        self._robots = {}
         for robot in robots.values():
             attempt(robot.destroy)
         if self._server:

@@ -47,8 +47,10 @@ class Forces:
     """Estimate forces from external torque, with :class:`ForceOptions`."""
 
     def __init__(self, dynamics, options):
-        self._dynamics, self._names = dynamics, dynamics.model.link_names
-        self._covariance, self._links = options.covariance, options.links
+        self._dynamics = dynamics
+        self._names = dynamics.model.link_names
+        self._covariance = options.covariance
+        self._links = options.links
         if options.covariance is not None:
             self._force = ContactForce(dynamics.model, options.covariance)
         self._options = {"covariance": options.covariance, "max_deviation": options.max_deviation}
@@ -84,7 +86,8 @@ class Forces:
         if self._covariance is None:
             return {}
         torque, is_finite = self._torque(states)
-        count, q = len(torque), states.q
+        count = len(torque)
+        q = states.q
         first = states.touched_link[:, 0] if np.ndim(states.touched_link) else states.touched_link
         touched = np.where(is_finite, first, np.nan)
         fields = {
@@ -116,7 +119,8 @@ class Forces:
         It has the symmetric root of its covariance, which maps the unit sphere to the ellipsoid of
         one standard deviation; NaN where a direction of the force is not observed.
         """
-        name, options = self._names[k], {"frame": "world", "force_only": True} | self._options
+        name = self._names[k]
+        options = {"frame": "world", "force_only": True} | self._options
         center = center_of_body(self._dynamics.model, name)
         w = self._dynamics.wrench(q, name, torque, point=center, **options)
         whole = w.observed.sum(axis=1) == 3

@@ -87,7 +87,8 @@ class States(NamedTuple):
 
 def coriolis_work(nu, coriolis, qd):
     """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding."""
-    size, speed = np.linalg.norm(nu, axis=-1), np.abs(qd).max(axis=-1, initial=0.0)
+    size = np.linalg.norm(nu, axis=-1)
+    speed = np.abs(qd).max(axis=-1, initial=0.0)
     significant = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
     whole = np.where(significant, size * np.linalg.norm(coriolis, axis=-1), np.nan)
     return np.abs((nu * coriolis).sum(axis=-1)) / whole
@@ -110,11 +111,15 @@ class FrameMaker:
     """
 
     def __init__(self, dynamics, points=(), forces=NO_FORCES):
-        model, links = dynamics.model, () if forces.covariance is None else forces.links
-        self._dynamics, self._model, self.layout = dynamics, model, Layout(model, points, links)
+        model = dynamics.model
+        links = () if forces.covariance is None else forces.links
+        self._dynamics = dynamics
+        self._model = model
+        self.layout = Layout(model, points, links)
         self._forces = Forces(dynamics, forces)
         self._before = np.nan, np.nan  # time and K of the last state
-        self._workspace, self._wrenches = model.new_workspace(), {}
+        self._workspace = model.new_workspace()
+        self._wrenches = {}
         self._motion = FollowerMotion(model) if model.followers else None
 
     def frames(self, states):
@@ -147,7 +152,8 @@ class FrameMaker:
             self._wrenches[link] = wrenches_at(
                 self._model, link, np.eye(3, 6), np.zeros(3), "world"
             )
-        factor, fields = np.empty((self._model.nv, 3)), np.full(9, np.nan, dtype="<f4")
+        factor = np.empty((self._model.nv, 3))
+        fields = np.full(9, np.nan, dtype="<f4")
         if not factorization.factor_of_wrenches(
             self._workspace.robot, q, self._wrenches[link], True, factor
         ):
@@ -158,7 +164,9 @@ class FrameMaker:
 
     def _computed(self, states):
         """Return fields that are computed from those of the states."""
-        nu, K, energies = states.nu, states.K, self._link_energies(states)
+        nu = states.nu
+        K = states.K
+        energies = self._link_energies(states)
         terms = np.empty((4, *nu.shape))
         arrays = states.epsilon, states.gravity, states.residual, states.external_torque
         for term, value in zip(terms, arrays, strict=True):

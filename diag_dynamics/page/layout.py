@@ -68,7 +68,8 @@ def center_of_body(model, name):
 def _body(body, moves):
     placement = np.eye(4)
     if moves:
-        placement[:3, :3], placement[:3, 3] = body["rotation"].reshape(3, 3), body["translation"]
+        placement[:3, :3] = body["rotation"].reshape(3, 3)
+        placement[:3, 3] = body["translation"]
     # Of a joint with several degrees of freedom the first body has the whole motion.
     kind = KINDS[int(body["kind"])] if moves and not body["rank"] else "fixed"
     numbers = {name: body[name].item() for name in ("parent", "q", "multiplier", "offset")}
@@ -164,7 +165,9 @@ class Layout:
     """
 
     def __init__(self, model, points=(), frames=()):
-        self._model, self.points, self.frames = model, tuple(points), tuple(frames)
+        self._model = model
+        self.points = tuple(points)
+        self.frames = tuple(frames)
         counts = {
             "": 1,
             "coordinates": model.nq + len(model.followers),
@@ -174,14 +177,17 @@ class Layout:
             "contact_limits": min(1, len(self.points)),
             "frames": len(self.frames),
         }
-        self.places, self.size, fields = {}, 0, []
+        self.places = {}
+        self.size = 0
+        fields = []
         for of, each, unit, names in FIELDS:
             size = each * counts[of]
             for name in names.split():
                 fields.append(Field(name, size, of, unit))
                 self.places[name] = slice(self.size, self.size + size)
                 self.size += size
-        self.fields, self.common = tuple(fields), self.places[CHOSEN[0]].start
+        self.fields = tuple(fields)
+        self.common = self.places[CHOSEN[0]].start
         self.dtype = np.dtype([("t", "<f8"), ("numbers", "<f4", (self.size,))])
 
     def to_json(self, scene=None, thresholds=None, frames_only=0):
@@ -191,7 +197,8 @@ class Layout:
         :func:`thresholds_of`. `frames_only` counts the links without a usable shape, of which
         contact is known at their frames only.
         """
-        model, unlimited = self._model, [math.inf] * (self._model.nv + 2)
+        model = self._model
+        unlimited = [math.inf] * (self._model.nv + 2)
         angular = [False] * model.nv
         for k, body in enumerate(model.bodies[1:], 1):
             if body["leader"] == k:

@@ -40,7 +40,9 @@ class MeshLibrary:
 
     def __init__(self, folders=()):
         self._folders = [*dict.fromkeys(folders), None]
-        self._hashes, self.meshes, self.missing = {}, {}, {}
+        self._hashes = {}
+        self.meshes = {}
+        self.missing = {}
 
     def add(self, file, scale):
         """Return the SHA-256 of a scaled mesh of the URDF; None if it is :attr:`missing`."""
@@ -70,7 +72,8 @@ class MeshLibrary:
         return Meshes(folder).mesh(file)
 
     def _store(self, mesh, scale):
-        vertices, triangles = np.asarray(mesh.vertices) * np.array(scale), np.asarray(mesh.faces)
+        vertices = np.asarray(mesh.vertices) * np.array(scale)
+        triangles = np.asarray(mesh.faces)
         if np.prod(scale) < 0.0:  # a mirror turns faces inside out
             triangles = triangles[:, ::-1]
         sizes = np.array([len(vertices), len(triangles)], dtype="<u4")
@@ -108,7 +111,8 @@ def pack(numbers, levels=LEVELS, of_noise=0.0):
     fraction `of_noise` of the standard deviation of its noise, where these are coarser. Columns of
     integers that span less are exact.
     """
-    columns, planes = [], []
+    columns = []
+    planes = []
     for column in np.asarray(numbers, dtype=float).T:
         finite = np.isfinite(column)
         low, step = _scale(column[finite], levels, of_noise)
@@ -123,7 +127,8 @@ def _scale(finite, levels, of_noise):
     """Return the smallest number and the step from one value to the next."""
     if not len(finite):
         return 0.0, 1.0
-    low, high = float(finite.min()), float(finite.max())
+    low = float(finite.min())
+    high = float(finite.max())
     if high - low < levels and (finite == np.rint(finite)).all():
         return low, 1.0
     noise = (
@@ -156,7 +161,8 @@ def pack_mesh(data):
     vertices, triangles = map(int, np.frombuffer(data, "<u4", 2))
     points = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
     faces = np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
-    low, span = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-9)
+    low = points.min(axis=0)
+    span = max(float(np.ptp(points, axis=0).max()), 1e-9)
     places = np.floor((points - low) * (CELLS / span)).astype(np.int64)
     _, cell = np.unique(places, axis=0, return_inverse=True)
     cell = cell.ravel()
@@ -166,10 +172,8 @@ def pack_mesh(data):
     faces = np.unique(cell[faces][(a != b) & (b != c) & (c != a)], axis=0)
     order, index = np.unique(faces, return_inverse=True)  # vertices without a face are left out
     whole = np.rint((points[order] - low) / span * 65535.0).astype("<u2")
-    sizes, scale = (
-        np.array([len(order), len(faces)], dtype="<u4"),
-        np.array([*low, span], dtype="<f4"),
-    )
+    sizes = np.array([len(order), len(faces)], dtype="<u4")
+    scale = np.array([*low, span], dtype="<f4")
     planes = _difference_planes(whole.T.ravel()) + _difference_planes(index.ravel().astype("<u4"))
     return _compress(sizes.tobytes() + scale.tobytes() + planes)
 

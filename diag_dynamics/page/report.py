@@ -75,7 +75,8 @@ def _pack_track(layout, t, numbers, names, *precision):
     with np.errstate(divide="ignore", invalid="ignore"):
         for name in LOGARITHMIC:
             numbers[:, layout.places[name]] = np.log10(numbers[:, layout.places[name]])
-    blocks, parts = [pack_times(t)], []
+    blocks = [pack_times(t)]
+    parts = []
     for every, fields in names.items():
         columns = np.concatenate([np.arange(layout.size)[layout.places[name]] for name in fields])
         packed = pack(numbers[::every, columns], *(precision if every == 1 else ()))
@@ -105,7 +106,8 @@ def as_text(size):
 def write_report(path, content, tracks, meshes, static=STATIC):
     """Write a report: content for JSON (``layout``, …), Tracks, and packed meshes by hash."""
     script, style, licences = page_of(static)
-    blocks, about = [], []
+    blocks = []
+    about = []
     for track in tracks:
         about.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
         blocks += track.blocks

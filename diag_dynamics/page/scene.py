@@ -53,7 +53,8 @@ def links_of(model, source, missing=None):
     """
     missing = {} if missing is None else missing
     elements = link_elements(source)
-    origins, bones = {}, {name: [] for name in model.link_names}
+    origins = {}
+    bones = {name: [] for name in model.link_names}
     for joint in model.description.joints.values():
         origin = origins[joint.child] = joint.origin[:3, 3]
         if np.linalg.norm(origin) > MIN_LENGTH:
@@ -64,9 +65,11 @@ def links_of(model, source, missing=None):
     records = {model.link_names[record["index"]]: record for record in model.links}
     links = []
     for name in model.link_names:
-        mass, ellipsoid = float(records[name]["mass"]) if name in records else 0.0, None
+        mass = float(records[name]["mass"]) if name in records else 0.0
+        ellipsoid = None
         if mass > 0.0 and mass >= MIN_MASS * model.total_mass:
-            placement, origin = model.placement_in_body(name)[1], origins.get(name, np.zeros(3))
+            placement = model.placement_in_body(name)[1]
+            origin = origins.get(name, np.zeros(3))
             ellipsoid = _ellipsoid(records[name], placement, bones[name], origin)
         element = elements.get(name, ())
         shapes = _shapes(element, "visual", missing)
@@ -97,7 +100,8 @@ def _ellipsoid(record, placement, bones, origin):
     The link reaches to its joints and its centre of mass.
     A link that has these at its origin is as large as its distance from the joint before it.
     """
-    mass, R = float(record["mass"]), placement[:3, :3]
+    mass = float(record["mass"])
+    R = placement[:3, :3]
     body = RigidBody.about_origin(mass, record["first_moment"], symmetric(record["inertia"]))
     moments, axes = np.linalg.eigh(R.T @ body.inertia @ R)
     axes[:, 2] *= np.sign(np.linalg.det(axes))

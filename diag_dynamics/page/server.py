@@ -103,8 +103,13 @@ class PageServer:
     """
 
     def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8, on_push=None):
-        self._robots, self._host, self._rate, self._max_streams = robots, host, rate, max_streams
-        self._news, self._started, self._on_push = set(), threading.Event(), on_push
+        self._robots = robots
+        self._host = host
+        self._rate = rate
+        self._max_streams = max_streams
+        self._news = set()
+        self._started = threading.Event()
+        self._on_push = on_push
         self._files = {
             path: ((STATIC / name).read_bytes(), kind) for path, (name, kind) in FILES.items()
         }
@@ -150,7 +155,8 @@ class PageServer:
             app, access_log=None, shutdown_timeout=0.1, keepalive_timeout=KEEPALIVE_TIMEOUT
         )
         await runner.setup()
-        self._loop, self._end = asyncio.get_running_loop(), asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._end = asyncio.Event()
         accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._started.set()
         while not self._end.is_set():
@@ -246,7 +252,8 @@ class PageServer:
         if request.transport is None:  # the reader has left
             return ws
         try:
-            robot, hz = self._robot(request), float(request.query.get("hz", self._rate))
+            robot = self._robot(request)
+            hz = float(request.query.get("hz", self._rate))
             if self.streams >= self._max_streams:
                 raise RejectedRequestError(
                     503, f"All {self._max_streams} streams are in use. Close a tab."
@@ -257,7 +264,8 @@ class PageServer:
             )
             await ws.close(code=4000 + status, message=reason.encode()[:120])
             return ws
-        news, loop = asyncio.Event(), asyncio.get_running_loop()
+        news = asyncio.Event()
+        loop = asyncio.get_running_loop()
 
         def wake():
             if not news.is_set():
@@ -291,7 +299,8 @@ class PageServer:
 
     async def _send(self, ws, request, robot, news, hz):
         """Send frames and texts until the reader leaves. A slow one gets the newest frame alone."""
-        transport, shown = request.transport, [""]
+        transport = request.transport
+        shown = [""]
         end = asyncio.ensure_future(self._receive(ws, shown))
         end.add_done_callback(lambda _: news.set())
         connection = transport.get_extra_info("socket")
@@ -317,7 +326,9 @@ class PageServer:
                 due = now + 0.5 * period
                 continue
             news.clear()
-            new, texts, ready = robot.newest(request.query.get("link", "")), {}, now
+            new = robot.newest(request.query.get("link", ""))
+            texts = {}
+            ready = now
             shown[0] = new.link
             if new.layout[0] != layout:
                 layout, texts["layout"] = new.layout
@@ -326,10 +337,8 @@ class PageServer:
             if texts or now >= beat:
                 if robot not in self._robots():
                     return await ws.close(code=4404, message=b"The monitor has gone.")
-                beat, about = (
-                    now + HEARTBEAT,
-                    {"link": new.link, "hz": 1.0 / period, "streams": self.streams},
-                )
+                beat = now + HEARTBEAT
+                about = {"link": new.link, "hz": 1.0 / period, "streams": self.streams}
                 about["pushes"] = self._on_push is not None
                 texts["heartbeat"] = json.dumps(robot.about() | about)
                 await ws.send_str(
@@ -337,7 +346,8 @@ class PageServer:
                 )
             if new.frame and new.number != number:
                 await ws.send_bytes(new.frame)
-                number, due = new.number, max(due, now) + period
+                number = new.number
+                due = max(due, now) + period
             else:
                 due = max(due, now + 0.5 * period)
 
@@ -361,7 +371,8 @@ def listen(host, port):
 def is_own(request, host):
     """Return whether a request has this server's name and no foreign origin (DNS rebinding)."""
     try:
-        name, origin = (request.url.host or "").lower(), request.headers.get("Origin")
+        name = (request.url.host or "").lower()
+        origin = request.headers.get("Origin")
     except ValueError:  # a port above 65535
         return False
     if origin is not None and origin.partition("://")[2] != request.host:

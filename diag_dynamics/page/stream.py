@@ -56,7 +56,9 @@ class Newest(NamedTuple):
 def compile_frames(dynamics, forces):
     """Compile what frames of a robot need, or load it from the cache."""
     model = dynamics.model
-    q, zero, maker = model.start, np.zeros(model.nv), FrameMaker(dynamics, (), forces)
+    q = model.start
+    zero = np.zeros(model.nv)
+    maker = FrameMaker(dynamics, (), forces)
     with suppress(SingularMassMatrixError):  # at the start alone: other states can be shown
         states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
         pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
@@ -88,14 +90,23 @@ class RobotStream:
     """
 
     def __init__(self, name, read, notifies=False):
-        self.name, self.listeners, self._read, self._notifies = name, set(), read, notifies
+        self.name = name
+        self.listeners = set()
+        self._read = read
+        self._notifies = notifies
         self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
         self._forces = NO_FORCES
-        self._layout, self._diagnostics, self._number, self._frames = (0, ""), (0, "[]"), 0, {}
-        self._waiting, self._worst, self._end_effector = "waiting for a robot", "", ""
+        self._layout = (0, "")
+        self._diagnostics = (0, "[]")
+        self._number = 0
+        self._frames = {}
+        self._waiting = "waiting for a robot"
+        self._worst = ""
+        self._end_effector = ""
         self._error = self._diagnosed_error = self._difference = ""
-        self._counted, self._since = 0, 0.0
+        self._counted = 0
+        self._since = 0.0
 
     def notify(self):
         """Tell the listeners that `read` has a new state."""
@@ -108,10 +119,14 @@ class RobotStream:
         `difference` is why it differs from the monitor's robot, if it does.
         """
         with self._lock:
-            self._dynamics, self._forces = dynamics, forces
-            self._scene, self._meshes = scene, meshes
+            self._dynamics = dynamics
+            self._forces = forces
+            self._scene = scene
+            self._meshes = meshes
             self._end_effector = end_effector_link(dynamics.model)
-            self._last, self._waiting, self._difference = None, "", difference
+            self._last = None
+            self._waiting = ""
+            self._difference = difference
             self._lay_out((), ())
 
     def set_error(self, reason):
@@ -177,10 +192,12 @@ class RobotStream:
 
     def _lay_out(self, limits, points):
         """Start a new layout."""
-        self._limits, self._points = limits, points
+        self._limits = limits
+        self._points = points
         self._maker = FrameMaker(self._dynamics, points, self._forces)
         layout = self._maker.layout.to_json(self._scene, thresholds_of(limits) if limits else None)
-        self._layout, self._frames = (self._layout[0] + 1, json.dumps(layout, allow_nan=False)), {}
+        self._layout = (self._layout[0] + 1, json.dumps(layout, allow_nan=False))
+        self._frames = {}
 
     def _refresh(self):
         """Read the newest state, if there is one since."""
@@ -189,17 +206,22 @@ class RobotStream:
             return
         if (received.limits, received.points) != (self._limits, self._points):
             self._lay_out(received.limits, received.points)
-        self._counted, now = self._counted + received.count, received.received
+        self._counted = self._counted + received.count
+        now = received.received
         if now - self._since >= RATE_PERIOD:
             self._rate = self._counted / (now - self._since) if self._since else None
-            self._counted, self._since = 0, now
-        self._last, self._number, self._frames = received, self._number + received.count, {}
+            self._counted = 0
+            self._since = now
+        self._last = received
+        self._number = self._number + received.count
+        self._frames = {}
 
     def _frame(self, link):
         """Return the frame of the last state, made once per link; empty before the first state."""
         if self._last is None or link in self._frames:
             return self._frames.get(link, b"")
-        states, maker = self._last.states, self._maker
+        states = self._last.states
+        maker = self._maker
         if "" not in self._frames:
             frame = maker.frames(states._replace(rate=self._rate)).tobytes()
             self._frames[""] = frame[: 8 + 4 * maker.layout.common]

@@ -62,7 +62,8 @@ def bounded_points(model, description, values):
 
     Return None without any limit.
     """
-    limits, energy = limits_of(values), values[ENERGY_LIMIT]
+    limits = limits_of(values)
+    energy = values[ENERGY_LIMIT]
     if energy:
         limits = (limits or ContactLimits()).with_energy(energy, ENERGY_LIMIT)
     if limits is None:

@@ -267,7 +267,8 @@ class EnergyThresholds(NamedTuple):
     def check_order(self):
         """Reject an error threshold below its warning threshold."""
         for name in sorted({*self.warn, *self.error}):
-            warn, error = _threshold(self.warn, name), _threshold(self.error, name)
+            warn = _threshold(self.warn, name)
+            error = _threshold(self.error, name)
             if 0.0 < error < warn:
                 value, bound = distinct(error, warn)
                 raise InputError(
@@ -277,7 +278,8 @@ class EnergyThresholds(NamedTuple):
 
     def by_joint(self, names):
         """Return the thresholds of TOTAL and joints (1 + n) by parameter, inf for none."""
-        names, thresholds = (TOTAL, *names), {}
+        names = (TOTAL, *names)
+        thresholds = {}
         for parameter, entries in (("energy.error", self.error), ("energy.warn", self.warn)):
             by_name(parameter, entries, names)  # raises InputError
             limits = [_threshold(entries, name) or np.inf for name in names]
@@ -377,7 +379,8 @@ class Settings(NamedTuple):
 
     def check_load(self):
         """Reject a link of the load without an observer whose noise is known."""
-        link, observation = self.values["load.link"], self.observation
+        link = self.values["load.link"]
+        observation = self.observation
         if link and not (observation and observation.covariance):
             raise InputError(
                 f"parameter 'load.link' is '{link}'; expected external_torque.gain above 0 and an "

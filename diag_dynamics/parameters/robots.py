@@ -33,7 +33,8 @@ def model_of(description, values, recorded=None):
         As :func:`load_urdf` and :func:`load_mjcf`; or the state of a joint is on no ROS topic.
     """
     described = describe(description)
-    gravity, floating_base = values["gravity"], values["floating_base"]
+    gravity = values["gravity"]
+    floating_base = values["floating_base"]
     payloads = payloads_of(values["payloads"])
     payloads = {link: load for link, load in payloads.items() if link in described.links}
     if floating_base and not described.floating_base and is_mjcf(description):
@@ -65,7 +66,8 @@ def model_of(description, values, recorded=None):
     )
     require_single_joints(model)
     if rest is not None:
-        joints, names = single_joints(model), recorded(model)
+        joints = single_joints(model)
+        names = recorded(model)
         if names & set(joints):  # other names are a finding of the reader
             model = model.with_locked_joints(
                 model.locked_joints | {name: rest for name in joints if name not in names}

@@ -74,7 +74,9 @@ def payloads_of(entries):
             raise InputError(
                 f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}."
             )
-        mass, com, inertia = numbers[0], numbers[1:4] or (0.0, 0.0, 0.0), numbers[4:] or (0.0,) * 6
+        mass = numbers[0]
+        com = numbers[1:4] or (0.0, 0.0, 0.0)
+        inertia = numbers[4:] or (0.0,) * 6
         xx, yy, zz, xy, xz, yz = inertia
         payloads[link] = Payload(mass, tuple(com), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
     return payloads

@@ -58,7 +58,8 @@ def _words(name):
 def check(name, value, spec):
     """Raise InputError for a value that a Spec does not accept."""
     is_list = isinstance(spec.default, list) and isinstance(spec.default[0], float)
-    numbers, expected = value if is_list else [value], None
+    numbers = value if is_list else [value]
+    expected = None
     if spec.choices and value not in spec.choices:
         expected = f"one of {', '.join(map(str, spec.choices))}"
     elif any(isinstance(number, float) and not math.isfinite(number) for number in numbers):

@@ -70,7 +70,8 @@ def _energies(
     """Return degrees of freedom, times from zero on [s], and their energy shares [J]."""
     if isinstance(of, Recording):
         _check_states(of.q)
-        t, dynamics = of.t, DiagonalDynamics(of.model)
+        t = of.t
+        dynamics = DiagonalDynamics(of.model)
         shares = [dynamics.evaluate(of.q[k], of.qd[k]).energy_share for k in _slices(of)]
         energies = np.concatenate(shares)
     elif isinstance(of, BatchEvaluation):
@@ -89,7 +90,8 @@ def _energies(
 def _merge(names: tuple[str, ...], values: Array) -> tuple[list[str], Array]:
     """Return names and energies of those of most energy, and of all others as one."""
     chosen = sorted(np.argsort(values.mean(axis=0))[::-1][: len(COLOURS)].tolist())
-    layers, labels = values[:, chosen], [escape(names[k]) for k in chosen]
+    layers = values[:, chosen]
+    labels = [escape(names[k]) for k in chosen]
     if len(chosen) < len(names):
         labels.append("others")
         layers = np.column_stack([layers, values.sum(axis=1) - layers.sum(axis=1)])

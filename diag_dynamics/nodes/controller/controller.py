@@ -118,14 +118,20 @@ class ControllerNode(ManagedNode):
         check_values(self.values)
         self._states = self._descriptions = None
         self._activity = None  # of the effort controller
-        self._description, self._refused, self._other = None, "", None
-        self._published, self._subscribed, self._offered = [], [], []
-        self._record, self._order_known = Record(), ""
+        self._description = None
+        self._refused = ""
+        self._other = None
+        self._published = []
+        self._subscribed = []
+        self._offered = []
+        self._record = Record()
+        self._order_known = ""
         self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         self._reported_phase = self._logged_reason = None  # of the supervisor
-        self._holds, self._rejections = RepeatLimit(), RepeatLimit()
+        self._holds = RepeatLimit()
+        self._rejections = RepeatLimit()
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -194,7 +200,8 @@ class ControllerNode(ManagedNode):
         self._record.begin()
         self._reported_phase = self._logged_reason = None
         self._subscribe(JointState, "joint_states", self._take_joint_state, newest(), raw=True)
-        loop, model = self._loop, self._loop.dynamics.model
+        loop = self._loop
+        model = self._loop.dynamics.model
         names = model.dof_names
         for kind, topic, take in (
             (
@@ -264,11 +271,13 @@ class ControllerNode(ManagedNode):
             self._trajectories.destroy()
         if self._activity:
             self._activity.destroy()
-        self._offered, self._published = [], []
+        self._offered = []
+        self._published = []
         self._left = self._standing()
         self._loop = self._descriptions = self._description = self._trajectories = None
         self._activity = None
-        self._refused, self._other = "", None
+        self._refused = ""
+        self._other = None
 
     # --- The robot
 
@@ -298,7 +307,8 @@ class ControllerNode(ManagedNode):
         standing = self._standing()
         self._loop, self._joints, self._order, self._states = result
         self._description = description
-        model, limits = self._loop.dynamics.model, self._loop.limits
+        model = self._loop.dynamics.model
+        limits = self._loop.limits
         limits.reset(np.array([standing.get(name, 0.0) for name in model.dof_names]))
         self.log_info(f"Ready: robot '{model.name}', {model.nv} degrees of freedom.")
         if limits.unlimited:
@@ -317,7 +327,8 @@ class ControllerNode(ManagedNode):
 
     def _take_description(self, description):
         """Load another robot, unless the controller is active."""
-        self._refused, self._other = "", None
+        self._refused = ""
+        self._other = None
         if description == self._description:
             self._loader.drop()
         elif self.phase == ACTIVE:
@@ -357,7 +368,8 @@ class ControllerNode(ManagedNode):
 
         If it has gone back, forget all states, because their stamps are ahead.
         """
-        now, last = self.time.now(), self._last_time
+        now = self.time.now()
+        last = self._last_time
         if last is not None and now < last - self.values["max_state_age"] * 1e9:
             self._record.counts["clock went back"] += 1
             self._states.forget()
@@ -384,7 +396,8 @@ class ControllerNode(ManagedNode):
 
     def _not_executed(self):
         """Return why the effort controller does not execute the commands; empty if unknown."""
-        state, name = self._activity.state, self._activity.name
+        state = self._activity.state
+        name = self._activity.name
         if state in (None, RUNNING):
             return ""
         if state == NOT_LOADED and set(self._receivers()) - {self._controller}:
@@ -398,7 +411,8 @@ class ControllerNode(ManagedNode):
         """
         if self._loop is None or before in (None, state):
             return
-        reason, now = f"controller '{self._activity.name}' is {state}", self.time.now()
+        reason = f"controller '{self._activity.name}' is {state}"
+        now = self.time.now()
         if self._loop.supervisor.phase == IN_FORCE:
             _, fault = attempt(self._loop.stand_by, now, reason)
             if fault:
@@ -408,7 +422,8 @@ class ControllerNode(ManagedNode):
 
     def _look(self):
         """Hold the robot if the last state has become too old."""
-        state, now = self._loop.state, self._cycle()
+        state = self._loop.state
+        now = self._cycle()
         if self.phase == ACTIVE and state and (problem := self._loop.age_problem(state, now)):
             late = self._states.stale(now)
             if 0 < len(late) < len(self._states.joint_names):
@@ -441,7 +456,8 @@ class ControllerNode(ManagedNode):
 
     def _report_phase(self):
         """Log that a hold or a ramp begins or ends, and report its begin, at once."""
-        before, supervisor = self._reported_phase, self._loop.supervisor
+        before = self._reported_phase
+        supervisor = self._loop.supervisor
         self._reported_phase = phase = supervisor.phase
         if phase == before:
             return
@@ -496,7 +512,8 @@ class ControllerNode(ManagedNode):
 
     def _take_trajectory(self, message, goal=None):
         loop = self._loop
-        names, tolerances = loop.dynamics.model.dof_names, loop.tolerances
+        names = loop.dynamics.model.dof_names
+        tolerances = loop.tolerances
         if goal:
             tolerances = received.tolerances(goal, names, tolerances)
         if any(len(point.effort) for point in message.points):
@@ -531,7 +548,8 @@ class ControllerNode(ManagedNode):
     # --- Diagnostics
 
     def _report(self):
-        record, recent = self._record, self._record.take_recent()
+        record = self._record
+        recent = self._record.take_recent()
         missing = {}
         if self.phase == ACTIVE:
             missing["missing joints"] = counted(self._states.missing)
@@ -577,14 +595,16 @@ class ControllerNode(ManagedNode):
         """Return whether the log has the phase of the supervisor and its reason."""
         if self._loop.shortfall:
             return False
-        reason, logged = self._loop.supervisor.reason, self._logged_reason
+        reason = self._loop.supervisor.reason
+        logged = self._logged_reason
         return logged is not None and without_numbers(reason) == without_numbers(logged)
 
     def _listeners(self):
         """Return problems of receivers and limits, and diagnostic values of receivers."""
         if self.phase != ACTIVE:
             return [], {}
-        topic, problems = self._commands.topic_name, []
+        topic = self._commands.topic_name
+        problems = []
         state = self._activity.check()
         receivers = self._commands.get_subscription_count()
         other_count = self.count_publishers(topic) - 1

@@ -33,7 +33,8 @@ class ManagedNode(TableNode, LifecycleNode):
     """
 
     def __init__(self, name, specs, **options):
-        self.phase, self.failure = UNCONFIGURED, ""
+        self.phase = UNCONFIGURED
+        self.failure = ""
         super().__init__(name, specs, **options)
         for service in self.services:
             if (
@@ -60,7 +61,8 @@ class ManagedNode(TableNode, LifecycleNode):
     def _transition(self, step, undo, phase, problem):
         _, fault = attempt(step)
         if fault is None:
-            self.phase, self.failure = phase, ""
+            self.phase = phase
+            self.failure = ""
             return SUCCESS
         self.failure = shortened(f"{problem}: {fault.text}")
         self.log_error(self.failure)
@@ -94,5 +96,6 @@ class ManagedNode(TableNode, LifecycleNode):
     def _leave(self, phase):
         self.deactivate()
         self.clean_up()
-        self.phase, self.failure = phase, ""
+        self.phase = phase
+        self.failure = ""
         return SUCCESS

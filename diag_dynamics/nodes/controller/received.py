@@ -24,7 +24,9 @@ def pose(message, model, transforms=None):
     Poses in a frame that is no link of the robot are in the axes of its root link, where
     :class:`Transforms` place the frame now; without tf2_ros these are None.
     """
-    link, p, o = message.header.frame_id, message.pose.position, message.pose.orientation
+    link = message.header.frame_id
+    p = message.pose.position
+    o = message.pose.orientation
     position = [p.x, p.y, p.z]
     axes = rotation_of((o.x, o.y, o.z, o.w))
     if link in model.link_names:
@@ -68,7 +70,8 @@ def trajectory(message, names, position):
     columns = _columns("trajectory.joint_names", message.joint_names, names)
     if not columns:
         raise InputError("trajectory.joint_names is empty; expected at least one joint.")
-    points, stamp = message.points, message.header.stamp
+    points = message.points
+    stamp = message.header.stamp
     if not points:
         raise InputError(
             "trajectory.points is empty, expected at least one point. "
@@ -150,7 +153,8 @@ def _field(points, name, columns, default):
 
     Other points and columns have `default`, shape (nv,).
     """
-    values, width = [getattr(point, name) for point in points], len(columns)
+    values = [getattr(point, name) for point in points]
+    width = len(columns)
     lengths = np.array([len(value) for value in values])
     present = lengths > 0
     wrong = present & (lengths != width)

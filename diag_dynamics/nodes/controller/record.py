@@ -37,15 +37,18 @@ class Record:
     """Counts of commands and inputs since the start, and the extremes since the last report."""
 
     def __init__(self):
-        self.counts, self._told = Counter(), Counter()
+        self.counts = Counter()
+        self._told = Counter()
         self._last_refusal = self._last_hold = ""
-        self._largest_gap, self._smallest_scale = 0.0, 1.0
+        self._largest_gap = 0.0
+        self._smallest_scale = 1.0
         self._worst_contact = 0.0, ""  # largest energy above its limit [J], and its link
         self.begin()
 
     def begin(self):
         """Start anew: no gap ends with the next command."""
-        self._last_sent, self._acted = None, False
+        self._last_sent = None
+        self._acted = False
 
     def refuse(self, key, reason):
         """Count a rejection, or a target that was aborted."""
@@ -80,7 +83,8 @@ class Record:
 
     def law_status(self, recent, loop, values):
         """Return the status of an active controller."""
-        supervisor, mode = loop.supervisor, f"mode {loop.mode}"
+        supervisor = loop.supervisor
+        mode = f"mode {loop.mode}"
         if supervisor.phase == IN_FORCE:
             if supervisor.cause:
                 return _fault(
@@ -113,7 +117,8 @@ class Record:
             problems = [*problems, above]
         if recent["stalls"]:
             problems = ["gaps between commands beyond max_state_age", *problems]
-        self._largest_gap, self._smallest_scale = 0.0, 1.0
+        self._largest_gap = 0.0
+        self._smallest_scale = 1.0
         self._worst_contact = 0.0, ""
         good = "limited" if recent["commands limited"] else "within limits"
         return problem_status("commands", problems, good, values)
@@ -175,7 +180,8 @@ def values_of_loop(loop):
 
 def status_message(loop, sent, trajectories):
     """Return the ControllerStatus of a command of a loop, with the outcome of its Trajectories."""
-    command, model = sent.command, loop.dynamics.model
+    command = sent.command
+    model = loop.dynamics.model
     limit = loop.limits.energy.limit if loop.limits.energy else math.inf
     message = ControllerStatus(
         header=Header(stamp=to_time(sent.stamp), frame_id=model.root_link),
@@ -198,11 +204,14 @@ def status_message(loop, sent, trajectories):
         trajectory_reason=shortened(trajectories.outcome.reason),
     )
     if (bound := loop.limits.contact) and bound.seen and command is not None:
-        message.contact_valid, message.contact_link = True, bound.seen.link
-        message.contact_energy, message.contact_energy_limit = bound.seen.energy, bound.seen.limit
+        message.contact_valid = True
+        message.contact_link = bound.seen.link
+        message.contact_energy = bound.seen.energy
+        message.contact_energy_limit = bound.seen.limit
     if command is None:
         return message
-    message.lyapunov, message.lyapunov_rate_predicted = command.lyapunov, command.lyapunov_rate
+    message.lyapunov = command.lyapunov
+    message.lyapunov_rate_predicted = command.lyapunov_rate
     message.lyapunov_valid = sent.lyapunov_rate is not None
     message.lyapunov_rate_measured = sent.lyapunov_rate or 0.0
     if isinstance(command.error, PoseError):
@@ -212,7 +221,8 @@ def status_message(loop, sent, trajectories):
         ):
             field.x, field.y, field.z = map(float, vector)
     elif command.error is not None:
-        message.tracking_error, message.tracking_error_valid = doubles(command.error), True
+        message.tracking_error = doubles(command.error)
+        message.tracking_error_valid = True
         message.desired_position = doubles(loop.desired.position)
         message.desired_velocity = doubles(loop.desired.velocity)
     return message

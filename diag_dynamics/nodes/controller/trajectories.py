@@ -33,7 +33,9 @@ class _Goal:
     """A trajectory that is followed; by the action with a goal handle and a future result."""
 
     def __init__(self, following):
-        self.following, self.handle, self.result = following, None, Future()
+        self.following = following
+        self.handle = None
+        self.result = Future()
 
     async def wait(self, _):
         """Return the result of the action."""
@@ -49,9 +51,14 @@ class Trajectories:
     """
 
     def __init__(self, node, publisher, accept, cancel):
-        self._goals, self._accept, self._cancel, self._server = [], accept, cancel, None
-        self._node, self._preempted = node, []  # handles of goals that newer trajectories replaced
-        self._limit, self.outcome = RateLimit(FEEDBACK_RATE), Outcome(SUCCESSFUL)
+        self._goals = []
+        self._accept = accept
+        self._cancel = cancel
+        self._server = None
+        self._node = node
+        self._preempted = []  # handles of goals that newer trajectories replaced
+        self._limit = RateLimit(FEEDBACK_RATE)
+        self.outcome = Outcome(SUCCESSFUL)
         self._states = None  # publisher of the controller state
         if FollowJointTrajectory:
             self._states = publisher(JointTrajectoryControllerState, "~/controller_state")
@@ -142,7 +149,8 @@ class Trajectories:
     # --- Messages
 
     def _finish(self, goal):
-        outcome, handle = goal.following.outcome, goal.handle
+        outcome = goal.following.outcome
+        handle = goal.handle
         if handle is None:
             return
         if outcome.code == SUCCESSFUL:
@@ -173,7 +181,8 @@ class Trajectories:
 
     def _publish_feedback(self, goal):
         following = goal.following
-        state, desired = following.state, following.desired
+        state = following.state
+        desired = following.desired
         elapsed = state.newest - following.start
         message = FollowJointTrajectory.Feedback(
             header=Header(stamp=to_time(state.newest)),

@@ -27,7 +27,8 @@ class LiveAlarm:
     """
 
     def __init__(self):
-        self.count, self.cause = 0, ""
+        self.count = 0
+        self.cause = ""
 
     def use(self, names, thresholds):
         """Restart with other thresholds."""
@@ -48,7 +49,8 @@ class LiveAlarm:
         `touched` returns the TouchedLink of this row, None if it is unknown.
         """
         judged = self._detector.judge(stamps, r, torque, np.array([valid]))
-        self.on, self.begins = bool(judged.alarm[0]), bool(judged.begins[0])
+        self.on = bool(judged.alarm[0])
+        self.begins = bool(judged.begins[0])
         self.starts = self.begins and self._detector.starts
         self.joints = judged.joints[0]
         self.count += self.begins
@@ -72,15 +74,18 @@ class CollisionWatch(Watch):
 
     def __init__(self, robot, node):
         super().__init__(robot, node)
-        self.collision, self.contact = LiveAlarm(), LiveAlarm()
+        self.collision = LiveAlarm()
+        self.contact = LiveAlarm()
         self.observer = self._options = self._origin = self.covariance = None
-        self._message, self._reported_count = "", 0  # message while a collision lasts
+        self._message = ""  # while a collision lasts
+        self._reported_count = 0
         self._unobserved_frame = ""  # that the log has
         self._start_interval()
 
     def configure(self, dynamics, settings):
         """See Watch. The observer restarts if model, parameters or input options changed."""
-        model, observation = dynamics.model, settings.observation
+        model = dynamics.model
+        observation = settings.observation
         link = settings.values["load.link"]
         _require_moved(model, "external_wrench.frames", settings.frames)
         _require_moved(model, "load.link", [link] if link else [])
@@ -104,7 +109,8 @@ class CollisionWatch(Watch):
 
     def _restart(self, dynamics, observation):
         """Restart with another model or other parameters."""
-        self._dynamics, names = dynamics, dynamics.model.dof_names
+        self._dynamics = dynamics
+        names = dynamics.model.dof_names
         friction = observation.friction
         self.observer = DisturbanceObserver(dynamics, observation.gain, friction=friction)
         self._zone = DeadZone(dynamics, observation.collision.stiction, observation.gain)
@@ -124,7 +130,8 @@ class CollisionWatch(Watch):
 
     def forget(self):
         """See Watch."""
-        self.seen, self._touched = Disturbance(False, "no state yet"), None
+        self.seen = Disturbance(False, "no state yet")
+        self._touched = None
         if self.observer:
             self.observer.reset()
             self._zone.reset()
@@ -179,27 +186,32 @@ class CollisionWatch(Watch):
         seen = self.observer.update(time, state.position, state.velocity, effort)
         r = torque = np.zeros(len(state.velocity))
         if seen.valid:  # components that an unknown effort changes have no alarm
-            r, torque = np.nan_to_num(seen.residual), np.nan_to_num(seen.external_torque)
+            r = np.nan_to_num(seen.residual)
+            torque = np.nan_to_num(seen.external_torque)
         r, torque = self._robot.load.remove(time, state, seen, r, torque)
         is_partial = seen.valid and not seen.is_whole
         if is_partial:
             torque = np.where(np.isnan(seen.external_torque), 0.0, torque)
-        self.seen, self._touched = seen, None
-        self._position, self.contact_torque = state.position, torque
+        self.seen = seen
+        self._touched = None
+        self._position = state.position
+        self.contact_torque = torque
         columns = state.position, state.velocity, r, torque
         r, torque = self._zone.lower(stamps, *(column[None] for column in columns))
         if is_partial:
             r = np.where(np.isnan(seen.residual), 0.0, r)
         for alarm in (self.collision, self.contact):
             alarm.accept_state(stamps, r, torque, seen.valid, seen.norm, self._touched_row)
-        self._count, self._valid = self._count + 1, self._valid + seen.valid
+        self._count += 1
+        self._valid = self._valid + seen.valid
         self._largest = max(self._largest, seen.norm)
 
     def publish(self, moment, outputs):
         """See Watch."""
         if self.observer is None:
             return
-        robot, state = self._robot, moment.state
+        robot = self._robot
+        state = moment.state
         outputs.publish_beside(
             "external_torque",
             state.newest,
@@ -216,12 +228,16 @@ class CollisionWatch(Watch):
 
     def _alarming(self):
         """Return the Alarming of the last state."""
-        collision, contact = self.collision, self.contact
+        collision = self.collision
+        contact = self.contact
         limits = collision.limits, contact.limits
         return Alarming(*limits, collision.joints, collision.on, contact.on)
 
     def _start_interval(self):
-        self._count, self._valid, self._largest, self._withheld = 0, 0, 0.0, 0
+        self._count = 0
+        self._valid = 0
+        self._largest = 0.0
+        self._withheld = 0
         self.collision.cause = self.contact.cause = ""
 
     def report(self):
@@ -283,7 +299,9 @@ class LoadWatch(Watch):
     begins there.
     """
 
-    link, estimator, begins = "", None, False
+    link = ""
+    estimator = None
+    begins = False
 
     def use(self, dynamics, observation, link):
         """Restart with another model or other parameters."""
@@ -291,7 +309,8 @@ class LoadWatch(Watch):
         if link:
             covariance = observation.covariance_of(dynamics.model.dof_names)
             estimator = LoadEstimator(dynamics, link, observation.gain, covariance)
-        self.link, self.estimator = link, estimator
+        self.link = link
+        self.estimator = estimator
         self.forget()
 
     def use_gravity(self, dynamics):
@@ -328,7 +347,9 @@ class LoadWatch(Watch):
         """See Watch."""
         if not self.estimator:
             return
-        robot, state, load = self._robot, moment.state, self.estimate
+        robot = self._robot
+        state = moment.state
+        load = self.estimate
         payload = robot.model.payloads.get(self.link, NO_PAYLOAD)
         outputs.publish_beside(
             "load", state.newest, lambda: robot.encoder.load(self.link, load, payload, state)

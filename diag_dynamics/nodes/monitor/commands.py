@@ -23,7 +23,8 @@ class EffortCommands:
 
     def __init__(self, node):
         self._commands = deque(maxlen=MAX_COMMANDS)
-        create, take = node.create_subscription, self._take
+        create = node.create_subscription
+        take = self._take
         connected(create, Float64MultiArray, TOPIC, take, newest(), raw=True)
 
     def _take(self, raw):

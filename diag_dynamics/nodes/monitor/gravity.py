@@ -33,9 +33,13 @@ class GravitySource:
     """
 
     def __init__(self, node, current):
-        values, self._current, self._time = node.values, current, node.time
-        self._frame, self.topic = values["gravity_frame"], values["gravity_imu"]
-        self._robot, self._fault = None, ""
+        values = node.values
+        self._current = current
+        self._time = node.time
+        self._frame = values["gravity_frame"]
+        self.topic = values["gravity_imu"]
+        self._robot = None
+        self._fault = ""
         if self._frame:
             self._transforms = Transforms.if_installed(node)
             if self._transforms is None:
@@ -69,7 +73,10 @@ class GravitySource:
         if robot is None:
             return
         if robot is not self._robot:
-            self._robot, self._up, self._received, self._changed = robot, None, 0.0, -np.inf
+            self._robot = robot
+            self._up = None
+            self._received = 0.0
+            self._changed = -np.inf
         direction, fault = attempt(read, robot, *arguments)
         self._fault = fault.reason if fault else ""
         if fault:
@@ -77,26 +84,31 @@ class GravitySource:
         (up, filter_time), now = direction, self._time.steady()
         if self._up is not None and filter_time:
             up = self._up - np.expm1(-(now - self._received) / filter_time) * (up - self._up)
-        self._up, self._received = unit("direction of gravity", up), now
+        self._up = unit("direction of gravity", up)
+        self._received = now
         if now - self._changed >= PERIOD:
             self._changed = now
             robot.use_gravity(-float(np.linalg.norm(robot.settings.values["gravity"])) * self._up)
 
     def _read_imu(self, robot, message):
         imu = deserialize_message(message, Imu)
-        model, link = robot.model, imu.header.frame_id
+        model = robot.model
+        link = imu.header.frame_id
         body, placement = model.placement_in_body(link)
         if body:
             if robot.position is None:
                 raise InputError(f"no joint state yet, which places link '{link}' of the IMU")
             placement = robot.dynamics.placement(robot.position, link)
-        o, a = imu.orientation, imu.linear_acceleration
+        o = imu.orientation
+        a = imu.linear_acceleration
         if imu.orientation_covariance[0] != -1.0:
             up = from_quaternion(*unit_quaternion(o))[2]  # the world's z in its axes
             filter_time = 0.0
         else:
-            up, filter_time = np.array([a.x, a.y, a.z]), FILTER_TIME
-            size, g = np.linalg.norm(up), np.linalg.norm(robot.settings.values["gravity"])
+            up = np.array([a.x, a.y, a.z])
+            filter_time = FILTER_TIME
+            size = np.linalg.norm(up)
+            g = np.linalg.norm(robot.settings.values["gravity"])
             if (
                 imu.linear_acceleration_covariance[0] == -1.0
                 or not MIN_FORCE * g < size < MAX_FORCE * g
@@ -115,7 +127,8 @@ class GravitySource:
         """Return the status of the direction in a list; empty without a source."""
         if not (self._frame or self.topic):
             return []
-        problem, values = self._problem(), {}
+        problem = self._problem()
+        values = {}
         if self._robot is not None and self._up is not None:
             values["up in the axes of the root link"] = " ".join(f"{x:.4f}" for x in self._up)
         if self._fault:

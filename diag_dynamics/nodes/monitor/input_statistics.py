@@ -34,14 +34,17 @@ class InputStatistics:
 
     def __init__(self, steady):
         self._steady = steady
-        self.counts, self._reported = Counter(), Counter()
-        self.last_rejection, self._last_stamp = "", None
+        self.counts = Counter()
+        self._reported = Counter()
+        self.last_rejection = ""
+        self._last_stamp = None
         self.is_foreign = False  # whether no recent message had a joint of the robot
         self.is_empty = False  # whether no recent message had a name
         self._start_interval()
 
     def _start_interval(self):
-        self._start, self._latencies = self._steady(), []
+        self._start = self._steady()
+        self._latencies = []
 
     def add_latency(self, stamp, now):
         """Add the age of a stamp at its reception [ns]."""
@@ -64,7 +67,8 @@ class InputStatistics:
     def report(self, robot, now, values, problems):
         """Return the status since the last report, with values and problems of the graph."""
         counts = self.counts + (_counts_of(robot) if robot else Counter())
-        recent, self._reported = counts - self._reported, counts
+        recent = counts - self._reported
+        self._reported = counts
         if recent["received"]:
             self.is_foreign = recent["foreign"] + recent["empty"] == recent["received"]
             self.is_empty = recent["empty"] == recent["received"]
@@ -97,7 +101,8 @@ class InputStatistics:
         return status._replace(level=ERROR) if recent["rejected: open loop"] else status
 
     def _problems(self, robot, recent):
-        problems, texts = [], robot.assembler.last_texts if robot else {}
+        problems = []
+        texts = robot.assembler.last_texts if robot else {}
         if any(outcome.startswith(("rejected", "odometry rejected")) for outcome in recent):
             problems.append(f"messages rejected: {self.last_rejection}")
         for key, text in WARNINGS.items():

@@ -48,8 +48,11 @@ class MarkerMaker:
     """
 
     def __init__(self, dynamics, description, link=""):
-        self._dynamics, self._model = dynamics, dynamics.model
-        model, q, bodies = dynamics.model, dynamics.model.start, dynamics.model.bodies
+        self._dynamics = dynamics
+        self._model = dynamics.model
+        model = dynamics.model
+        q = dynamics.model.start
+        bodies = dynamics.model.bodies
         self.link = link or end_effector_link(model)
         self.reach = max(
             MIN_REACH, *(float(np.linalg.norm(X[:3, 3])) for X in self._placements(q).values())
@@ -58,7 +61,8 @@ class MarkerMaker:
         self.scale = MAX_HALF_AXIS * self.reach / np.sqrt(largest) if largest > 0.0 else 0.0
         self._names = [plain(name) for name in model.dof_names]
         self._units = ["N" if slides else "N m" for slides in sliding_dofs(model)]
-        geometry, folder = links_of(model, description), folder_of(description)
+        geometry = links_of(model, description)
+        folder = folder_of(description)
         self._parts = [(shape.name, *part) for shape in geometry for part in _parts(shape, folder)]
         for number, (*_, marker) in enumerate(self._parts):
             marker.id = number
@@ -85,7 +89,8 @@ class MarkerMaker:
         header = Header(stamp=to_time(state.newest), frame_id=self._model.root_link)
         for marker in self._message.markers:
             marker.header = header
-        placed, shares = self._placements(state.position), s.energy_share
+        placed = self._placements(state.position)
+        shares = s.energy_share
         self._tint(shares / (s.kinetic_energy + MIN_ENERGY))
         for name, placement, marker in self._parts:
             marker.pose = _pose(placed[name] @ placement)
@@ -118,7 +123,9 @@ class MarkerMaker:
             HOT - COLD
         )  # dof −1: nothing moves the link
         for (*_, marker), (r, g, b) in zip(self._parts, tints.tolist(), strict=True):
-            marker.color.r, marker.color.g, marker.color.b = r, g, b
+            marker.color.r = r
+            marker.color.g = g
+            marker.color.b = b
 
     def _describe_energy(self, K, shares):
         if not K:
@@ -128,13 +135,16 @@ class MarkerMaker:
 
     def _draw_velocity(self, X, state):
         """Place ellipsoid and arrow at a link's placement; return the line about its velocity."""
-        q, R, origin = state.position, X[:3, :3], X[:3, 3]
+        q = state.position
+        R = X[:3, :3]
+        origin = X[:3, 3]
         values, axes = self._mobility(q)
         half_axes = np.maximum(
             self.scale * np.sqrt(np.maximum(values, 0.0)), 5e-4 * self.reach
         )  # never flat
         placement, diameters = _sphere(pose(origin, R @ axes * half_axes))
-        self._ellipsoid.pose, self._ellipsoid.scale = _pose(placement), _vector(diameters)
+        self._ellipsoid.pose = _pose(placement)
+        self._ellipsoid.scale = _vector(diameters)
         v = self._dynamics.link_velocity(q, self.link, state.velocity)[:3]
         speed = float(np.linalg.norm(v))
         self._arrow.action = Marker.ADD if speed * HORIZON > 0.01 * self.reach else Marker.DELETE
@@ -165,7 +175,9 @@ class MarkerMaker:
 def _parts(link, folder):
     """Yield placement and marker of each shape of a LinkGeometry, or of its ellipsoid."""
     for shape in link.shapes:
-        X, numbers, d = shape.placement, shape.numbers, 2.0 * shape.numbers[0]
+        X = shape.placement
+        numbers = shape.numbers
+        d = 2.0 * shape.numbers[0]
         if shape.kind == "mesh":
             marker = _marker("links", Marker.MESH_RESOURCE, numbers)
             marker.mesh_resource = _resource(shape.file, folder)
@@ -187,7 +199,8 @@ def _sphere(ellipsoid):
 
     Its first columns are its half axes.
     """
-    half_axes, placement = np.linalg.norm(ellipsoid[:3, :3], axis=0), ellipsoid.copy()
+    half_axes = np.linalg.norm(ellipsoid[:3, :3], axis=0)
+    placement = ellipsoid.copy()
     placement[:3, :3] /= half_axes
     placement[:3, 0] *= np.sign(np.linalg.det(placement))  # a mirror is no rotation
     return placement, 2.0 * half_axes

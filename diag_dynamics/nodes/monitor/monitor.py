@@ -69,7 +69,8 @@ class MonitorNode(TableNode, Node):
         self._outputs.use_rates(self._settings.rates)
         check_entries(self.values)
         joint_names_of(self.values)  # reject wrong entries before a robot is loaded
-        self.reaction, self.commands = Reaction(self), EffortCommands(self)
+        self.reaction = Reaction(self)
+        self.commands = EffortCommands(self)
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._robot and self._robot.model
         )
@@ -183,7 +184,8 @@ class MonitorNode(TableNode, Node):
         return self._received - self._beat > OVERDUE
 
     def _take_joint_state(self, message):
-        counts, robot = self._statistics.counts, self._robot
+        counts = self._statistics.counts
+        robot = self._robot
         counts["received"] += 1
         if self._overloaded():
             counts[OVERLOAD] += 1
@@ -277,7 +279,8 @@ class MonitorNode(TableNode, Node):
                     raise
         if settings.rates != self._settings.rates:
             self._outputs.use_rates(settings.rates)
-        self._settings, self.values = settings, settings.values
+        self._settings = settings
+        self.values = settings.values
         waiting = self._loader.loading or (self._refused and self._refused.description)
         if description := changed.get("robot_description") or waiting:
             self._loader.load(description, settings)
@@ -301,7 +304,8 @@ class MonitorNode(TableNode, Node):
     # --- Diagnostics
 
     def _report(self):
-        robot, counts = self._robot, self._statistics.counts
+        robot = self._robot
+        counts = self._statistics.counts
         states = self._statistics.report(robot, self.time.now(), *self._notes())
         is_starting = self.time.steady() - self._started < START_PERIOD
         if is_starting and not (counts["received"] or counts["odometry received"]):
@@ -321,7 +325,8 @@ class MonitorNode(TableNode, Node):
 
     def _notes(self):
         """Return the publishers of the inputs, and under None their problems."""
-        notes, problems = {}, []
+        notes = {}
+        problems = []
         for subscription in self._inputs:
             kind = subscription.msg_type
             package, middle, _ = kind.__module__.split(".", 2)
@@ -338,7 +343,8 @@ class MonitorNode(TableNode, Node):
         """Return the statuses of joints without data and of efforts; none without a robot."""
         if (robot := self._robot) is None:
             return []
-        first, model = robot.first_received, robot.model
+        first = robot.first_received
+        model = robot.model
         elapsed = None if first is None else self.time.steady() - first
         ignored = (*model.fixed_joints, *model.locked_joints)
         problem = robot.effort_problem(self.commands)

@@ -75,7 +75,8 @@ class MonitoredRobot:
     """
 
     def __init__(self, description, model, settings, revision, node=None):
-        self.description, self.source = description, _kept(description)
+        self.description = description
+        self.source = _kept(description)
         in_header = settings.values["odom_twist_frame"] == "header"
         self.base = OdometryBase(model, in_header) if model.floating_base else None
         names = joint_names_of(settings.values)
@@ -149,7 +150,9 @@ class MonitoredRobot:
         self.assembler.configure(settings.inputs)
         self.settings = settings
         if is_new:
-            self.dynamics, self.revision, self.state = dynamics, None, None
+            self.dynamics = dynamics
+            self.revision = None
+            self.state = None
             self.dynamics.compile("evaluate")  # also for groups, or the first state would wait
             resistance = (
                 np.asarray(values, dtype=float)
@@ -207,7 +210,8 @@ class MonitoredRobot:
         if effort is None:
             return ""
         joints = slice(len(effort) - len(self.assembler.joint_names), None)
-        effort, names = effort[joints], "0"
+        effort = effort[joints]
+        names = "0"
         if effort[~np.isnan(effort)].any():
             names = "commands"
             if not (self._stands_still and commands.repeated_by(effort)):
@@ -257,7 +261,8 @@ class MonitoredRobot:
             state = state._replace(partial=self._of_joints(state.partial, state.position))
         if self._links.has_any:
             state = self._of_links(state)
-        before, self.state = self.state, None
+        before = self.state
+        self.state = None
         self._stands_still = before is not None and np.array_equal(before.position, state.position)
         friction = self.settings.values["publish_friction"]
         s = self.dynamics.evaluate(state.position, state.velocity, state.effort, friction=friction)
@@ -276,7 +281,8 @@ class MonitoredRobot:
 
     def _of_joints(self, effort, position):
         """Return efforts of joints with gravity."""
-        effort, without = self.model.joint_efforts(effort), self.assembler.efforts.without_gravity
+        effort = self.model.joint_efforts(effort)
+        without = self.assembler.efforts.without_gravity
         if without is None:
             return effort
         gravity = self.dynamics.gravity_torque(position)
@@ -289,14 +295,16 @@ class MonitoredRobot:
 
         It is None without a result of the observer.
         """
-        watch, values = self.torque, self.settings.values
+        watch = self.torque
+        values = self.settings.values
         if not watch.seen.is_whole:
             return None
         most = (
             values["external_wrench.max_force_deviation"],
             values["external_wrench.max_torque_deviation"],
         )
-        torque, covariance = watch.contact_torque, watch.covariance
+        torque = watch.contact_torque
+        covariance = watch.covariance
         if covariance is None:  # without one J⁻ᵀτ̂ has no bound near a singularity
             covariance = ASSUMED_NOISE**2 * np.eye(self.model.nv)
         return self.dynamics.wrench(
@@ -306,10 +314,8 @@ class MonitoredRobot:
     def friction_power(self, s):
         """Return the power q̇·τ_fric of friction [W] at an Evaluation."""
         if self._geared:
-            q, qd = (
-                s.rows[workspace.POSITIONS, : self.model.nq],
-                s.rows[workspace.RATES, : self.model.nv],
-            )
+            q = s.rows[workspace.POSITIONS, : self.model.nq]
+            qd = s.rows[workspace.RATES, : self.model.nv]
             return float(qd @ self.dynamics.friction_torque(qd, q))
         return evaluation.friction_power(s.rows, *self._resistance)
 

@@ -40,7 +40,9 @@ class Outputs:
     """
 
     def __init__(self, node):
-        self._node, self._steady, self._limits = node, node.time.steady, {}
+        self._node = node
+        self._steady = node.time.steady
+        self._limits = {}
         self._publishers = {
             topic: connected(node.create_publisher, kind, f"~/{topic}", QoSProfile(depth=10))
             for topic, kind in TYPES.items()
@@ -67,7 +69,9 @@ class Outputs:
 
     def publish(self, moment, robot):
         """Publish the topics about a Moment of a MonitoredRobot, the markers last."""
-        s, stamp, topics = moment.evaluation, moment.state.newest, self._about_state
+        s = moment.evaluation
+        stamp = moment.state.newest
+        topics = self._about_state
         if self._limits:
             topics = tuple(topic for topic in topics if self._due(topic, stamp))
         for topic, message in zip(topics, robot.messages(topics, s), strict=True):
@@ -89,7 +93,8 @@ class Outputs:
         Return whether a direction at the first frame is not observed. A controller would take a
         zero for a measurement, so there is no WrenchStamped then.
         """
-        is_withheld, stamp = False, state.newest
+        is_withheld = False
+        stamp = state.newest
         is_due = self._is_awaited("external_wrench", stamp)
         is_detailed = self._is_awaited("external_wrench_estimates", stamp)
         for frame in frames if is_detailed else frames[:1] if is_due else ():

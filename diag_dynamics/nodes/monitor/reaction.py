@@ -29,13 +29,19 @@ class Reaction:
     """
 
     def __init__(self, node):
-        self._node, self._steady = node, node.time.steady
+        self._node = node
+        self._steady = node.time.steady
         self._publisher = connected(node.create_publisher, Bool, "~/collision", latched())
-        self._service, self._client = node.values["reaction.service"], None
+        self._service = node.values["reaction.service"]
+        self._client = None
         self._on_contact = node.values["reaction.event"] == "contact"
         self._published = self._future = self._fallback = self._controllers = None
-        self._judged_at, self._is_missed = -math.inf, False
-        self._calls, self._failures, self._failure, self._latencies = 0, 0, "", {}
+        self._judged_at = -math.inf
+        self._is_missed = False
+        self._calls = 0
+        self._failures = 0
+        self._failure = ""
+        self._latencies = {}
         if self._service:
             names = [
                 list(filter(None, node.values[f"reaction.{part}"]))
@@ -89,7 +95,8 @@ class Reaction:
             self._publisher.publish(Bool(data=collision))
 
     def _call(self, received):
-        self._calls, self._failure = self._calls + 1, ""
+        self._calls += 1
+        self._failure = ""
         if self._future:
             self._client.remove_pending_request(self._future)
         self._future = None
@@ -109,7 +116,8 @@ class Reaction:
         """Measure and log the response to the last call."""
         if future is not self._future:
             return
-        self._future, response = None, future.result()
+        self._future = None
+        response = future.result()
         latency = self._measure("response", received)
         if getattr(response, "success", getattr(response, "ok", False)):
             self._node.log_info(
@@ -145,10 +153,8 @@ class Reaction:
             return []
         values = {"calls": self._calls, "failed calls": self._failures}
         for event, (last, largest) in self._latencies.items():
-            values[f"{event} after [ms]"], values[f"{event} after, maximum [ms]"] = (
-                f"{last:.3g}",
-                f"{largest:.3g}",
-            )
+            values[f"{event} after [ms]"] = f"{last:.3g}"
+            values[f"{event} after, maximum [ms]"] = f"{largest:.3g}"
         message = self._failure and f"last call failed: {self._failure}"
         if self._future and self._steady() - self._sent > RESPONSE_TIMEOUT:
             message = f"no response within {RESPONSE_TIMEOUT:g} s"
@@ -157,5 +163,6 @@ class Reaction:
             message = message or self._controllers.problem()
         if not self._client.service_is_ready():
             message = "the service is not available"
-        level, text = ERROR if message else OK, f"'{self._service}': {message or 'ready'}"
+        level = ERROR if message else OK
+        text = f"'{self._service}': {message or 'ready'}"
         return [Status("reaction", level, text, values, is_logged=bool(self._failure))]

@@ -27,7 +27,8 @@ class DynamicsServices:
     """Services of a node; `current` returns dynamics, MessageMaker and Followers, or None."""
 
     def __init__(self, node, current, set_payload):
-        self._current, self._attach = current, set_payload
+        self._current = current
+        self._attach = set_payload
         for kind, name, answer in (
             (ForwardDynamics, "forward_dynamics", self._forward_dynamics),
             (InverseDynamics, "inverse_dynamics", self._inverse_dynamics),
@@ -87,7 +88,8 @@ class PayloadServices:
     """
 
     def __init__(self, node, current, attach):
-        self._current, self._attach = current, attach
+        self._current = current
+        self._attach = attach
         self._accepted = None  # link, its payload before the first acceptance, and the accepted one
         offer(node, Trigger, "accept_payload", self._accept)
         offer(node, Trigger, "reset_payload", self._reset)
@@ -106,7 +108,8 @@ class PayloadServices:
     def _accept(self, *_):
         """Add the load to the payload of its link; return a message."""
         watch = self._watch()
-        link, estimate = watch.link, watch.estimate
+        link = watch.link
+        estimate = watch.estimate
         if not estimate.is_load:
             value = (
                 f"{estimate.mass:.3g} ± {estimate.mass_deviation:.2g} kg"
@@ -117,7 +120,8 @@ class PayloadServices:
                 f"load on link '{link}' is {value}; expected a recognized load. "
                 "Move the arm with the load."
             )
-        before, payload = self._before(link), watch.estimator.payload()
+        before = self._before(link)
+        payload = watch.estimator.payload()
         self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
         return f"The payload of '{link}' is {payload.mass:.3g} kg."
 

@@ -29,7 +29,8 @@ class Watch(Protocol):
     """
 
     def __init__(self, robot: Any, node: Any) -> None:
-        self._robot, self._node = robot, node
+        self._robot = robot
+        self._node = node
 
     def configure(self, dynamics: DiagonalDynamics, settings: Settings) -> None:
         """Use a model and settings; raise InputError and change nothing if they do not fit."""

@@ -34,7 +34,8 @@ class ContactLimitsWatch(Watch):
     def __init__(self, robot, node):
         super().__init__(robot, node)
         self._dynamics = self._limits = None
-        self._exceeded, self._reported = 0, 0
+        self._exceeded = 0
+        self._reported = 0
         self._start_interval()
 
     def configure(self, dynamics, settings):
@@ -45,7 +46,8 @@ class ContactLimitsWatch(Watch):
             self.points, self._without_shape = points
             self.has_limits = bool(self.points.limited.any())
             self.forget()
-        self._dynamics, self._limits = dynamics, settings.contact_limits
+        self._dynamics = dynamics
+        self._limits = settings.contact_limits
         self._warn_at = settings.values["contact_limits.warn_at"]
         self._release = settings.values["contact_limits.release"]
 
@@ -55,7 +57,9 @@ class ContactLimitsWatch(Watch):
         self._levels = np.zeros(len(self.points), dtype=int)
 
     def _start_interval(self):
-        self._count, self._level, self._alarm = 0, 0, ""
+        self._count = 0
+        self._level = 0
+        self._alarm = ""
 
     def _compute(self, state):
         """Return the predicted contact at a RobotState."""
@@ -68,7 +72,8 @@ class ContactLimitsWatch(Watch):
 
     def publish(self, moment, outputs):
         """See Watch."""
-        state, encoder = moment.state, self._robot.encoder
+        state = moment.state
+        encoder = self._robot.encoder
         outputs.publish_beside(
             "contact_limits",
             state.newest,
@@ -80,7 +85,8 @@ class ContactLimitsWatch(Watch):
         if not self.has_limits:
             return []
         contact = self._compute(moment.state)
-        usage, before = contact.usage, self._levels
+        usage = contact.usage
+        before = self._levels
         risen = (usage >= self._warn_at).astype(int) + (usage > 1.0)
         sustained = (usage >= self._release * self._warn_at).astype(int) + (usage >= self._release)
         self._levels = np.maximum(risen, np.minimum(before, sustained))
@@ -91,7 +97,8 @@ class ContactLimitsWatch(Watch):
             k = int(np.argmax(np.where(self._levels == level, usage, -1.0)))
             verb = "exceeds" if usage[k] > 1.0 else "is close to"
             limit = f"the allowed speed of region '{contact.region(k)}'"
-            self._level, self._alarm = level, f"'{contact.names[k]}' {verb} {limit}"
+            self._level = level
+            self._alarm = f"'{contact.names[k]}' {verb} {limit}"
         return [self._status()] if level > self._reported else []
 
     def report(self):
@@ -152,17 +159,24 @@ class EnergyWatch(Watch):
 
     def forget(self):
         """Restart the balance at the next state, for example after a jump of time."""
-        self._last, self._window = None, NOTHING
+        self._last = None
+        self._window = NOTHING
 
     def _start_interval(self):
-        self._count, self._largest, self._level, self._alarm = 0, 0.0, OK, ""
+        self._count = 0
+        self._largest = 0.0
+        self._level = OK
+        self._alarm = ""
         self._time = self._residual = 0.0
 
     def accept(self, moment):
         """See Watch."""
-        stamp, s = moment.state.newest, moment.evaluation
+        stamp = moment.state.newest
+        s = moment.evaluation
         self._count += 1
-        self._newest, self._energy, self._power = stamp, s.kinetic_energy, s.effort_power
+        self._newest = stamp
+        self._energy = s.kinetic_energy
+        self._power = s.effort_power
         self._largest = max(self._largest, self._energy)
         for parameter, limits in self._limits.items():
             level = ERROR if parameter == "energy.error" else WARN
@@ -181,16 +195,19 @@ class EnergyWatch(Watch):
 
     def _integrate(self, stamp, energy, power, friction):
         """Add ΔK less the integral of ν·(ε − ε_g) since the last state."""
-        last, self._last = self._last, (stamp, energy, power, friction)
+        last = self._last
+        self._last = (stamp, energy, power, friction)
         time = 1e-9 * (stamp - last[0]) if last else 0.0
         if not 0.0 < time <= MAX_INTERVAL:
             self._window = NOTHING
             return
         gained = energy - last[1]
         residual = gained - 0.5 * time * (power + last[2])
-        self._time, self._residual = self._time + time, self._residual + residual
+        self._time = self._time + time
+        self._residual = self._residual + residual
         length, change, unexplained = self._window
-        length, change = length + time, change + gained
+        length = length + time
+        change = change + gained
         unexplained += residual + 0.5 * time * (friction + last[3])
         self._window = length, change, unexplained
         if length > (1.0 - 1e-6) * WINDOW:
@@ -223,7 +240,8 @@ class EnergyWatch(Watch):
             values["power-balance residual [W]"] = f"{self._residual / self._time:.6g}"
         if (share := self._explained()) is not None:
             values["variance explained of dK/dt (last minute)"] = f"{share:.4g}"
-        self._reported, message = self._level, self._alarm or "within thresholds"
+        self._reported = self._level
+        message = self._alarm or "within thresholds"
         return Status("energy", self._reported, message, values)
 
 
@@ -231,7 +249,8 @@ def numerical_health(dynamics, state):
     """Return the status of a RobotState: errors of exact laws, and the smallest D."""
     if dynamics is None or state is None:
         return Status("numerical health", STALE, "no state")
-    q, qd = state.position, state.velocity
+    q = state.position
+    qd = state.velocity
     s = dynamics.evaluate(q, qd)
     work = (
         np.nan_to_num(coriolis_work(s.nu, s.coriolis, qd))
@@ -272,14 +291,16 @@ class LoopWatch(Watch):
 
     def _status(self):
         """Return the status at the last state, by measured rates of followers, NaN if unknown."""
-        state, rates = self._robot.state, self._robot.assembler.follower_rates
+        state = self._robot.state
+        rates = self._robot.assembler.follower_rates
         if state is None:
             return Status("loops", STALE, "no state")
         try:
             energies, now = self._balance.energies(state.position, state.velocity, rates)
         except (DiagDynamicsError, np.linalg.LinAlgError) as error:
             return problem_status("loops", [str(error)], "", {})._replace(level=ERROR)
-        measured, singular = np.array(now.names)[np.isfinite(rates)].tolist(), []
+        measured = np.array(now.names)[np.isfinite(rates)].tolist()
+        singular = []
         values = {"followers with measured rates": counted(measured)}
         for name, energy in energies.items():
             values[f"energy that breaks '{name}' [J]"] = f"{energy:.4g}"

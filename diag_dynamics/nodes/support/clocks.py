@@ -18,7 +18,8 @@ class NodeTime:
     """The times that a node reads; `start` is the steady time at which it was made [s]."""
 
     def __init__(self, node):
-        self._clock, self._callbacks = node.get_clock(), []
+        self._clock = node.get_clock()
+        self._callbacks = []
         self._simulated = self._clock.ros_time_is_active
         self.start = self.steady()
         backward = JumpThreshold(

@@ -30,8 +30,11 @@ class ControllerActivity:
     def __init__(self, node, topic, take):
         controller = topic.rpartition("/")[0]
         namespace, _, self.name = controller.rpartition("/")
-        self.state, self._node, self._take = None, node, take
-        self.topic, self._subscription = f"{namespace}/controller_manager/activity", None
+        self.state = None
+        self._node = node
+        self._take = take
+        self.topic = f"{namespace}/controller_manager/activity"
+        self._subscription = None
         if self.is_installed:
             self._subscription = connected(
                 node.create_subscription,
@@ -54,7 +57,8 @@ class ControllerActivity:
 
     def _take_activity(self, message):
         states = {controller.name: controller.state.label for controller in message.controllers}
-        before, self.state = self.state, states.get(self.name, NOT_LOADED)
+        before = self.state
+        self.state = states.get(self.name, NOT_LOADED)
         self._take(before, self.state)
 
 
@@ -65,7 +69,8 @@ class ControllerSwitch:
     """
 
     def __init__(self, node, service, deactivate, activate):
-        self._deactivate, self._activate = deactivate, activate
+        self._deactivate = deactivate
+        self._activate = activate
         self._states = self._listing = self._take = None
         manager = node.resolve_service_name(service).rpartition("/")[0]
         self._name = f"{manager}/list_controllers"
@@ -109,7 +114,9 @@ class ControllerSwitch:
     def _take_states(self, future):
         if future is not self._listing:
             return
-        self._listing, take, self._take = None, self._take, None
+        self._listing = None
+        take = self._take
+        self._take = None
         self._states = {
             controller.name: controller.state for controller in future.result().controller
         }

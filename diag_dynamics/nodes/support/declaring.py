@@ -39,7 +39,8 @@ class TableNode:
     def __init__(self, name, specs, time=NodeTime, **options):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         self.time = time(self)
-        self.finished, self.overrides = Future(), {}
+        self.finished = Future()
+        self.overrides = {}
         for parameter in self.get_parameters_by_prefix("").values():
             if parameter.name not in NOT_OVERRIDES:
                 self.overrides[parameter.name] = parameter.value

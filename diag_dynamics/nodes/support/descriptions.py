@@ -113,12 +113,15 @@ class RobotLoader:
     """
 
     def __init__(self, node, make, take):
-        self._node, self._make, self._take = node, make, take
+        self._node = node
+        self._make = make
+        self._take = take
         self.loading = self._requested = self._thread = self._timer = self._made = None
 
     def load(self, description, *context):
         """Load this description instead of any other."""
-        self.loading, self._requested = description, (description, *context)  # compared by identity
+        self.loading = description
+        self._requested = (description, *context)  # compared by identity
         if self._timer is None:
             self._timer = self._node.create_timer(PERIOD, self._look, clock=steady_clock())
         self._begin()

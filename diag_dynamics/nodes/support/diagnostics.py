@@ -29,9 +29,12 @@ class Diagnostics:
     """
 
     def __init__(self, node, report, robot):
-        self._node, self._report, self._robot = node, report, robot
+        self._node = node
+        self._report = report
+        self._robot = robot
         self._name = node.get_fully_qualified_name().lstrip("/")
-        self._compiled, self._log = "", StatusLog()
+        self._compiled = ""
+        self._log = StatusLog()
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(PERIOD, self._tick, clock=steady_clock())
         set_progress_callback(self._report_compiling)

@@ -19,7 +19,8 @@ def publishers(node, subscription, kind):
 
     `kind` is a package/msg/Type.
     """
-    topic, problems = subscription.topic_name, {}
+    topic = subscription.topic_name
+    problems = {}
     infos = node.get_publishers_info_by_topic(topic)
     names = node_names(infos)
     for name, info in zip(names, infos, strict=True):
@@ -61,7 +62,8 @@ def clock_notes(node, publishes=False):
     if not publishes and not node.get_clock().ros_time_is_active:
         return {}, []
     topic = node.resolve_topic_name(CLOCK)
-    names, problems = sorted(node_names(node.get_publishers_info_by_topic(topic))), []
+    names = sorted(node_names(node.get_publishers_info_by_topic(topic)))
+    problems = []
     if len(names) > 1:
         problems.append(f"several nodes publish {topic}, so time jumps: {counted(names)}")
     waits = node.time.steady() - node.time.start > CLOCK_TIMEOUT

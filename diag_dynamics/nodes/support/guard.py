@@ -57,7 +57,8 @@ def offer(node, kind, name, answer, keep=()):
     def callback(request, response):
         message, fault = attempt(answer, request, response)
         if fault is None:
-            response.success, response.message = True, message or ""
+            response.success = True
+            response.message = message or ""
             return response
         if fault.is_internal:
             text = shortened(f"{kind.__name__}: {fault.reason}")

@@ -86,7 +86,8 @@ class MessageMaker:
     """Makes messages about one model, whose names and frame they share."""
 
     def __init__(self, model, revision):
-        self._model, self._frame = model, model.root_link
+        self._model = model
+        self._frame = model.root_link
         self._texts = {topic: texts_of(topic, model, revision) for topic in TOPICS}
         self._dofs = self._texts["external_torque"]
         self._names = {
@@ -94,7 +95,8 @@ class MessageMaker:
             - {*self._texts[topic], "header", "oldest_stamp"}
             for topic, kind in EVALUATED.items()
         }
-        self._link_energy, self._workspace = np.empty(len(model.link_names)), model.new_workspace()
+        self._link_energy = np.empty(len(model.link_names))
+        self._workspace = model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
         """Return a message about a RobotState.
@@ -131,10 +133,13 @@ class MessageMaker:
 
     def evaluated(self, topic, s, state):
         """Return a message of :data:`EVALUATED` about an Evaluation and its RobotState."""
-        kind, texts, computed = EVALUATED[topic], self._texts[topic], {"friction": s.friction}
+        kind = EVALUATED[topic]
+        texts = self._texts[topic]
+        computed = {"friction": s.friction}
         if topic == "kinetic_energy":
             energies = computed["link_energy"] = self._link_energy
-            robot, links = self._workspace.robot, self._model.links
+            robot = self._workspace.robot
+            links = self._model.links
             if not evaluation.link_energy(robot, links, s.rows, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
         with_effort = s.epsilon is not None
@@ -157,7 +162,8 @@ class MessageMaker:
         links = list(touched.links) if is_touched else []
         probability = touched.probability if is_touched else None
         values = torque_fields(seen, seen.valid, state, alarming, probability)
-        texts, shape = self._dofs | {"touched_links": links}, (seen.valid, tuple(links))
+        texts = self._dofs | {"touched_links": links}
+        shape = (seen.valid, tuple(links))
         return self.make("external_torque", ExternalTorque, state, texts, values, shape)
 
     def external_wrench(self, frame, estimate, state):
@@ -174,13 +180,15 @@ class MessageMaker:
 
     def external_wrench_estimates(self, frame, estimate, state):
         """Return the same with its covariance; None: no result."""
-        values, count = flags_of(state) | {"valid": estimate is not None}, 0
+        values = flags_of(state) | {"valid": estimate is not None}
+        count = 0
         if estimate:
             unobserved = estimate.directions[~estimate.observed]
             values |= _wrench_values(estimate.wrench) | {"covariance": estimate.covariance.ravel()}
             values |= {"unobserved": unobserved.ravel(), "chi_square": float(estimate.chi_square)}
             count = len(unobserved)
-        texts, shape = {"header": Header(frame_id=frame)}, (frame, estimate is None, count)
+        texts = {"header": Header(frame_id=frame)}
+        shape = (frame, estimate is None, count)
         return self.make("external_wrench_estimates", ExternalWrench, state, texts, values, shape)
 
     def load(self, link, load, payload, state):
@@ -248,7 +256,8 @@ class BytesMaker(MessageMaker):
 
     def __init__(self, model, revision):
         super().__init__(model, revision)
-        self._layouts, self.unlike = {}, set()
+        self._layouts = {}
+        self.unlike = set()
 
     def _encode(self, topic, kind, texts, values, shape):
         if (topic, shape) not in self._layouts:

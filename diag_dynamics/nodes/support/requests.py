@@ -14,20 +14,23 @@ MAX_WRENCHES = 1000  # more would keep the node from other work
 
 def read_state(model, request, followers):
     """Return q, q̇, τ and the places of joints in a request; τ is None if it is empty."""
-    state, joints = request.state, _find_joints(model, request.state.name)
+    state = request.state
+    joints = _find_joints(model, request.state.name)
     if joints and not len(state.position):
         raise InputError(f"state.position is empty, expected {len(joints)} entries.")
     q = _vector(model, "state.position", state.position, joints)
     positions = _of_followers(followers, state.position, joints)
     for disagreement in followers.disagreements(q, positions):
         raise InputError(f"state.{disagreement}.")
-    qd, tau = _vector(model, "state.velocity", state.velocity, joints), None
+    qd = _vector(model, "state.velocity", state.velocity, joints)
+    tau = None
     if len(state.effort):
         tau = _vector(model, "state.effort", state.effort, joints)
         tau = followers.reflected(q, tau, _of_followers(followers, state.effort, joints))
     if not model.floating_base:
         return q, qd, tau, joints
-    p, o = request.base_pose.position, request.base_pose.orientation
+    p = request.base_pose.position
+    o = request.base_pose.orientation
     twist = _six("base_twist", request.base_twist.linear, request.base_twist.angular)
     base = base_state(model, model.root_link, (p.x, p.y, p.z), (o.x, o.y, o.z, o.w), twist)
     tau = None if tau is None else np.r_[np.zeros(6), tau]
@@ -45,7 +48,9 @@ def read_acceleration(model, request, joints):
 
 def read_wrenches(model, request):
     """Return the arguments `f_ext` and `frame` of a request; wrenches on one link are added."""
-    links, wrenches, f_ext = request.wrench_links, request.wrenches, {}
+    links = request.wrench_links
+    wrenches = request.wrenches
+    f_ext = {}
     if len(links) != len(wrenches) or len(wrenches) > MAX_WRENCHES:
         expected = f"one for each of {len(links)} wrench_links, no more than {MAX_WRENCHES}"
         raise InputError(f"wrenches has {len(wrenches)} entries, expected {expected}.")
@@ -59,7 +64,8 @@ def read_wrenches(model, request):
 
 def _find_joints(model, names):
     """Return the place of each joint in a request."""
-    joints, needed = {}, single_joints(model)
+    joints = {}
+    needed = single_joints(model)
     allowed = {
         *needed,
         *model.fixed_joints,

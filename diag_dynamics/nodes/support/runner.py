@@ -69,7 +69,9 @@ def run(make_nodes, args=None):
     is status 1. `args` is a command line with the name of the program, by default that of the
     process.
     """
-    stop, nodes, status = Stop(), [], 0
+    stop = Stop()
+    nodes = []
+    status = 0
     try:
         _init(args)
         created = make_nodes()
@@ -114,7 +116,8 @@ def spin(nodes, stop):
 
     Raise the exception of a node that has finished.
     """
-    executor, futures = Executor(), [node.finished for node in nodes if hasattr(node, "finished")]
+    executor = Executor()
+    futures = [node.finished for node in nodes if hasattr(node, "finished")]
     for node in nodes:
         executor.add_node(node)
     for future in futures:

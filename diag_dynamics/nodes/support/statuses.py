@@ -77,10 +77,14 @@ class _Entry:
     """
 
     def __init__(self):
-        self.fault, self.texts = NO_FAULT, {}
-        self._pending, self._short = "", []
+        self.fault = NO_FAULT
+        self.texts = {}
+        self._pending = ""
+        self._short = []
         self.begins = self.duration = 0.0
-        self.logged_at, self.logged_level, self.is_open = -inf, OK, False
+        self.logged_at = -inf
+        self.logged_level = OK
+        self.is_open = False
 
     def update(self, status, now):
         """Store a change of the fault, and count faults that last or come often."""
@@ -145,7 +149,8 @@ class StatusLog:
     """
 
     def __init__(self, period=LOG_PERIOD):
-        self._period, self._entries = period, {}
+        self._period = period
+        self._entries = {}
 
     def lines(self, statuses, now):
         """Return level and text of each line that is due at a steady time [s]."""
@@ -169,7 +174,8 @@ class StatusLog:
         if entry.texts:
             text = entry.describe(min(elapsed, self._period)) + ("; ended" if level == OK else "")
             entry.texts.clear()
-            entry.logged_at, entry.logged_level = now, max(level, WARN)
+            entry.logged_at = now
+            entry.logged_level = max(level, WARN)
             return entry.logged_level, f"{status.name}: {text}"
         if was_open and not entry.is_open and entry.duration >= MIN_DURATION:
             entry.logged_at = now

@@ -17,7 +17,9 @@ class Transforms:
         from rclpy.time import Time
         from tf2_ros import Buffer, TransformListener
 
-        self._time, self._latest, self._buffer = node.time, Time(), Buffer()
+        self._time = node.time
+        self._latest = Time()
+        self._buffer = Buffer()
         self._listener = TransformListener(self._buffer, node)
 
     @classmethod
