@@ -34,7 +34,9 @@ THRESHOLDS = dd.Thresholds({**JOINTS, "total": 12.0, "norm": 20.0}, hold_off=0.5
 def columns(seconds, torque=()):
     """Return stamps, and r and m r that are zero but for (start, end, joint, value)."""
     count = int(seconds * 1e9 / PERIOD)
-    stamps, r, external = np.arange(count) * PERIOD, np.zeros((count, 3)), np.zeros((count, 3))
+    stamps = np.arange(count) * PERIOD
+    r = np.zeros((count, 3))
+    external = np.zeros((count, 3))
     for start, end, joint, value in torque:
         external[between(stamps, start, end), joint] = value
     return stamps, r, external
@@ -48,7 +50,8 @@ def detect(thresholds, stamps, r, torque, valid=None, restarts=None):
     """Return the alarms, and whether one is on at each state."""
     detector = dd.Detector(NAMES, thresholds)
     valid = np.ones(len(stamps), dtype=bool) if valid is None else valid
-    judged, alarms = detector.judge(stamps, r, torque, valid, restarts), Alarms(detector)
+    judged = detector.judge(stamps, r, torque, valid, restarts)
+    alarms = Alarms(detector)
     alarms.add_states(stamps, np.linalg.norm(r, axis=1), judged)
     return alarms.alarms, judged.alarm
 
@@ -252,7 +255,10 @@ def test_standing_joints_have_a_dead_zone(arm):
     r = arm.epsilon_from_tau(q, torque)
     zone = DeadZone(arm, 0.5, 10.0)
     lowered_r, lowered = zone.lower(stamps, q, rates, r, torque)
-    slow, width, standing, largest = np.zeros(6), np.zeros(6), 0, np.zeros(6)
+    slow = np.zeros(6)
+    width = np.zeros(6)
+    standing = 0
+    largest = np.zeros(6)
     for t, step in enumerate(np.diff(stamps / 1e9, prepend=stamps[0] / 1e9)):
         moves = np.abs(rates[t]) >= 0.005
         slow = np.clip(slow + np.where(moves, -min(4.0 * step, 0.03), step), 0.0, 0.06)
@@ -279,13 +285,16 @@ def test_a_dead_zone_in_parts(arm):
     r = arm.epsilon_from_tau(q, np.nan_to_num(torque))
     r[100:150, :3] = np.nan
     columns_of = stamps, q, rates, r, torque
-    whole, zone, parts = DeadZone(arm, 0.7, 25.0).lower(*columns_of), DeadZone(arm, 0.7, 25.0), []
+    whole = DeadZone(arm, 0.7, 25.0).lower(*columns_of)
+    zone = DeadZone(arm, 0.7, 25.0)
+    parts = []
     for first in range(0, len(stamps), 33):
         parts.append(zone.lower(*(column[first : first + 33] for column in columns_of)))
     for column, of_parts in zip(whole, zip(*parts, strict=True), strict=True):
         np.testing.assert_allclose(np.concatenate(of_parts), column, rtol=1e-12, atol=1e-14)
     assert np.isnan(whole[1][100:150, 2]).all() and np.isnan(whole[0][100:150, :3]).all()
-    rates[:], rates[:, 5] = 0.0, 0.3
+    rates[:] = 0.0
+    rates[:, 5] = 0.3
     zone = DeadZone(arm, 0.7, 25.0)
     zone.lower(*columns_of)
     again = zone.lower(*(column[:3] for column in columns_of))[1]
@@ -323,7 +332,8 @@ def noise(rng, seconds, heavy=False, jerks=()):
     """Return stamps, r and m r of coloured noise (autoregressive, 50 ms), normal or with heavy
     tails, and jerks.
     """
-    count, keeps = int(seconds * HZ), math.exp(-1.0 / (HZ * 0.05))
+    count = int(seconds * HZ)
+    keeps = math.exp(-1.0 / (HZ * 0.05))
     new = rng.standard_t(4, (count, 4)) if heavy else rng.normal(size=(count, 4))
     response = math.sqrt(1.0 - keeps**2) * keeps ** np.arange(HZ)
     x = np.stack([np.convolve(column, response)[:count] for column in new.T], axis=1)
@@ -335,7 +345,8 @@ def noise(rng, seconds, heavy=False, jerks=()):
 
 def calibrate(stamps, r, torque, rate=1 / 60, part=20_000, recordings=1, factor=True, **options):
     """Return the Calibration of residuals that come in parts, of recordings of equal length."""
-    collected, valid = residuals.Residuals(len(FOUR)), np.ones(len(stamps), dtype=bool)
+    collected = residuals.Residuals(len(FOUR))
+    valid = np.ones(len(stamps), dtype=bool)
     for first in range(0, len(stamps), min(part, len(stamps) // recordings)):
         rows = slice(first, first + min(part, len(stamps) // recordings))
         if recordings > 1:
@@ -357,7 +368,8 @@ def test_the_rate_that_was_asked_for(seconds, rate, method, heavy, share):
     """It is the upper limit of that of unseen noise, which has a share of it on average over eight
     calibrations. The share is the 10 % quantile of Γ(rate · seconds), the number of alarms.
     """
-    ratios, inside = [], 0
+    ratios = []
+    inside = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
         result = calibrate(*noise(rng, seconds, heavy), rate=rate)
@@ -396,7 +408,8 @@ def test_each_part_is_held_out():
     """
     columns = noise(np.random.default_rng(5), 200)
     for number, parts in ((1, 5), (4, 4)):
-        part, held_out = np.arange(20_000) * parts // 20_000, 0
+        part = np.arange(20_000) * parts // 20_000
+        held_out = 0
         for k in range(parts):
             inside = part == k
             others = calibrate(*(column[~inside] for column in columns), rate=0.1, factor=False)
@@ -420,7 +433,8 @@ def test_recordings_that_differ_raise_the_thresholds():
     """Of recordings that are rough by chance, other ones have the requested rate; by counts of the
     same, more than that.
     """
-    rates, rng = {True: [], False: []}, np.random.default_rng(3)
+    rates = {True: [], False: []}
+    rng = np.random.default_rng(3)
 
     def recording(seconds):
         return tuple(
@@ -464,7 +478,8 @@ def test_warnings_of_the_recording():
     stamps, r, torque = noise(np.random.default_rng(4), 300)
     with pytest.raises(InputError, match="external torque is missing"):
         calibrate(stamps[:1], r[:1], torque[:1])
-    r[24_000:], torque[24_000:] = 1.5 * r[24_000:], 1.5 * torque[24_000:]
+    r[24_000:] = 1.5 * r[24_000:]
+    torque[24_000:] = 1.5 * torque[24_000:]
     result = calibrate(stamps, r, torque)
     assert (
         any("parts of the recordings differ" in text for text in result.warnings)
@@ -496,7 +511,8 @@ def test_peaks_before_motions_are_in_the_thresholds():
     by those with them.
     """
     stamps, r, torque = noise(np.random.default_rng(6), 600)
-    quiet, phase = calibrate(stamps, r, torque, rate=0.1), 1e-9 * stamps % 6.0
+    quiet = calibrate(stamps, r, torque, rate=0.1)
+    phase = 1e-9 * stamps % 6.0
     start = (phase > 2.7) & (phase < 3.0)
     for column, spread in ((r, R_SPREAD), (torque, TORQUE_SPREAD)):
         column[start, 1] += 8.0 * spread[1]
@@ -527,7 +543,8 @@ def test_contact_has_lower_thresholds():
     held-out parts.
     """
     stamps, r, torque = noise(np.random.default_rng(3), 300)
-    result, other = calibrate(stamps, r, torque), calibrate(stamps, r, torque, rate=1 / 6)
+    result = calibrate(stamps, r, torque)
+    other = calibrate(stamps, r, torque, rate=1 / 6)
     contact = result.contact
     assert contact == replace(
         other, contact=None, covariance=None, names=(), warnings=contact.warnings
@@ -642,7 +659,8 @@ def test_the_file_is_the_monitors(tmp_path):
     result.save(tmp_path / "alarms.yaml")
     seen = settings(parameters_of([tmp_path / "alarms.yaml"]))
     assert seen.covariance_of(FOUR) is None
-    limits, least = seen.collision.of_names(FOUR), result.of_names(FOUR)
+    limits = seen.collision.of_names(FOUR)
+    least = result.of_names(FOUR)
     assert (
         limits.tolist() == pytest.approx(least.tolist(), rel=1e-3)
         and (limits >= least * (1 - 1e-9)).all()
@@ -664,15 +682,15 @@ def tables(ur5, tmp_path_factory):
     """Half a minute of a UR5 with noise on efforts and rates; and the same with a push of 12 N m at
     the elbow at 20 s.
     """
-    folder, rng, dyn = (
-        tmp_path_factory.mktemp("tables"),
-        np.random.default_rng(8),
-        dd.DiagonalDynamics(ur5),
-    )
+    folder = tmp_path_factory.mktemp("tables")
+    rng = np.random.default_rng(8)
+    dyn = dd.DiagonalDynamics(ur5)
     t = np.arange(0.0, 30.0, 0.004)[:, None]
-    pace, size = np.array([0.7, 1.1, 1.3, 1.7, 1.9, 2.3]), np.array([0.6, 0.4, 0.5, 0.6, 0.6, 0.6])
+    pace = np.array([0.7, 1.1, 1.3, 1.7, 1.9, 2.3])
+    size = np.array([0.6, 0.4, 0.5, 0.6, 0.6, 0.6])
     q = size * np.sin(pace * t) + [0.0, -1.2, 1.4, 0.0, 0.0, 0.0]
-    qd, qdd = size * pace * np.cos(pace * t), -size * pace**2 * np.sin(pace * t)
+    qd = size * pace * np.cos(pace * t)
+    qdd = -size * pace**2 * np.sin(pace * t)
     tau = dyn.inverse_dynamics(q, qd, qdd) + rng.normal(size=q.shape) * 0.5
     qd = qd + rng.normal(size=q.shape) * 1e-3
     push = np.zeros_like(tau)
@@ -695,7 +713,9 @@ def calibrated(recording, path, *options):
 
 def test_the_command(ur5, tables, tmp_path, capsys):
     """The thresholds of a recording find the push in another one, its joint and its torque."""
-    alarms, out, joint = tmp_path / "alarms.yaml", tmp_path / "summary.json", ur5.dof_names[2]
+    alarms = tmp_path / "alarms.yaml"
+    out = tmp_path / "summary.json"
+    joint = ur5.dof_names[2]
     parameters = {"joints": {joint: {"friction": 0.5}}}
     dd.Parameters.from_dict(parameters).save(tmp_path / "arm.yaml")
     options = (
@@ -758,7 +778,8 @@ def test_the_command(ur5, tables, tmp_path, capsys):
 
 
 def test_recordings_without_efforts(ur5, tables):
-    recording, dyn = dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5)
+    recording = dd.read_recording(tables / "free.csv", ur5)
+    dyn = dd.DiagonalDynamics(ur5)
     without = recorded(ur5, recording.t, recording.q, recording.qd, None)
     for recordings, key in (
         ([], "at least one"),
@@ -770,7 +791,8 @@ def test_recordings_without_efforts(ur5, tables):
 
 
 def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
-    recording, dyn = dd.read_recording(tables / "free.csv", ur5), dd.DiagonalDynamics(ur5)
+    recording = dd.read_recording(tables / "free.csv", ur5)
+    dyn = dd.DiagonalDynamics(ur5)
     turned = recorded(ur5, recording.t, recording.q, recording.qd, -recording.tau)
     assert not any("thresholds are wrong" in text for text in dd.calibrate(recording, dyn).warnings)
     (text,) = [
@@ -793,7 +815,8 @@ def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
     ],
 )
 def test_the_command_refuses(tables, tmp_path, capsys, arguments, key):
-    alarms, free = tmp_path / "alarms.yaml", tables / "free.csv"
+    alarms = tmp_path / "alarms.yaml"
+    free = tables / "free.csv"
     before = free.read_bytes()
     assert (
         calibrated(free, alarms, *(str(free) if word == "FREE" else word for word in arguments))

@@ -213,7 +213,8 @@ def reading(path, size, then):
 )
 def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
     """What was there stays as it was. The signal comes while the CSV is written."""
-    pipe, older = tmp_path / "out.csv", tmp_path / "out.json"
+    pipe = tmp_path / "out.csv"
+    older = tmp_path / "out.json"
     os.mkfifo(pipe)
     older.write_text("of yesterday")
     main_thread = threading.main_thread().ident

@@ -120,7 +120,8 @@ METHODS = {
 @pytest.mark.parametrize("name", METHODS)
 def test_rows_equal_single_calls(dyn, name):
     """Positions are arrays, lists, dicts, or columns by name."""
-    (Q, QD, TAU), method = states(dyn), METHODS[name]
+    Q, QD, TAU = states(dyn)
+    method = METHODS[name]
     expected = [method(dyn, *state) for state in zip(Q, QD, TAU, strict=True)]
     for threads in (1, 2, None):
         result = method(dyn, Q, QD, TAU, threads=threads)
@@ -223,8 +224,12 @@ def test_wrong_arguments(two, case):
 def test_no_thread_writes_after_ctrl_c(two, monkeypatch, interrupts):
     """The calling thread waits for its helpers, even if Ctrl-C interrupts that wait."""
     Q, QD, TAU = states(two, 300)
-    evaluate_many, wait, main = kernels.evaluate_many, helpers.wait, threading.current_thread()
-    helper_began, may_end, ended = threading.Event(), threading.Event(), []
+    evaluate_many = kernels.evaluate_many
+    wait = helpers.wait
+    main = threading.current_thread()
+    helper_began = threading.Event()
+    may_end = threading.Event()
+    ended = []
     waits = []
 
     def evaluate(*arguments):
@@ -287,7 +292,8 @@ def test_threads_share_one_dynamics(name, frequent_switches):
     method = SHARED[name]
     two_states = list(zip(*states(dyn, 2), strict=True))
     expected = [method(dyn, *state) for state in two_states]
-    wrong, ready = [], threading.Barrier(2)
+    wrong = []
+    ready = threading.Barrier(2)
 
     def work(k):
         ready.wait()

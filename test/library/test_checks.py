@@ -189,11 +189,13 @@ def test_methods_are_compiled_for_one_state(two, monkeypatch):
 
 
 def test_vectors_of_any_kind(two):
-    q, qd = np.array([0.1, 0.2]), np.array([0.3, 0.4])
+    q = np.array([0.1, 0.2])
+    qd = np.array([0.3, 0.4])
     expected = two.evaluate(q, qd).nu
     read_only = q.copy()
     read_only.flags.writeable = False
-    strided, unmasked = np.array([0.1, 9.0, 0.2, 9.0])[::2], np.ma.masked_array(q, mask=False)
+    strided = np.array([0.1, 9.0, 0.2, 9.0])[::2]
+    unmasked = np.ma.masked_array(q, mask=False)
     unaligned = np.zeros(1, np.dtype([("flag", "u1"), ("q", "<f8", (2,))]))[0]["q"]
     unaligned[:] = q
     for other in ([0.1, 0.2], (0.1, 0.2), strided, read_only, unmasked, unaligned, q.astype(">f8")):
@@ -221,7 +223,8 @@ def by_name(dyn, vector):
 
 
 def test_dicts(dyn, state):
-    named, expected = [by_name(dyn, x) for x in state], dyn.evaluate(*state)
+    named = [by_name(dyn, x) for x in state]
+    expected = dyn.evaluate(*state)
     result = dyn.evaluate(*named)
     np.testing.assert_array_equal(result.nu, expected.nu)
     np.testing.assert_array_equal(result.epsilon, expected.epsilon)
@@ -238,7 +241,8 @@ def test_series_and_frames(dyn, state):
     """Series without names are in the order of the joints."""
     import pandas
 
-    names, order = dyn.model.dof_names, np.random.default_rng(0).permutation(dyn.model.nv)
+    names = dyn.model.dof_names
+    order = np.random.default_rng(0).permutation(dyn.model.nv)
     q, qd, tau = (pandas.Series(x, names).iloc[order] for x in state)
     expected = dyn.evaluate(*state)
     np.testing.assert_array_equal(dyn.evaluate(q, qd, tau).nu, expected.nu)

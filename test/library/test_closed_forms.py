@@ -42,7 +42,8 @@ def test_reflected_mass_beside_a_crooked_joint(kind, frame):
     """
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        axis, rpy = rng.standard_normal(3), rng.uniform(-3, 3, 3)
+        axis = rng.standard_normal(3)
+        rpy = rng.uniform(-3, 3, 3)
         head = link("head", 2.5, (0.1, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1))
         urdf = description(
             kind,
@@ -50,16 +51,21 @@ def test_reflected_mass_beside_a_crooked_joint(kind, frame):
             head,
             joint("only", kind, "base", "head", axis, (0.3, 0.1, 0.2), rpy),
         )
-        axis, q, point = axis / norm(axis), rng.uniform(-2, 2, 1), rng.standard_normal(3)
+        axis = axis / norm(axis)
+        q = rng.uniform(-2, 2, 1)
+        point = rng.standard_normal(3)
         dyn = dd.DiagonalDynamics(dd.load_urdf(urdf))
         R = link_placement(Oracle(urdf), q, "head").rotation if frame == "world" else np.eye(3)
         if kind == "prismatic":
-            stuck, free, mass = np.cross(axis, rng.standard_normal(3)), axis, 2.5
+            stuck = np.cross(axis, rng.standard_normal(3))
+            free = axis
+            mass = 2.5
         else:
             stuck = rng.standard_normal() * axis - point
             free = np.cross(axis, point)  # stuck: towards the axis
             mass = dyn.evaluate(q, [0.0]).articulated_inertia[0] / (free @ free)
-        stuck, free = stuck / norm(stuck), free / norm(free)
+        stuck = stuck / norm(stuck)
+        free = free / norm(free)
         nearly = dyn.reflected_mass(q, "head", R @ (stuck + 1e-6 * free), point, frame=frame)
         assert nearly == pytest.approx(1e12 * mass, rel=1e-8)
         assert dyn.reflected_mass(q, "head", R @ stuck, point, frame=frame) == np.inf

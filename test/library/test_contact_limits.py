@@ -77,14 +77,16 @@ def test_worst_point_of_every_link(one, worst_by):
     definition gives.
     """
     model = dd.load_urdf(one.urdf, **one.options)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(5)
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(5)
     links = [name for name in model.link_names if model.placement_in_body(name)[0]]
     links = list(rng.choice(links, min(8, len(links)), replace=False))
     region = dd.BodyRegion(mass=3.0, stiffness=2e4, force=90.0, energy=0.7)
     limits = dd.ContactLimits({"hard": region, "clamped": {"stiffness": 1e4, "force": 120.0}})
     places = [dd.ContactPoint(name, name, rng.uniform(-0.2, 0.2, (5, 3))) for name in links]
     points = dd.ContactPoints(model, places, limits, worst_by)
-    q, qd = model.random(rng), rng.normal(size=model.nv)
+    q = model.random(rng)
+    qd = rng.normal(size=model.nv)
     c = dyn.contact_limits(q, qd, points)
     close(c.nu, dyn.nu_from_qd(q, qd), 1e-12)
     root = dyn.placement(q, model.root_link)
@@ -93,7 +95,8 @@ def test_worst_point_of_every_link(one, worst_by):
         for r in places[k].points:
             v = dyn.link_velocity(q, name, qd, r)[:3]
             m = dyn.reflected_mass(q, name, v, r)
-            speed, energy = norm(v), 0.5 * m * v @ v
+            speed = norm(v)
+            energy = 0.5 * m * v @ v
             impedances = np.sqrt([2e4 / (1.0 / m + 1.0 / 3.0), m * 1e4])
             forces = speed * impedances
             of_energy = math.sqrt(2.0 * 0.7 / m)
@@ -130,9 +133,12 @@ def test_directions_that_are_given():
     cannot go.
     """
     model = dd.load_urdf(robot(UR5).urdf)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(2)
-    q, qd = model.random(rng), rng.normal(size=model.nv)
-    r, u = np.array([0.02, 0.1, -0.03]), np.array([0.3, -2.0, 0.5])
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(2)
+    q = model.random(rng)
+    qd = rng.normal(size=model.nv)
+    r = np.array([0.02, 0.1, -0.03])
+    u = np.array([0.3, -2.0, 0.5])
     places = [
         ("own", "wrist_3_link", r, u),
         ("back", "wrist_3_link", r, -u),
@@ -172,9 +178,11 @@ def test_a_robot_at_rest_has_no_worst_point():
 
 def test_batch_has_the_bits_of_single_states():
     model = dd.load_urdf(robot(TALOS).urdf)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(3)
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(3)
     points = dd.ContactPoints(model, dd.link_geometry(model, robot(TALOS).urdf, "frames").points)
-    Q, QD = np.array([model.random(rng) for _ in range(300)]), rng.normal(size=(300, model.nv))
+    Q = np.array([model.random(rng) for _ in range(300)])
+    QD = rng.normal(size=(300, model.nv))
     many = dyn.contact_limits(Q, QD, points, threads=2)
     for t in (0, 7, 299):
         single = dyn.contact_limits(Q[t], QD[t], points)
@@ -201,7 +209,8 @@ def test_points_outlive_pickling():
         model, [("tip", "panda_hand", (0, 0, 0.1))], dd.ContactLimits({"any": {"energy": 1.0}})
     )
     again = pickle.loads(pickle.dumps(points))
-    q, qd = model.random(1), np.ones(model.nv)
+    q = model.random(1)
+    qd = np.ones(model.nv)
     dyn = dd.DiagonalDynamics(model)
     np.testing.assert_array_equal(
         dyn.contact_limits(q, qd, points).position, dyn.contact_limits(q, qd, again).position
@@ -239,10 +248,13 @@ def test_points_of_another_robot_are_refused():
 def test_impact_with_what_is_clamped(one, restitution):
     """q̇⁺ is that of pin.impulseDynamics, to 100 eps cond(M)."""
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
-    oracle, dyn = Oracle(one.urdf, model.dof_names, **one.options), dd.DiagonalDynamics(model)
-    name, r = model.link_names[-1], np.array([0.05, -0.02, 0.1])
+    oracle = Oracle(one.urdf, model.dof_names, **one.options)
+    dyn = dd.DiagonalDynamics(model)
+    name = model.link_names[-1]
+    r = np.array([0.05, -0.02, 0.1])
     for sample in robots.samples(one.id, oracle)[:2]:
-        q, qd = sample.q, sample.qd
+        q = sample.q
+        qd = sample.qd
         J = jacobian(oracle, q, name, r)
         u = J[:3] @ qd
         row = oracle.to_pin(u @ J[:3] / norm(u))[None]
@@ -264,7 +276,8 @@ def test_impact_with_what_is_clamped(one, restitution):
         assert result.mass_speed == 0.0
         speed = norm(u)
         energy = 0.5 * result.reflected_mass * speed**2
-        before, then = 0.5 * result.nu @ result.nu, 0.5 * result.nu_after @ result.nu_after
+        before = 0.5 * result.nu @ result.nu
+        then = 0.5 * result.nu_after @ result.nu_after
         assert before - then == pytest.approx((1.0 - restitution**2) * energy, rel=1e-9)
         close(result.rest + result.along, result.nu, 1e-13)
         assert 0.5 * result.along @ result.along == pytest.approx(energy, rel=1e-9)
@@ -275,8 +288,11 @@ def test_impact_with_a_free_mass():
     the rest of ν stays.
     """
     model = dd.load_urdf(robot(PANDA).urdf, armature=0.1)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(8)
-    q, qd, r = model.random(rng), rng.normal(size=model.nv), (0.0, 0.02, 0.1)
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(8)
+    q = model.random(rng)
+    qd = rng.normal(size=model.nv)
+    r = (0.0, 0.02, 0.1)
     u = dyn.link_velocity(q, "panda_hand", qd, r)[:3]
     for mass, e in ((4.0, 0.0), (40.0, 0.3), (0.6, 1.0)):
         result = dyn.impact(q, "panda_hand", qd, u, r, mass=mass, restitution=e)
@@ -413,7 +429,7 @@ def test_points_of_primitives_hold_them(shapes):
     urdf = with_shapes(*shapes)
     model = dd.load_urdf(urdf)
     result = dd.link_geometry(model, urdf)
-    (arm, tip) = result.points
+    arm, tip = result.points
     assert len(arm.points) <= 64
     np.testing.assert_array_equal(tip.points, np.zeros((1, 3)))
     u = np.random.default_rng(0).normal(size=(4000, 3))

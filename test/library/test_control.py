@@ -69,7 +69,9 @@ def test_pose_commands(robot):
     """τ = m(−c₁ν + ℓJᵀC₂e) + g with J = ∂Y/∂q of 12 rows, dense; position, orientation or both."""
     s = subject(robot)
     for rng, t in states(robot, 4):
-        c, k_p, k_o = rng.uniform(1, 9, s.model.nv), rng.uniform(50, 300, 3), 20.0
+        c = rng.uniform(1, 9, s.model.nv)
+        k_p = rng.uniform(50, 300, 3)
+        k_o = 20.0
         law = dd.PoseRegulation(s.dyn, FRAMES[robot.id], c, k_p, k_o, POINT)
         position, axes, J = dense_frame(robot, t.q)
         target = position + rng.uniform(-0.5, 0.5, 3)
@@ -132,7 +134,8 @@ def test_documented_example_runs(tmp_path, monkeypatch):
     (program,) = re.findall(r"<!-- test: run -->\n```python\n(.*?)```", text, re.DOTALL)
     (tmp_path / "panda.urdf").write_text(PANDA.urdf)
     monkeypatch.chdir(tmp_path)
-    energies, names = [], {}
+    energies = []
+    names = {}
 
     class Recorded(dd.Simulation):
         def advance(self, tau):

@@ -46,7 +46,8 @@ def test_each_joint_arrives(robot, q, link, rate, rotor):
 def test_an_energy_limit_does_not_keep_light_joints_from_their_friction(friction):
     """Their compensation alone would exceed it within a cycle. It holds without that friction."""
     robot, q, link = ARMS[3]
-    closed, largest = Closed(robot, q, link, 250, friction=friction, energy_limit=0.05), 0.0
+    closed = Closed(robot, q, link, 250, friction=friction, energy_limit=0.05)
+    largest = 0.0
     closed.run(0.2)
     closed.loop.take_set_point(goal_of(q))
     for _ in range(40):

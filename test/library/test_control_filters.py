@@ -37,7 +37,8 @@ def random_state(rng):
 
 def commands(count, gain=20.0):
     """Yield commands of a tracking law at random states with far targets, and the states."""
-    rng, s = np.random.default_rng(11), arm()
+    rng = np.random.default_rng(11)
+    s = arm()
     law = dd.JointTracking(s.dyn, gain, gain)
     for _ in range(count):
         q, qd = random_state(rng)
@@ -49,7 +50,9 @@ def test_energies_are_limited_at_the_end_of_a_cycle(pushed):
     """Pinocchio's ν after a cycle is in box and ball of the energies that it allows, and at their
     border if the limiter acts.
     """
-    s, h, acted = arm(), 2e-3, 0
+    s = arm()
+    h = 2e-3
+    acted = 0
 
     def after(q, qd, tau):
         plant = Sampled(s.oracle, q)
@@ -59,15 +62,19 @@ def test_energies_are_limited_at_the_end_of_a_cycle(pushed):
         return t.m.T @ t.qd
 
     for rng, q, qd, command in commands(60):
-        t, share, alpha = s.oracle.at(q, qd), 0.5 * command.nu**2, rng.uniform(5, 200)
+        t = s.oracle.at(q, qd)
+        share = 0.5 * command.nu**2
+        alpha = rng.uniform(5, 200)
         joint_limit = np.where(rng.uniform(size=N) < 0.5, np.inf, rng.uniform(0.3, 2, N))
-        joint_limit, limit = share.mean() * joint_limit, share.sum() * rng.uniform(0.3, 3)
+        joint_limit = share.mean() * joint_limit
+        limit = share.sum() * rng.uniform(0.3, 3)
         external = 20.0 * rng.normal(size=N) if pushed else None
         push = t.m @ external if pushed else 0.0
         limited = dd.EnergyLimiter(s.dyn, limit, joint_limit, alpha).filter(
             q, qd, command, h, external
         )
-        energies, allowed = [], share + alpha * h * (joint_limit - share)
+        energies = []
+        allowed = share + alpha * h * (joint_limit - share)
         allowed = np.append(allowed, share.sum() + alpha * h * (limit - share.sum()))
         for tau in (command.tau, limited.tau):
             ahead = 0.5 * after(q, qd, tau + push) ** 2
@@ -85,10 +92,12 @@ def test_energies_are_limited_at_the_end_of_a_cycle(pushed):
 
 def swing_to(robot, stiffness, period):
     """Return the largest K [J] of a sampled loop whose set-point jumps by 0.8 rad in all joints."""
-    s, target = subject(robot), START[robot.id] + 0.8
+    s = subject(robot)
+    target = START[robot.id] + 0.8
     filters = dd.Limits(s.dyn, effort_rate=1e9, energy_limit=0.25)
     law = dd.JointRegulation(s.dyn, stiffness, 0.7)
-    plant, largest = Sampled(s.oracle, START[robot.id]), 0.0
+    plant = Sampled(s.oracle, START[robot.id])
+    largest = 0.0
     law.require_stable(plant.q, period)
     for _ in range(round(shortened(0.5, 0.25) / period)):
         command = law.command(plant.q, plant.qd, target)
@@ -112,14 +121,17 @@ def test_saturation_scales_what_moves_and_not_what_holds():
 
     A clip of each joint alone would turn the braking of some commands into driving.
     """
-    s, acted, driving = arm(), 0, 0
+    s = arm()
+    acted = 0
+    driving = 0
     for rng, q, qd, command in commands(200):
         limit = np.abs(command.gravity_torque) / 0.9 + np.exp(rng.uniform(-2, 7)) * rng.uniform(
             0.5, 1, N
         )
         limits = dd.Limits(s.dyn, effort_limit=limit, effort_rate=1e12)
         effort, _, _, limited, *_ = limits.filter(q, qd, command, PERIOD)
-        g, rest = command.gravity_torque, command.tau - command.gravity_torque
+        g = command.gravity_torque
+        rest = command.tau - command.gravity_torque
         assert (np.abs(effort) <= limit * (1.0 + 1e-15)).all() and 0.0 <= limits.scale <= 1.0
         np.testing.assert_allclose(
             effort, g + limits.scale * rest, atol=1e-11 * np.abs(command.tau).max()
@@ -143,8 +155,10 @@ def test_efforts_move_at_their_rates(compensated):
     """Each joint moves to its effort at its rate and reaches it, from gravity compensation or the
     given effort on.
     """
-    s, rng = arm(), np.random.default_rng(4)
-    rate, gravity = rng.uniform(100, 1000, N), s.oracle.gravity_torque(READY)
+    s = arm()
+    rng = np.random.default_rng(4)
+    rate = rng.uniform(100, 1000, N)
+    gravity = s.oracle.gravity_torque(READY)
     limits = dd.Limits(s.dyn, effort_rate=rate, compensated=compensated)
     last = np.zeros(N) if compensated else gravity
     command = dd.GravityCompensation(s.dyn).command(READY, np.zeros(N))
@@ -171,10 +185,13 @@ def released(robot, stiffness, period, away, start="gravity", seconds=1.0, rate=
 
     Efforts begin at gravity compensation, or at a law's command.
     """
-    s, target = subject(robot), START[robot.id]
-    law, plant = dd.JointRegulation(s.dyn, stiffness, 0.7), Sampled(s.oracle, target + away)
+    s = subject(robot)
+    target = START[robot.id]
+    law = dd.JointRegulation(s.dyn, stiffness, 0.7)
+    plant = Sampled(s.oracle, target + away)
     law.require_stable(plant.q, period)
-    limits, energies = dd.Limits(s.dyn, effort_rate=rate, **options), []
+    limits = dd.Limits(s.dyn, effort_rate=rate, **options)
+    energies = []
     if start == "command":
         command = law.command(plant.q, plant.qd, target)
         at_once = dd.Limits(s.dyn, effort_rate=1e9, **options)
@@ -190,7 +207,8 @@ def test_a_joint_that_scales_the_law_is_limited():
     """It demands too much in three successive cycles, though its effort arrives in each. The law is
     scaled no longer once it rests.
     """
-    s, limited = arm(), []
+    s = arm()
+    limited = []
     limits = dd.Limits(s.dyn, effort_rate=1000.0)
     command = gravity_command(s)
     for k in range(1000):
@@ -204,7 +222,9 @@ def test_a_joint_that_scales_the_law_is_limited():
 
 def test_a_large_effort_rate_does_not_stop_an_arm():
     """All joints brake at once in the prediction, light ones of an xArm beside heavy ones."""
-    dyn, q, rest = dd.DiagonalDynamics(dd.load_robot("xarm7")), np.full(N, 0.3), np.zeros(N)
+    dyn = dd.DiagonalDynamics(dd.load_robot("xarm7"))
+    q = np.full(N, 0.3)
+    rest = np.zeros(N)
     law = dd.JointRegulation(dyn, [20.0, 20.0, 10.0, 10.0, 2.0, 2.0, 1.0], 1.0)
     limits = dd.Limits(dyn, energy_limit=0.1, effort_rate=1e9)
     plant = dd.Simulation(dyn.model, q=q, limits=False, friction=rest, damping=rest)
@@ -218,9 +238,13 @@ def test_a_large_effort_rate_does_not_stop_an_arm():
 
 def test_noise_does_not_weaken_a_law():
     """Rates are measured with a noise of 5 mrad/s, as of a differentiated encoder."""
-    s, rng = subject(UR5), np.random.default_rng(3)
-    law, limits, q = dd.JointRegulation(s.dyn, 300.0, 0.7), dd.Limits(s.dyn), START[UR5.id]
-    demanded, passed = [], []
+    s = subject(UR5)
+    rng = np.random.default_rng(3)
+    law = dd.JointRegulation(s.dyn, 300.0, 0.7)
+    limits = dd.Limits(s.dyn)
+    q = START[UR5.id]
+    demanded = []
+    passed = []
     for _ in range(1000):
         command = law.command(q, rng.normal(0.0, 5e-3, len(q)), q)
         demanded.append(command.tau - command.gravity_torque)
@@ -230,10 +254,12 @@ def test_noise_does_not_weaken_a_law():
 
 def test_braking_keeps_the_effort_limit():
     """A joint whose weight exceeds its effort limit is braked within this limit."""
-    s, q = subject(UR5), START[UR5.id]
+    s = subject(UR5)
+    q = START[UR5.id]
     limit = np.where(np.arange(len(q)) == 1, 0.5, 1.0) * np.abs(s.oracle.gravity_torque(q)) + 1.0
     limits = dd.Limits(s.dyn, energy_limit=0.25, effort_limit=limit)
-    law, plant = dd.RateDamping(s.dyn, 10.0), Sampled(s.oracle, q)
+    law = dd.RateDamping(s.dyn, 10.0)
+    plant = Sampled(s.oracle, q)
     for _ in range(100):
         effort = limits.filter(plant.q, plant.qd, law.command(plant.q, plant.qd), 1e-3).effort
         assert (np.abs(effort) <= limit * (1.0 + 1e-12)).all()
@@ -246,7 +272,9 @@ def test_braking_near_an_effort_limit_lowers_the_energy():
 
     K returns to its limit at the rate of the filter, no faster.
     """
-    s, q, rng = subject(UR5), START[UR5.id], np.random.default_rng(0)
+    s = subject(UR5)
+    q = START[UR5.id]
+    rng = np.random.default_rng(0)
     limit = np.where(np.arange(6) == 1, np.abs(s.oracle.gravity_torque(q)) / 0.92, 40.0)
     law = dd.GravityCompensation(s.dyn)
     for _ in range(40):
@@ -263,10 +291,12 @@ def test_braking_near_an_effort_limit_lowers_the_energy():
 
 def test_braking_removes_driving_efforts():
     """Joint 3 turns against its momentum, so that its effort on the way to rest drives."""
-    s, q = arm(), np.where(np.arange(N) == 1, 0.3, READY)
+    s = arm()
+    q = np.where(np.arange(N) == 1, 0.3, READY)
     qd = np.array([-5.7, 0.0, 5.1, 0.0, 0.0, 0.0, 0.0])
     moving = np.array([8.0, 0.0, 13.0, 0.0, 0.0, 0.0, 0.0])
-    truth, g = s.oracle.at(q, qd), s.oracle.gravity_torque(q)
+    truth = s.oracle.at(q, qd)
+    g = s.oracle.gravity_torque(q)
     energy = 0.5 * np.sum((truth.m.T @ qd) ** 2)
     limits = dd.Limits(s.dyn, energy_limit=energy, start=g + moving)
     command = dd.GravityCompensation(s.dyn).command(q, qd)._replace(tau=g + 3.0 * moving)
@@ -326,10 +356,13 @@ def energy_of(springs, margin, q):
 
 
 def test_repulsion_is_the_gradient_of_its_potential():
-    s, rng, margin = arm(), np.random.default_rng(6), 0.3
+    s = arm()
+    rng = np.random.default_rng(6)
+    margin = 0.3
     springs = dd.PositionRepulsion(s.dyn, margin, rng.uniform(10, 100, N), 5.0)
     for _ in range(20):
-        q, qd = rng.uniform(s.model.lower - 0.1, s.model.upper + 0.1), rng.normal(size=N)
+        q = rng.uniform(s.model.lower - 0.1, s.model.upper + 0.1)
+        qd = rng.normal(size=N)
         steps = 1e-6 * np.eye(N)
         energies = [[energy_of(springs, margin, q + sign * h) for h in steps] for sign in (1, -1)]
         effort = effort_of(springs, q, np.zeros(N))
@@ -338,7 +371,8 @@ def test_repulsion_is_the_gradient_of_its_potential():
         assert not effort_of(springs, q, np.ones(N))[inside].any()
         damped = effort_of(springs, q, qd) - effort
         assert (damped * qd <= 1e-12).all()
-        upper, lower = q > s.model.upper - margin, q < s.model.lower + margin
+        upper = q > s.model.upper - margin
+        lower = q < s.model.lower + margin
         back = np.where(upper, qd, -qd) <= 0.0
         assert np.abs(damped[(upper | lower) & back]).max(initial=0.0) < 1e-3  # is free
         command = dd.GravityCompensation(s.dyn).command(q, qd)
@@ -357,12 +391,16 @@ def test_repulsion_does_not_drive_a_light_joint(begins, energy, speed):
 
     No joint is thrown where the filter begins in the margin.
     """
-    s, q, largest = subject(Z1), START[Z1.id].copy(), 0.0
-    limits, law = dd.Limits(s.dyn, margin=0.1, effort_rate=1e6), dd.GravityCompensation(s.dyn)
+    s = subject(Z1)
+    q = START[Z1.id].copy()
+    largest = 0.0
+    limits = dd.Limits(s.dyn, margin=0.1, effort_rate=1e6)
+    law = dd.GravityCompensation(s.dyn)
     if not begins:
         limits.filter(q, 0.0 * q, law.command(q, 0.0 * q), 4e-3)
     q[5] = s.model.upper[5] - 0.05
-    plant, fastest = Sampled(s.oracle, q), 0.0
+    plant = Sampled(s.oracle, q)
+    fastest = 0.0
     for _ in range(500):
         command = law.command(plant.q, plant.qd)
         plant.advance(limits.filter(plant.q, plant.qd, command, 4e-3).effort, 4e-3)
@@ -376,7 +414,10 @@ def test_springs_are_not_scaled_with_a_fast_law():
     """A law whose efforts change too fast is scaled; springs before position limits stay as stiff
     as they are.
     """
-    s, q, rest, limits = arm(), READY.copy(), np.zeros(N), dd.Limits(arm().dyn, margin=0.1)
+    s = arm()
+    q = READY.copy()
+    rest = np.zeros(N)
+    limits = dd.Limits(arm().dyn, margin=0.1)
     limits.filter(q, rest, dd.GravityCompensation(s.dyn).command(q, rest), PERIOD)
     q[3] = s.model.upper[3] - 0.05
     command = dd.GravityCompensation(s.dyn).command(q, rest)
@@ -425,24 +466,28 @@ class Swing:
     """
 
     def __init__(self, seed, h, limiter=None):
-        s, rng = arm(), np.random.default_rng(seed)
-        self.h, self.limiter, self.law = h, limiter, dd.JointTracking(s.dyn, 20.0, 10.0)
+        s = arm()
+        rng = np.random.default_rng(seed)
+        self.h = h
+        self.limiter = limiter
+        self.law = dd.JointTracking(s.dyn, 20.0, 10.0)
         self.centre = np.clip(0.5 * (s.model.lower + s.model.upper), -2, 2)
-        self.size, self.pace, self.phase = (
-            0.5 * rng.uniform(0.5, 1, N),
-            rng.uniform(1, 3, N),
-            rng.uniform(0, 6, N),
-        )
+        self.size = 0.5 * rng.uniform(0.5, 1, N)
+        self.pace = rng.uniform(1, 3, N)
+        self.phase = rng.uniform(0, 6, N)
         self.plant = plant(self.centre + self.size * np.sin(self.phase), np.zeros(N), h)
-        self.k, self.limited = 0, 0
+        self.k = 0
+        self.limited = 0
 
     def step(self):
         """Run one cycle; return the largest ratio of speed to limit, and the command after and
         before the filter.
         """
         angle = self.pace * self.k * self.h + self.phase
-        q, qd = self.plant.q, self.plant.qd
-        sine, cosine = self.size * np.sin(angle), self.size * np.cos(angle)
+        q = self.plant.q
+        qd = self.plant.qd
+        sine = self.size * np.sin(angle)
+        cosine = self.size * np.cos(angle)
         asked = self.law.command(
             q, qd, self.centre + sine, self.pace * cosine, -(self.pace**2) * sine
         )
@@ -464,16 +509,20 @@ def test_no_contact_limit_is_exceeded(h, scale):
     ½mv² stays below the energy and v√(μk) below the force, by the mass and speed at every point.
     """
     dyn = arm().dyn
-    q, limiter = arm().model.neutral + 0.1, contact_limiter()
+    q = arm().model.neutral + 0.1
+    limiter = contact_limiter()
     resting = dd.GravityCompensation(dyn).command(q, np.zeros(N))
     assert limiter.filter(q, np.zeros(N), resting, h) is resting
     assert limiter.seen.link == "" and limiter.seen.energy == 0.0
     limiter.scale = scale
-    free, bound, usage = Swing(0, h), Swing(0, h, limiter), []
+    free = Swing(0, h)
+    bound = Swing(0, h, limiter)
+    usage = []
     steps = range(int(shortened(1.0, 0.5) / h))
     assert max(free.step()[0] for _ in steps) > 1.3
     for k in steps:
-        q, qd = bound.plant.q, bound.plant.qd
+        q = bound.plant.q
+        qd = bound.plant.qd
         part, command, asked = bound.step()
         usage.append(part)
         assert (command.epsilon - asked.epsilon) @ asked.nu < 1e-6
@@ -498,9 +547,12 @@ def test_a_push_adds_to_the_contact_energy():
     law = dd.JointTracking(dyn, 20.0, 10.0)
     push = dyn.jacobian(READY, "panda_hand", frame="world")[:3].T @ np.array([60.0, 40.0, 0.0])
     for is_known in (False, True):
-        limiter, robot, usage = contact_limiter(), plant(READY, np.zeros(N)), []
+        limiter = contact_limiter()
+        robot = plant(READY, np.zeros(N))
+        usage = []
         for _ in range(60):
-            q, qd = robot.q, robot.qd
+            q = robot.q
+            qd = robot.qd
             asked = law.command(q, qd, q, np.zeros(N), np.zeros(N))
             external = dyn.epsilon_from_tau(q, push) if is_known else None
             robot.advance(limiter.filter(q, qd, asked, 1e-3, external).tau + push)

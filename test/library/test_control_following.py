@@ -203,7 +203,8 @@ ENDS = {
 @pytest.mark.parametrize(("end", "reason"), ENDS.values(), ids=ENDS)
 def test_ends(closed, end, reason):
     """The robot stays near the place where it was."""
-    first, place = closed.loop.following, closed.plant.q.copy()
+    first = closed.loop.following
+    place = closed.plant.q.copy()
     end(closed)
     closed.go(0.01)
     assert first.outcome.code == -1 and reason in first.outcome.reason

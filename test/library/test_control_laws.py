@@ -56,9 +56,11 @@ def test_every_mode_of_joint_springs_has_the_damping_ratio(robot):
     """Over 300 poses: modes of Pinocchio's M and of the stiffness, and the damping of the law's
     commands in them.
     """
-    s, rng = subject(robot), np.random.default_rng(3)
+    s = subject(robot)
+    rng = np.random.default_rng(3)
     stiffness = rng.uniform(50, 500, s.model.nv)
-    law, errors = dd.JointRegulation(s.dyn, stiffness, RATIO), []
+    law = dd.JointRegulation(s.dyn, stiffness, RATIO)
+    errors = []
     for _ in range(300):
         t = s.oracle.at(configuration(s.model, rng), np.zeros(s.model.nv))
         frequencies, damping = modal(t.M, np.diag(stiffness), joint_damping(law, t, t.q))
@@ -73,16 +75,15 @@ def test_every_mode_of_a_frame_has_the_damping_ratio(robot):
     """The same about a pose, in modes faster than null_frequency; slower ones and the null space
     are damped as this one.
     """
-    s, rng, k_p, k_o = (
-        subject(robot),
-        np.random.default_rng(4),
-        np.array([300.0, 400.0, 500.0]),
-        30.0,
-    )
+    s = subject(robot)
+    rng = np.random.default_rng(4)
+    k_p = np.array([300.0, 400.0, 500.0])
+    k_o = 30.0
     law = dd.PoseRegulation(
         s.dyn, FRAMES[robot.id], None, k_p, k_o, POINT, damping_ratio=RATIO, null_frequency=3.0
     )
-    fast, slow = [], 0
+    fast = []
+    slow = 0
     for _ in range(300):
         t = s.oracle.at(configuration(s.model, rng), np.zeros(s.model.nv))
         position, axes, J = dense_frame(robot, t.q)
@@ -134,7 +135,8 @@ def growth(law, period, q, qd, *target, cycles=800):
     """Return by what V grows in the second half of cycles of a period [s] with torques held; 0
     where it has vanished.
     """
-    robot, values = frictionless(subject(ARM).model, q, qd, period / 4), []
+    robot = frictionless(subject(ARM).model, q, qd, period / 4)
+    values = []
     for _ in range(cycles):
         command = law.command(robot.q, robot.qd, *target)
         values.append(command.lyapunov)
@@ -151,7 +153,8 @@ def gain_of(message):
 
 
 def coupled_springs(dyn, stiffness):
-    law, neighbours = dd.JointRegulation(dyn, 1.0, 0.7), np.eye(7, k=1) + np.eye(7, k=-1)
+    law = dd.JointRegulation(dyn, 1.0, 0.7)
+    neighbours = np.eye(7, k=1) + np.eye(7, k=-1)
     law.stiffness = stiffness * (np.eye(7) + 0.4 * neighbours)
     return law
 
@@ -188,7 +191,8 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
     """The gain that the error names is accepted and stable; 4 % above the bound of the same loop V
     grows.
     """
-    dyn, period = subject(ARM).dyn, 0.01
+    dyn = subject(ARM).dyn
+    period = 0.01
     with pytest.raises(InputError, match=rf"{key}.* is .*expected at most .* at 100 Hz") as message:
         make(dyn, 1e6).require_stable(READY, period)
     largest = gain_of(message)
@@ -200,7 +204,8 @@ def test_gains_that_a_period_makes_unstable_are_refused(make, key):
         () if "damping" in key or "orientation" in key or key.startswith("gain of") else (READY,)
     )
     qd = 1e-4 * np.random.default_rng(1).normal(size=7)
-    stable, unstable = make(dyn, largest), make(dyn, 1.04 * largest / 0.995)
+    stable = make(dyn, largest)
+    unstable = make(dyn, 1.04 * largest / 0.995)
     stable.require_stable(READY, period)
     assert growth(stable, period, READY, qd, *target) < 0.9
     with pytest.raises(InputError, match=key):
@@ -229,7 +234,8 @@ def loaded_oracle(robot, link, payload):
 
 def random_payload(rng):
     """Return mass, centre and inertia of a physical body."""
-    points, masses = rng.normal(size=(6, 3)) * 0.1, rng.uniform(0.1, 0.4, 6)
+    points = rng.normal(size=(6, 3)) * 0.1
+    masses = rng.uniform(0.1, 0.4, 6)
     center = masses @ points / masses.sum()
     lever = points - center
     return (
@@ -251,7 +257,8 @@ def payload_torque(robot, link, payload, q, x, y, acceleration):
     """Return M q̈ + c(x, y) + g of a payload by Pinocchio with and without it; c is bilinear, by
     polarization.
     """
-    with_it, without = loaded_oracle(robot, link, payload), subject(robot).oracle
+    with_it = loaded_oracle(robot, link, payload)
+    without = subject(robot).oracle
     bias = (
         with_it.coriolis_torque(q, x + y)
         - with_it.coriolis_torque(q, x - y)
@@ -271,33 +278,33 @@ def test_adaptive_commands(robot):
     """Those of JointTracking and Y(q, q̇, q̇_r, q̈_r)π of the payload by Pinocchio; the estimate
     follows −γP̂LP̂.
     """
-    s, link = subject(robot), ON[robot.id]
-    law, payload_is_known = (
-        dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0),
-        dd.JointTracking(s.dyn, 20.0, 10.0),
-    )
+    s = subject(robot)
+    link = ON[robot.id]
+    law = dd.AdaptiveTracking(s.dyn, link, 20.0, 10.0, rate=2.0)
+    payload_is_known = dd.JointTracking(s.dyn, 20.0, 10.0)
     nominal = law.pseudo_inertia
     for rng, t in states(robot, 3):
         q_d, qd_d, qdd_d = (
             t.q + rng.uniform(-0.5, 0.5, s.model.nv),
             *rng.normal(size=(2, s.model.nv)),
         )
-        payload, other = random_payload(rng), random_payload(rng)
+        payload = random_payload(rng)
+        other = random_payload(rng)
         law.reset(nominal + pseudo(*payload))
         mass, moment = law.payload
         np.testing.assert_allclose(
             [mass, *moment], [payload[0], *(payload[0] * payload[1])], atol=1e-12
         )
-        command, without = (
-            law.command(t.q, t.qd, q_d, qd_d, qdd_d),
-            payload_is_known.command(t.q, t.qd, q_d, qd_d, qdd_d),
-        )
-        qd_r, qdd_r = qd_d + 10.0 * (q_d - t.q), qdd_d + 10.0 * (qd_d - t.qd)
+        command = law.command(t.q, t.qd, q_d, qd_d, qdd_d)
+        without = payload_is_known.command(t.q, t.qd, q_d, qd_d, qdd_d)
+        qd_r = qd_d + 10.0 * (q_d - t.q)
+        qdd_r = qdd_d + 10.0 * (qd_d - t.qd)
         torque, g = payload_torque(robot, link, payload, t.q, t.qd, qd_r, qdd_r)
         close(command.tau, without.tau + torque)
         close(command.gravity_torque, without.gravity_torque + g)
         close(t.m @ command.epsilon, command.tau - command.gravity_torque)
-        P, step = law.pseudo_inertia, 1e-9
+        P = law.pseudo_inertia
+        step = 1e-9
         law.adapt(step)
         rate = np.linalg.solve(P, np.linalg.solve(P, (law.pseudo_inertia - P) / step).T)  # −γL
         power = (t.qd - qd_r) @ payload_torque(robot, link, other, t.q, t.qd, qd_r, qdd_r)[0]
@@ -308,7 +315,8 @@ def test_estimates_stay_physical_in_any_step():
     """However long a step and however wrong the motion; a fixed link and an estimate that is no
     body are rejected by name.
     """
-    dyn, rng = subject(ARM).dyn, np.random.default_rng(2)
+    dyn = subject(ARM).dyn
+    rng = np.random.default_rng(2)
     law = dd.AdaptiveTracking(dyn, "panda_hand", 20.0, 10.0, rate=100.0)
     for _ in range(200):
         law.command(configuration(dyn.model, rng), rng.normal(size=7), READY, rng.normal(size=7))

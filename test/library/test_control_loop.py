@@ -112,7 +112,8 @@ def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
     """From the first command on, across switches of mode, holds and ramps: never faster than the
     rate.
     """
-    loop, rng = slow_loop_of(strong, compensated, initial_mode=mode), np.random.default_rng(3)
+    loop = slow_loop_of(strong, compensated, initial_mode=mode)
+    rng = np.random.default_rng(3)
     first = loop.step(state_at(S, Q), S)
     assert not first.effort.any()
     sent, stamp = settle(loop)
@@ -180,7 +181,9 @@ def test_states_without_stamps_or_with_an_old_joint_are_rejected(strong):
 def test_the_energy_limit_holds_under_a_push(strong):
     values = {"energy_limit": 0.5, "observer_gain": 60.0, "effort_rate": ["*=1e5"]}
     loop = slow_loop_of(strong, initial_mode="gravity_compensation", **values)
-    simulation, energies, limited = dd.Simulation(strong, q=Q), [], set()
+    simulation = dd.Simulation(strong, q=Q)
+    energies = []
+    limited = set()
     for k in range(700):
         sent = loop.step(state_at(S + k * MS, simulation.q, simulation.qd), S + k * MS)
         simulation.advance(
@@ -245,7 +248,8 @@ def test_a_target_that_is_not_reached_is_named(strong, mode, text):
     """
     loop = slow_loop_of(strong, following_energy=0.0, controlled_link="tool0", initial_mode=mode)
     _, stamp = settle(loop)
-    goal, (position, axes) = Q + 0.1 * np.eye(6)[2], pose_of(Q)
+    goal = Q + 0.1 * np.eye(6)[2]
+    position, axes = pose_of(Q)
     orientation = pin.Quaternion(axes).coeffs()
     if mode == TRACKING:
         loop.take_set_point(goal)
@@ -485,7 +489,8 @@ def test_the_arm_goes_to_a_set_point_and_is_not_thrown_at_it(arm, goal):
     """With the defaults, whose effort rate is slower than the law: a quarter of the speed limit,
     and no overshoot.
     """
-    closed, goal = Closed(arm, Q).go(0.1), np.array(goal)
+    closed = Closed(arm, Q).go(0.1)
+    goal = np.array(goal)
     closed.loop.take_set_point(goal)
     closed.go(7.0)
     beyond = (np.array(closed.way) - goal) * np.sign(goal - Q)
@@ -498,7 +503,9 @@ def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
     """Efforts of a held arm grow only to the bound of V; after its release it goes to the
     target.
     """
-    loop, goal, stamp = loop_of(arm), Q + np.array([0.4, 0.3, -0.4, 0, 0, 0]), S
+    loop = loop_of(arm)
+    goal = Q + np.array([0.4, 0.3, -0.4, 0, 0, 0])
+    stamp = S
     for k in range(6000):
         stamp += MS
         sent = loop.step(state_at(stamp, Q), stamp)
@@ -507,7 +514,8 @@ def test_a_target_does_not_run_away_from_an_arm_that_is_held(arm):
         assert not sent.lost
     assert 1.0 < sent.command.lyapunov < 2.0 and np.abs(sent.command.error).max() < 0.2
     closed = Closed(arm, Q)
-    closed.loop, closed.stamp = loop, stamp
+    closed.loop = loop
+    closed.stamp = stamp
     closed.go(6.0)
     np.testing.assert_allclose(closed.plant.q, goal, atol=1e-5)
     assert closed.most < 2.5
@@ -534,7 +542,8 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     )  # of the goal, not of the way
     assert closed.sent.lyapunov_rate is None
     closed.go(shortened(10.0, 8.0))
-    error, out_of_reach = closed.sent.command.error, away[0] > 1.0
+    error = closed.sent.command.error
+    out_of_reach = away[0] > 1.0
     assert (closed.fastest <= 0.6 * arm.velocity_limit).all() and closed.most < 2.0
     assert np.abs(closed.plant.qd).max() < 5e-2
     assert out_of_reach or (

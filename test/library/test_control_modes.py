@@ -98,8 +98,10 @@ def test_energies_of_joints_stay_below_their_limits(arm):
     """At 500 Hz, pushed, with an observer: 1 % above at most; without limits the same push gives
     some tenfold the energy.
     """
-    names, push = arm.dof_names, {"tool0": (20.0, 30.0, 20.0, 1.0, 1.0, 1.0)}
-    limits, peaks = np.array([0.05, 0.05, 0.04, 0.02, 0.02, 0.01]), []
+    names = arm.dof_names
+    push = {"tool0": (20.0, 30.0, 20.0, 1.0, 1.0, 1.0)}
+    limits = np.array([0.05, 0.05, 0.04, 0.02, 0.02, 0.01])
+    peaks = []
     entries = [f"{name}={limit}" for name, limit in zip(names, limits, strict=True)]
     for entry in (entries, [""]):
         values = {"initial_mode": GRAVITY_COMPENSATION, "joint_energy_limit": entry}

@@ -56,7 +56,8 @@ def test_a_trajectory_begins_where_the_robot_is_and_ends_at_rest():
     """Its first stretch starts from the robot's state; after the last point it stays there."""
     goal = [1.0, -2.0, 0.5]
     followed = Trajectory(waypoints([(2.0, goal, [0, 0, 0])]), NAMES)
-    start, moving = np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.0, -0.5])
+    start = np.array([0.1, 0.2, 0.3])
+    moving = np.array([0.5, 0.0, -0.5])
     followed.begin(S, start, moving)
     desired = followed.sample(S)
     np.testing.assert_allclose(desired.position, start, atol=1e-15)
@@ -118,22 +119,23 @@ def test_a_moving_robot_is_not_carried_far_off_the_way():
 def test_a_set_point_is_gone_to_without_haste(period):
     """Within speed and acceleration, without overshoot, from a motion too."""
     rng = np.random.default_rng(period)
-    speed, rate = rng.uniform(0.1, 2.0, 4), rng.uniform(5.0, 9.0, 4)
+    speed = rng.uniform(0.1, 2.0, 4)
+    rate = rng.uniform(5.0, 9.0, 4)
     turns = np.array([False, False, False, True])
-    desired, dt = at_rest(rng.uniform(-3, 3, 4)), period * 1e-3
+    desired = at_rest(rng.uniform(-3, 3, 4))
+    dt = period * 1e-3
 
     def shortest(difference):
         difference[3] -= 2.0 * np.pi * np.round(difference[3] / (2.0 * np.pi))
         return difference
 
     for time, seconds in ((0, 0.7), (700 * MS, shortened(25.0, 12.0))):
-        goal, before = rng.uniform(-3, 3, 4), desired
+        goal = rng.uniform(-3, 3, 4)
+        before = desired
         point = SetPoint(goal, time, desired, speed, rate, turns)
         coast = before.velocity**2 / (4.0 * speed) + 1.5 * speed * dt
-        low, high = (
-            np.minimum(before.position, goal) - coast,
-            np.maximum(before.position, goal) + coast,
-        )
+        low = np.minimum(before.position, goal) - coast
+        high = np.maximum(before.position, goal) + coast
         for k in range(1, round(1000 * seconds / period)):
             desired, last = point.sample(time + k * period * MS), desired
             assert (np.abs(desired.velocity) <= speed + 1e-12).all()
@@ -151,8 +153,10 @@ def test_a_set_point_is_gone_to_without_haste(period):
 
 def test_set_points_that_stream_are_followed():
     """A set-point with every state is followed; one that comes in fast motion brakes it."""
-    unit, turns = np.ones(1), np.zeros(1, dtype=bool)
-    desired, largest = at_rest(np.zeros(1)), 0.0
+    unit = np.ones(1)
+    turns = np.zeros(1, dtype=bool)
+    desired = at_rest(np.zeros(1))
+    largest = 0.0
     for k in range(3000):
         point = SetPoint(np.array([0.4 * k * 1e-3]), k * MS, desired, unit, 10.0 * unit, turns)
         desired = point.sample((k + 1) * MS)
@@ -171,15 +175,14 @@ def test_set_points_that_stream_are_followed():
 
 
 def test_the_same_pose_in_a_stream_is_gone_to_as_once():
-    speed, rate, axes, goal = (
-        np.array([0.25, 0.5]),
-        np.full(2, 10.0),
-        np.eye(3),
-        np.array([0.1, -0.1, 0.15]),
-    )
+    speed = np.array([0.25, 0.5])
+    rate = np.full(2, 10.0)
+    axes = np.eye(3)
+    goal = np.array([0.1, -0.1, 0.15])
     reached = []
     for every in (10**6, 10):
-        aim, target = (np.zeros(3), axes), None
+        aim = (np.zeros(3), axes)
+        target = None
         for k in range(800):
             if k % every == 0:
                 target = PoseTarget((goal, axes), k * MS, aim, speed, rate, 0.02, target)

@@ -66,8 +66,11 @@ class Driven:
     def __init__(self, arm, compensated=False, mode=DAMPING, hold=HOLD, margin=0.0):
         values = {"hold_time": hold * 1e-3, "initial_mode": mode}
         values |= {"effort_rate": [f"*={RATE}"], "limit_margin": margin}
-        self.loop, self.now, self.sent = control_loop(arm, compensated, **values), S, None
-        self.machine, self.hold = 0.0, hold
+        self.loop = control_loop(arm, compensated, **values)
+        self.now = S
+        self.sent = None
+        self.machine = 0.0
+        self.hold = hold
         self.loop.supervisor._machine_time = lambda: self.machine
 
     @property
@@ -130,7 +133,8 @@ def test_commands_of_states(strong, name, compensated):
     """
     compensated = compensated and "START" not in name  # such an arm needs no start
     driver = driven(strong, name, compensated=compensated, mode=GRAVITY_COMPENSATION, hold=3000)
-    gravity, law = gravity_of(Q), name in ("STARTING", "ACTIVE")
+    gravity = gravity_of(Q)
+    law = name in ("STARTING", "ACTIVE")
     for _ in range(2 + int(np.abs(gravity).max() / RATE * 1000)):
         if name == "STARTING":
             driver.go("valid")
@@ -182,7 +186,8 @@ def test_a_start_takes_the_rate_of_efforts(strong):
     """From zero on, the law begins when one step reaches gravity compensation; the arm that needs
     none is not damped.
     """
-    driver, cycles = Driven(strong, mode=GRAVITY_COMPENSATION), 0
+    driver = Driven(strong, mode=GRAVITY_COMPENSATION)
+    cycles = 0
     while not cycles or driver.state == "STARTING":
         driver.step()
         cycles += 1
@@ -211,7 +216,8 @@ def test_a_start_goes_on_after_a_hold(strong):
     """The time for which the efforts carry the arm goes on, too; targets are refused until it is
     over.
     """
-    driver, fast = Driven(strong, mode=TRACKING), 0.2 * strong.velocity_limit
+    driver = Driven(strong, mode=TRACKING)
+    fast = 0.2 * strong.velocity_limit
     driver.carry()
     driver.step(qd=fast)
     driver.without()
@@ -246,7 +252,8 @@ def test_the_law_begins_where_a_start_ends(strong):
 
 def test_a_start_after_the_ramp_is_a_new_one(strong):
     """The arm may have been moved: the time of an earlier start does not count."""
-    driver, fast = Driven(strong), 0.2 * strong.velocity_limit
+    driver = Driven(strong)
+    fast = 0.2 * strong.velocity_limit
     driver.carry()
     driver.step(qd=fast)
     driver.go("timeout")
@@ -262,8 +269,10 @@ def test_no_start_outside_of_limits(strong, name):
     alone.
     """
     for end, side in ((strong.upper, 1.0), (strong.lower, -1.0)):
-        at_stop, beyond = Q.copy(), Q.copy()
-        at_stop[2], beyond[2] = end[2] + side * 0.049, end[2] + side * 0.051
+        at_stop = Q.copy()
+        beyond = Q.copy()
+        at_stop[2] = end[2] + side * 0.049
+        beyond[2] = end[2] + side * 0.051
         driver = driven(strong, name)
         driver.step(beyond)
         assert driver.loop.supervisor.phase == (0 if name == "WAITING" else 3)
@@ -481,7 +490,8 @@ def test_an_arm_outside_of_its_limits_starts_within_them(strong):
     driver = driven(strong, "ACTIVE")
     driver.loop.not_executed = "controller 'x' is inactive"
     driver.step()
-    driver.loop.not_executed, outside = "", Q.copy()
+    driver.loop.not_executed = ""
+    outside = Q.copy()
     outside[1] = strong.upper[1] + 0.06
     for _ in range(3):
         driver.step(outside)
@@ -543,7 +553,8 @@ def test_the_clock_of_efforts(strong):
 
 def test_joints_that_their_effort_rate_limits(strong):
     """Each is named, and no other one."""
-    driver, gravity = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION), gravity_of(Q)
+    driver = driven(strong, "ACTIVE", mode=GRAVITY_COMPENSATION)
+    gravity = gravity_of(Q)
     driver.loop.limits.reset(np.zeros(6))
     driver.step()
     slow = np.abs(gravity) > RATE * 1e-3

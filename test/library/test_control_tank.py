@@ -42,11 +42,16 @@ def test_the_measured_energy_is_exact(robot, gravity):
 
     A robot that compensates gravity itself moves as if it weighed nothing.
     """
-    s, rng = subject(robot), np.random.default_rng(3)
-    nv, turns = s.model.nv, ~np.isfinite(s.model.upper)
+    s = subject(robot)
+    rng = np.random.default_rng(3)
+    nv = s.model.nv
+    turns = ~np.isfinite(s.model.upper)
     start = np.where(turns, np.pi - 0.02, configuration(s.model, rng))
     plant = plant_of(robot, start, np.where(turns, 1.0, rng.normal(size=nv)), gravity)
-    tank, work, tau, spent = dd.EnergyTank(s.dyn, 1e3, RATE, gravity), 0.0, None, []
+    tank = dd.EnergyTank(s.dyn, 1e3, RATE, gravity)
+    work = 0.0
+    tau = None
+    spent = []
     tank.energy = 500.0
     for _ in range(200):
         q = plant.q
@@ -65,7 +70,8 @@ def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back
     after.
     """
     weightless = dd.DiagonalDynamics(subject(ARM).model.with_gravity((0.0, 0.0, 0.0)))
-    tank, q = dd.EnergyTank(weightless, 2.0, RATE), READY
+    tank = dd.EnergyTank(weightless, 2.0, RATE)
+    q = READY
     assert tank.energy == 2.0
     table = [
         (1.0, 1.0, True, 0.5),
@@ -86,10 +92,13 @@ def test_what_exceeds_the_capacity_is_lost_and_changed_efforts_give_nothing_back
 
 def commands(count):
     """Yield random numbers, a state and a command, whose power is of either sign."""
-    rng, law = np.random.default_rng(8), dd.GravityCompensation(subject(ARM).dyn)
+    rng = np.random.default_rng(8)
+    law = dd.GravityCompensation(subject(ARM).dyn)
     for _ in range(count):
-        q, qd = configuration(subject(ARM).model, rng), rng.normal(size=N)
-        command, epsilon = law.command(q, qd), np.exp(rng.uniform(-2, 6)) * rng.normal(size=N)
+        q = configuration(subject(ARM).model, rng)
+        qd = rng.normal(size=N)
+        command = law.command(q, qd)
+        epsilon = np.exp(rng.uniform(-2, 6)) * rng.normal(size=N)
         yield (
             rng,
             q,
@@ -105,14 +114,18 @@ def test_commands_of_the_filter(pushed):
     """Power and predicted work by Pinocchio's m, C and M: ε loses only power, then τ − g is scaled
     no more than needed.
     """
-    h, tank, seen = 2e-3, tank_of(), np.zeros(3, int)
+    h = 2e-3
+    tank = tank_of()
+    seen = np.zeros(3, int)
     for rng, q, qd, command in commands(300):
-        t, nu = subject(ARM).oracle.at(q, qd), command.nu
+        t = subject(ARM).oracle.at(q, qd)
+        nu = command.nu
         external = 5.0 * rng.normal(size=N) if pushed else None
         push = t.m @ external if pushed else np.zeros(N)
         tank.energy = CAPACITY * rng.choice([-0.1, 0.0, 1e-3, 0.05, rng.uniform(0.1, 1)])
         out = tank.filter(q, qd, command, h, external)
-        power, covered = nu @ command.epsilon, RATE * (tank.energy - 0.1 * CAPACITY)
+        power = nu @ command.epsilon
+        covered = RATE * (tank.energy - 0.1 * CAPACITY)
         allowed = power if power <= covered else max(covered, min(power, 0.0) - RATE * nu @ nu)
         braked = command.epsilon + nu * (allowed - power) / (nu @ nu)
         scale = (out.epsilon @ braked) / (braked @ braked)
@@ -145,22 +158,23 @@ def test_an_empty_tank_brakes_and_holds(energy):
     """Damping and gravity compensation are unchanged; a far target moves a resting arm by no more
     than rounding and dt.
     """
-    dyn, tank, h = subject(ARM).dyn, tank_of(), 1e-3
+    dyn = subject(ARM).dyn
+    tank = tank_of()
+    h = 1e-3
     tank.energy = energy
     for _, q, qd, command in commands(20):
         for law in (dd.RateDamping(dyn, 100.0), dd.GravityCompensation(dyn)):
             command = law.command(q, qd if isinstance(law, dd.RateDamping) else 0.0 * qd)
             assert tank.filter(q, qd, command, h) is command
-    robot, law, tau = (
-        frictionless(subject(ARM).model, READY, np.full(N, 0.5)),
-        dd.RateDamping(dyn, 10.0),
-        None,
-    )
+    robot = frictionless(subject(ARM).model, READY, np.full(N, 0.5))
+    law = dd.RateDamping(dyn, 10.0)
+    tau = None
     K = robot.kinetic_energy
     for k in range(700):
         tank.measure(robot.q, tau)
         tank.energy = min(tank.energy, energy)  # it stays empty
-        q, qd = robot.q, robot.qd
+        q = robot.q
+        qd = robot.qd
         far = dd.JointTracking(dyn, 20.0, 10.0).command(q, qd, READY + 1.0)
         tau = tank.filter(q, qd, law.command(q, qd) if k < 500 else far, h).tau
         robot.advance(tau)
@@ -211,13 +225,16 @@ class Driven:
 
     def __init__(self, loop, seed=0, gravity=True):
         """Put the arm at rest."""
-        self.loop, self.rng, self.stamp = loop, np.random.default_rng(seed), S
+        self.loop = loop
+        self.rng = np.random.default_rng(seed)
+        self.stamp = S
         self.plant = plant_of(ARM, READY, gravity=gravity)
 
     def cycle(self, torque=0.0, valid=True):
         """Run a cycle with a state or without, and an external torque; return what was sent."""
         self.stamp += MS
-        q, qd = self.plant.q, self.plant.qd
+        q = self.plant.q
+        qd = self.plant.qd
         if valid:
             sent = self.loop.step(state_at(self.stamp, q, qd), self.stamp)
         else:
@@ -249,7 +266,8 @@ def test_the_loop_measures_what_it_sends(compensated):
         ),
         gravity=not compensated,
     )
-    tank, refused = driven.loop.limits.tank, 0
+    tank = driven.loop.limits.tank
+    refused = 0
     for k in range(shortened(2000, 800)):
         if k % 200 == 10:
             driven.aim()
@@ -274,7 +292,8 @@ def test_a_hold_gives_nothing_back():
             driven.aim()
     assert tank.energy < CAPACITY - 0.01
     for sign in (1.0, -1.0):
-        q, effort = driven.plant.q, driven.cycle().effort
+        q = driven.plant.q
+        effort = driven.cycle().effort
         x = tank.energy
         driven.cycle(valid=False)
         moving = effort - subject(ARM).oracle.gravity_torque(q)

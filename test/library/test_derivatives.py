@@ -159,7 +159,8 @@ def bracket_is_skew(c):
 
 def mass_matrix_rate(c):
     """dM/dt = C_s + C_sᵀ of Pinocchio, both triangles alike."""
-    weigh, actual = np.outer(c.unit, c.unit), c.dyn.mass_matrix_rate(c.t.q, c.t.qd)
+    weigh = np.outer(c.unit, c.unit)
+    actual = c.dyn.mass_matrix_rate(c.t.q, c.t.qd)
     assert_close(actual / weigh, (c.t.C_s + c.t.C_s.T) / weigh, 1e-12, 2 * c.weight)
     assert (actual == actual.T).all()
 

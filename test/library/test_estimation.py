@@ -49,7 +49,8 @@ def stl(path, corners, faces):
 
 def placed(rpy, xyz):
     placement = np.eye(4)
-    placement[:3, :3], placement[:3, 3] = pin.rpy.rpyToMatrix(*rpy), xyz
+    placement[:3, :3] = pin.rpy.rpyToMatrix(*rpy)
+    placement[:3, 3] = xyz
     return placement
 
 
@@ -82,7 +83,8 @@ PRIMITIVES = {
 @pytest.mark.parametrize("kind", PRIMITIVES)
 def test_primitives_against_pinocchio(kind):
     reference, numbers, volume, reach = PRIMITIVES[kind]
-    result, expected = solid(kind, numbers), reference(volume, *numbers)
+    result = solid(kind, numbers)
+    expected = reference(volume, *numbers)
     assert result.body.mass == pytest.approx(volume, rel=1e-12)
     assert np.abs(result.body.centre).max() < 1e-15
     close(result.body.inertia, expected.inertia)
@@ -124,7 +126,8 @@ def test_meshes_against_closed_forms(tmp_path):
     corners = np.array([[0, 0, 0], [0.3, 0, 0.1], [0, 0.4, 0], [0.1, 0.1, 0.5]])
     stl(tmp_path / "tetrahedron.stl", corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
     result = mesh(tmp_path, "tetrahedron.stl")
-    volume, centre = abs(np.linalg.det(corners[1:] - corners[0])) / 6.0, corners.mean(axis=0)
+    volume = abs(np.linalg.det(corners[1:] - corners[0])) / 6.0
+    centre = corners.mean(axis=0)
     second = volume / 20.0 * sum(np.outer(c, c) for c in corners - centre)
     assert result.body.mass == pytest.approx(volume, rel=1e-6)
     close(result.body.centre, centre, 1e-6)
@@ -159,7 +162,8 @@ def test_collada_in_centimetres(tmp_path):
     import collada
 
     document = collada.Collada()
-    document.assetInfo.unitmeter, document.assetInfo.unitname = 0.01, "centimeter"
+    document.assetInfo.unitmeter = 0.01
+    document.assetInfo.unitname = "centimeter"
     source = collada.source.FloatSource("v", 100.0 * BOX.ravel(), ("X", "Y", "Z"))
     geometry = collada.geometry.Geometry(document, "box", "box", [source])
     inputs = collada.source.InputList()
@@ -218,7 +222,8 @@ LOST = (
 
 def test_paths_of_meshes(tmp_path, monkeypatch):
     """A package is a folder around the URDF, or one of ROS."""
-    urdf, file = tmp_path / "robots/arm/urdf", tmp_path / "robots/arm/meshes/a.stl"
+    urdf = tmp_path / "robots/arm/urdf"
+    file = tmp_path / "robots/arm/meshes/a.stl"
     for folder in (urdf, file.parent, tmp_path / "install"):
         folder.mkdir(parents=True)
     file.touch()
@@ -291,7 +296,8 @@ def test_written_estimates(bare):
     assert "<!-- of a catalogue -->" in result.text
     for source in ("collision cylinder", "visual box + b- -ox.stl"):
         assert f"estimated by diag_dynamics from {source} at 500 kg/m3 -->" in result.text
-    tree, before = etree.fromstring(result.text), etree.fromstring(BARE)
+    tree = etree.fromstring(result.text)
+    before = etree.fromstring(BARE)
     for link in tree.iter("link"):
         inertial = link.find("inertial")
         if inertial is not None and isinstance(inertial[0], etree._Comment):

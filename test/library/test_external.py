@@ -51,14 +51,16 @@ class Case:
         self.oracle = oracle_of(one, self.model.dof_names)
         self.dyn = dd.DiagonalDynamics(self.model)
         rng = np.random.default_rng(seed)
-        self.q, n = robots.samples(one.id, self.oracle)[0].q, self.model.nv
+        self.q = robots.samples(one.id, self.oracle)[0].q
+        n = self.model.nv
         size = np.exp(rng.uniform(-1.5, 1.0, n))
         self.covariance = np.cov(rng.normal(size=(n, 4 * n + 4))) * np.outer(
             size, size
         ) + 1e-3 * np.eye(n)
         moving = [name for name in self.model.link_names if self.J(name).any()]
         self.links = [moving[0], moving[len(moving) // 2], moving[-1]]
-        self.tau, self.push = rng.normal(size=n), rng.normal(size=6) * [20, 20, 20, 3, 3, 3]
+        self.tau = rng.normal(size=n)
+        self.push = rng.normal(size=6) * [20, 20, 20, 3, 3, 3]
 
     def J(self, link, point=(0.0, 0.0, 0.0), frame="link"):
         return jacobian(self.oracle, self.q, link, point, frame)
@@ -81,7 +83,8 @@ def test_estimate_and_covariance(case, frame):
     """
     for link in case.links:
         for scale in ((10.0, 1.0), (2.0, 0.3), (100.0, 100.0)):
-            J, S = case.J(link, POINT, frame), np.diag(np.repeat(scale, 3))
+            J = case.J(link, POINT, frame)
+            S = np.diag(np.repeat(scale, 3))
             value, vector = np.linalg.eigh(case.information(J, scale))
             observed = value >= 1.0
             inverse = S @ (vector[:, observed] / value[observed]) @ vector[:, observed].T @ S
@@ -116,7 +119,8 @@ def test_directions(case):
     for link in case.links:
         B = case.information(case.J(link), scale)
         value, vector = np.linalg.eigh(B)
-        value, vector = value[::-1], vector[:, ::-1]
+        value = value[::-1]
+        vector = vector[:, ::-1]
         result = case.dyn.wrench(case.q, link, case.tau, case.covariance, max_deviation=scale)
         U = result.directions / np.repeat(scale, 3)
         np.testing.assert_allclose(U @ U.T, np.eye(6), atol=1e-12)
@@ -126,7 +130,8 @@ def test_directions(case):
         is_known = value > 1e-9 * size
         np.testing.assert_allclose(result.deviation[is_known], value[is_known] ** -0.5, rtol=1e-6)
         assert (result.deviation[~is_known] > 1e4 / np.sqrt(size)).all()
-        hidden, expected = U[~result.observed], vector[:, value < 1.0]
+        hidden = U[~result.observed]
+        expected = vector[:, value < 1.0]
         np.testing.assert_allclose(hidden.T @ hidden, expected @ expected.T, atol=1e-9 * size)
         np.testing.assert_allclose(hidden @ (result.wrench / np.repeat(scale, 3)), 0.0, atol=1e-9)
 
@@ -172,7 +177,8 @@ def test_without_covariance(robot):
 
 def test_batch_has_the_same_bits():
     """Many states in one thread or two have the bits of single states; results are read-only."""
-    case, rng = Case(PANDA), np.random.default_rng(3)
+    case = Case(PANDA)
+    rng = np.random.default_rng(3)
     Q = np.array([case.model.random(rng) for _ in range(600)])
     TAU = rng.normal(size=(600, case.model.nv))
     options = {"point": POINT, "frame": "world"}
@@ -277,7 +283,8 @@ def posterior(case, tau, forces):
     node = np.array([-1.0, 1.0]) / np.sqrt(3.0)  # exact for the squares of a uniform distribution
     evidence = {}
     for link, (low, high) in candidates(case.model, case.oracle).items():
-        J, logs = case.J(link), []
+        J = case.J(link)
+        logs = []
         near = np.full(3, 0.05)
         for middle, half in ((0.5 * (low + high), 0.5 * (high - low)), (0.0 * near, near)):
             parts = []
@@ -326,13 +333,16 @@ def test_the_share_of_links_and_forces_that_are_right(robot):
     Half of the points are near the origin of the link, the others along it.
     """
     model = dd.load_urdf(robot.urdf, mimic=robot.mimic, **robot.options)
-    dyn, oracle = dd.DiagonalDynamics(model), oracle_of(robot, model.dof_names)
-    rng, count = np.random.default_rng(2), 5_000
+    dyn = dd.DiagonalDynamics(model)
+    oracle = oracle_of(robot, model.dof_names)
+    rng = np.random.default_rng(2)
+    count = 5_000
     boxes = list(candidates(model, oracle).items())
     deviation = 0.003 * model.effort_limit + 0.05
     Q = np.array([model.random(seed) for seed in range(count)])
     TAU = deviation * rng.normal(size=(count, model.nv))
-    touched, size = rng.integers(len(boxes), size=count), rng.uniform(8.0, 40.0, size=count)
+    touched = rng.integers(len(boxes), size=count)
+    size = rng.uniform(8.0, 40.0, size=count)
     for q, tau, number, magnitude in zip(Q, TAU, touched, size, strict=True):
         link, (low, high) = boxes[number]
         tip = np.where(np.abs(low) > np.abs(high), low + 0.05, high - 0.05)
@@ -361,7 +371,9 @@ def test_noise_alone_touches_no_link():
     """Below the quantile of χ² there is no link: of normal noise in all but 0.13 % of the
     samples.
     """
-    case, rng, count = Case(ARM), np.random.default_rng(8), 40_000
+    case = Case(ARM)
+    rng = np.random.default_rng(8)
+    count = 40_000
     noise = rng.normal(size=(count, 7)) @ np.linalg.cholesky(case.covariance).T
     Q = np.tile(case.q, (count, 1))
     result = case.dyn.touched_link(Q, noise, case.covariance)

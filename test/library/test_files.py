@@ -44,7 +44,10 @@ def test_a_full_disk_keeps_the_old_file(tmp_path):
 
 def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     """Content first, then the name; the mode of the replaced file stays."""
-    path, calls, synchronize, rename = tmp_path / "arm.yaml", [], os.fsync, os.replace
+    path = tmp_path / "arm.yaml"
+    calls = []
+    synchronize = os.fsync
+    rename = os.replace
 
     def record_fsync(descriptor):
         name = os.readlink(f"/proc/self/fd/{descriptor}")
@@ -70,7 +73,8 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
 def test_a_truncated_file_of_parameters_is_rejected(tmp_path):
     """At any length; the whole file and one without both marks are read."""
-    rng, path = np.random.default_rng(1), tmp_path / "arm.yaml"
+    rng = np.random.default_rng(1)
+    path = tmp_path / "arm.yaml"
     values = np.exp(rng.normal(size=(6, 3))).tolist()
     joints = {f"joint{k}": dd.JointParameters(*x) for k, x in enumerate(values)}
     saved = dd.Parameters(joints)
@@ -92,12 +96,14 @@ def test_a_truncated_file_of_thresholds_is_rejected(tmp_path):
     """At any length but without the last newline: it lacks thresholds or a gain, or has an open
     brace.
     """
-    path, trust = tmp_path / "alarms.yaml", {"requested": 1.0, "duration": 9.0, "alarms": 0}
+    path = tmp_path / "alarms.yaml"
+    trust = {"requested": 1.0, "duration": 9.0, "alarms": 0}
     trust |= {"held_out": 0, "method": "tail", "peaks": 9, "gain": 30.0, "friction": False}
     noise = {"names": ("a", "b"), "covariance": np.diag([2.5, 12.5])}
     saved = dd.Calibration(limits={"a": 12.5, "b": 2.25, "norm": 1.5}, **trust, **noise)
     saved.save(path)
-    whole, defaults = path.read_bytes(), {name: spec.default for name, spec in PARAMETERS.items()}
+    whole = path.read_bytes()
+    defaults = {name: spec.default for name, spec in PARAMETERS.items()}
 
     def limits():
         observation = Settings.of(defaults | parameters_of([path])).observation
@@ -122,7 +128,8 @@ def test_keys_are_there_once(tmp_path, read):
 
 def test_parameters_are_there_once(tmp_path):
     """With dots or as groups."""
-    path, names = tmp_path / "x.yaml", "{energy: {warn: [a=1]}, energy.warn: [a=2]}"
+    path = tmp_path / "x.yaml"
+    names = "{energy: {warn: [a=1]}, energy.warn: [a=2]}"
     path.write_text(f"/**: {{ros__parameters: {names}}}")
     with pytest.raises(dd.InputError, match=r"x\.yaml': 'energy\.warn' is there 2 times"):
         parameters_of([path])

@@ -57,8 +57,10 @@ def panda():
 
 def state(dynamics, seed, stretch=1e-3):
     """Return q, θ, q̇, θ̇ and τ."""
-    rng, springs = np.random.default_rng(seed), dynamics.model
-    q, qd = springs.random(rng), rng.normal(size=springs.nv)
+    rng = np.random.default_rng(seed)
+    springs = dynamics.model
+    q = springs.random(rng)
+    qd = rng.normal(size=springs.nv)
     theta = q[places(dynamics.names, springs.coordinate_names)] + stretch * rng.normal(
         size=len(dynamics.names)
     )
@@ -106,7 +108,8 @@ def test_terms_against_pinocchio(panda, seed):
     rates = np.append(qd, thetad)
     q_all = np.append(q, theta)
     m = oracle.factor(q_all)
-    C_s, c = oracle.coriolis_matrix(q_all, rates), oracle.coriolis_torque(q_all, rates)
+    C_s = oracle.coriolis_matrix(q_all, rates)
+    c = oracle.coriolis_torque(q_all, rates)
     N = np.linalg.solve(m, np.linalg.solve(m, C_s + C_s.T).T).T
     m_rate = m @ (np.triu(N, 1) + 0.5 * np.diag(np.diag(N)))
     C = np.linalg.solve(m, c) - m_rate.T @ rates
@@ -163,7 +166,8 @@ def test_implicit_step_against_a_dense_solve(panda, h):
     fast ones.
     """
     q, theta, qd, thetad, tau = state(panda, 5, 1e-2)
-    nv, at = panda.model.nv, places(NAMES, panda.model.dof_names)
+    nv = panda.model.nv
+    at = places(NAMES, panda.model.dof_names)
     damping = np.linspace(0.01, 0.02, nv)
     sim = simulation(panda.model, q, step=h, damping=damping)
     sim.reset(q, qd, theta, thetad)
@@ -184,7 +188,8 @@ def test_implicit_step_against_a_dense_solve(panda, h):
         force = np.append(np.where(np.isin(np.arange(nv), at), 0.0, tau), tau[at])
         force[:nv] -= oracle.coriolis_torque(place, middle) + oracle.gravity_torque(place)
         force -= G.T @ k @ (theta - q[at])
-        damper, spring = w * viscous, v * G.T @ (d + v * h * k) @ G
+        damper = w * viscous
+        spring = v * G.T @ (d + v * h * k) @ G
         rest = (1.0 - w) * viscous + (1.0 - v) * G.T @ (d + v * h * k) @ G
         return np.linalg.solve(M + h * (damper + spring), M @ rates + h * (force - rest @ rates))
 
@@ -276,7 +281,8 @@ def test_simulated_joint_states(motion):
     if motion == "free":
         robot.drives.command([0.0, -10.0, 3.0, 8.0, 1.0, 1.0, 0.5, 0.0], 0.0)
     robot.advance(400)
-    sim, measured = robot.simulation, robot.measure()
+    sim = robot.simulation
+    measured = robot.measure()
     for i, name in enumerate(NAMES):
         k = robot.names.index(name)
         assert measured.position[k] == (
@@ -319,7 +325,8 @@ def test_link_positions_without_a_state_before():
     robot = dd.load_urdf(
         PENDULUM, parameters={"flexible_joints": {"hinge": FLEXIBLE["panda_joint1"]}}
     )
-    k, d = FLEXIBLE["panda_joint1"]["stiffness"], FLEXIBLE["panda_joint1"]["damping"]
+    k = FLEXIBLE["panda_joint1"]["stiffness"]
+    d = FLEXIBLE["panda_joint1"]["damping"]
     ms = np.array([0, 1, 2, 3, 4, 300, 301]) * 1_000_000
     torque = np.array([[1.0, 2.0, np.nan, 4.0, 6.0, 7.0, 8.0]]).T * k * 1e-6
     jumped = np.array([0, 0, 0, 0, 0, 0, 1], bool)

@@ -36,11 +36,16 @@ class CutTree:
     """
 
     def __init__(self, model, joints):
-        self.model, self.tree, self.L, self.Q = model, pin.Model(), [], []
+        self.model = model
+        self.tree = pin.Model()
+        self.L = []
+        self.Q = []
         self.tree.gravity.linear = G
-        identity, at = np.eye(3), {"base": 0}
+        identity = np.eye(3)
+        at = {"base": 0}
         for name, parent, child, xyz, kind, points in joints:
-            index, placement = at[parent], pin.SE3(identity, np.array(xyz, float))
+            index = at[parent]
+            placement = pin.SE3(identity, np.array(xyz, float))
             link = model.flexible_links.get(parent)
             if link and name in link.tips:
                 index = self.add_chain(index, link, link.tips[name])
@@ -58,10 +63,13 @@ class CutTree:
 
     def add_joint(self, parent, kind, placement, sources, linear=1.0, quadratic=0.0):
         """Add a joint that is a dof of the model, or follows some; return its index."""
-        names, nv = self.model.dof_names, self.model.nv
+        names = self.model.dof_names
+        nv = self.model.nv
         at = [names.index(name) for name in np.atleast_1d(sources)]
-        L, Q = np.zeros(nv), np.zeros((nv, nv))
-        L[at], Q[np.ix_(at, at)] = linear, quadratic
+        L = np.zeros(nv)
+        Q = np.zeros((nv, nv))
+        L[at] = linear
+        Q[np.ix_(at, at)] = quadratic
         self.L.append(L)
         self.Q.append(Q)
         return self.tree.addJoint(parent, kind, placement, f"joint {len(self.L)}")
@@ -70,7 +78,9 @@ class CutTree:
         """Add the joints between the origin of a link and one of its stations; return the last
         one.
         """
-        X, Y, Z = pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ()
+        X = pin.JointModelPX()
+        Y = pin.JointModelPY()
+        Z = pin.JointModelPZ()
         placement = pin.SE3(link.axes, link.axes @ station.at)
         for kind, row, bent in zip(
             (X, Y, Z), station.shape, (-station.shortening, 0, 0), strict=True
@@ -84,13 +94,18 @@ class CutTree:
 
     def compare(self, q, qd):
         """Compare K, ν, C and ε_g, with M = GᵀM_full G, and c with Ġ."""
-        L, Q, data = np.array(self.L), np.array(self.Q), self.tree.createData()
-        G, G_rate = L + Q @ q, Q @ qd
-        x, rates = L @ q + 0.5 * (Q @ q) @ q, G @ qd
+        L = np.array(self.L)
+        Q = np.array(self.Q)
+        data = self.tree.createData()
+        G = L + Q @ q
+        G_rate = Q @ qd
+        x = L @ q + 0.5 * (Q @ q) @ q
+        rates = G @ qd
         full = pin.crba(self.tree, data, x)
         full = np.triu(full) + np.triu(full, 1).T
         C_s = pin.computeCoriolisMatrix(self.tree, data, x, rates)
-        M, change = G.T @ full @ G, G.T @ (C_s @ G + full @ G_rate)
+        M = G.T @ full @ G
+        change = G.T @ (C_s @ G + full @ G_rate)
         unit, D = upper_factor(M)
         m = unit * np.sqrt(D)
         c = G.T @ (C_s @ rates + full @ G_rate @ qd)
@@ -194,8 +209,11 @@ def arm():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_arm(arm, seed):
     """K, ν, C and ε_g with the foreshortening of beams, and points at their tips and beside."""
-    rng, size = np.random.default_rng(seed), np.where(np.isfinite(arm.upper), arm.upper, 1.0)
-    X, Y, Z = pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()
+    rng = np.random.default_rng(seed)
+    size = np.where(np.isfinite(arm.upper), arm.upper, 1.0)
+    X = pin.JointModelRX()
+    Y = pin.JointModelRY()
+    Z = pin.JointModelRZ()
     joints = [
         ("j1", "base", "a", (0, 0, 0), Z, ()),
         ("k", "a", "side", (0, 0, 0), X, SIDE),
@@ -285,7 +303,10 @@ def test_frequencies(payload):
         assert np.abs(M - np.eye(8)).max() < 1e-10
 
     def characteristic(x):
-        c, s, ch, sh = np.cos(x), np.sin(x), np.cosh(x), np.sinh(x)
+        c = np.cos(x)
+        s = np.sin(x)
+        ch = np.cosh(x)
+        sh = np.sinh(x)
         return 1.0 + c * ch + payload * x * (c * sh - s * ch)
 
     exact = roots(characteristic, 2) ** 2 * UNIT
@@ -354,7 +375,8 @@ def test_large_bending():
     exact = quad(lambda x: 0.5 * EI * shape(x, 2) ** 2 / (1.0 - shape(x, 1) ** 2), 0.0, LENGTH)[0]
     linear = 0.5 * (link.frequencies[0] * eta[0]) ** 2
     assert abs(strain_energy(link, eta) - exact) < 2e-4 * (exact - linear)
-    eta, step = np.array([0.02, 0.01, 0.003, -0.02, 0.01, 0.001]), 1e-5
+    eta = np.array([0.02, 0.01, 0.003, -0.02, 0.01, 0.001])
+    step = 1e-5
     for k, entry in enumerate(np.eye(6)):
         values = [strain_energy(link, eta + x * step * entry) for x in (-2, -1, 1, 2)]
         slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
@@ -415,8 +437,10 @@ def test_decay(ratio):
 def test_motion_is_that_of_modal_efforts(arm):
     """A simulation accelerates as forward dynamics with the modes' efforts."""
     step = 1e-8
-    q, qd = 0.5 * arm.random(7), 0.3 * arm.random(8)
-    sim, tau = dd.Simulation(arm, q, qd, step=step), np.zeros(arm.nv)
+    q = 0.5 * arm.random(7)
+    qd = 0.3 * arm.random(8)
+    sim = dd.Simulation(arm, q, qd, step=step)
+    tau = np.zeros(arm.nv)
     sim.advance(tau)
     qdd = dd.DiagonalDynamics(arm).forward_dynamics(q, qd, tau + arm.modal_effort(q, qd))
     assert np.abs((sim.qd - qd) / step - qdd).max() < 1e-5 * np.abs(qdd).max()

@@ -248,7 +248,9 @@ class Reference:
     """A model in MuJoCo, and its quantities in the order of our rates."""
 
     def __init__(self, mujoco, text, model):
-        self.mujoco, self.model, self.m = mujoco, model, mujoco.MjModel.from_xml_string(text)
+        self.mujoco = mujoco
+        self.model = model
+        self.m = mujoco.MjModel.from_xml_string(text)
         self.m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self.d = mujoco.MjData(self.m)
 
@@ -256,19 +258,24 @@ class Reference:
         """Set the state. The angular part of a free body's twist is ours; the linear part is turned
         to the world.
         """
-        model, m, d = self.model, self.m, self.d
+        model = self.model
+        m = self.m
+        d = self.d
         at = dict(zip(model.coordinate_names, q, strict=True))
         dof = {name: k for k, name in enumerate(model.dof_names)}
         self.transform = np.zeros((m.nv, model.nv))  # of our rates to MuJoCo's
         for j in range(m.njnt):
             name = self.mujoco.mj_id2name(m, self.mujoco.mjtObj.mjOBJ_JOINT, j) or f"joint{j}"
-            p, v = m.jnt_qposadr[j], m.jnt_dofadr[j]
+            p = m.jnt_qposadr[j]
+            v = m.jnt_dofadr[j]
             if m.jnt_type[j] != self.mujoco.mjtJoint.mjJNT_FREE:
-                d.qpos[p], self.transform[v, dof[name]] = at[name], 1.0
+                d.qpos[p] = at[name]
+                self.transform[v, dof[name]] = 1.0
                 continue
             name = "root_joint" if model.floating_base else name
             x = [at[f"{name}/{suffix}"] for suffix in ("x", "y", "z", "qw", "qx", "qy", "qz")]
-            d.qpos[p : p + 7], R = x, np.zeros(9)
+            d.qpos[p : p + 7] = x
+            R = np.zeros(9)
             self.mujoco.mju_quat2Mat(R, x[3:])
             columns = [
                 dof[f"{name}/{suffix}"] for suffix in ("v_x", "v_y", "v_z", "w_x", "w_y", "w_z")
@@ -309,7 +316,8 @@ def compare(mujoco, text, seed=5, omits=False):
     rng = np.random.default_rng(seed)
     assert model.nv == reference.m.nv
     for _ in range(3):
-        q, qd = model.random(rng), rng.normal(size=model.nv)
+        q = model.random(rng)
+        qd = rng.normal(size=model.nv)
         reference.set(q, qd)
         M = reference.mass_matrix()
         np.testing.assert_allclose(dyn.mass_matrix(q), M, rtol=0, atol=1e-11 * np.abs(M).max())
@@ -380,7 +388,8 @@ def test_equality_without_a_second_joint(mujoco, joint):
     """It locks the joint where MuJoCo's constraint holds; locked_joints has precedence."""
     equality = f'<equality><joint joint1="{joint}" polycoef="0.3 5"/></equality>'
     text = changed(END, equality + END)
-    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    model = dd.load_mjcf(text)
+    m = mujoco.MjModel.from_xml_string(text)
     assert model.nv == m.nv - 1 and joint not in model.dof_names
     d = mujoco.MjData(m)
     d.joint(joint).qpos[:] = model.locked_joints[joint]
@@ -725,11 +734,13 @@ def largest_effort(mujoco, text):
     """Return MuJoCo's largest effort at `turn`, at states and controls of either sign far beyond
     any range.
     """
-    m, result = mujoco.MjModel.from_xml_string(text), 0.0
+    m = mujoco.MjModel.from_xml_string(text)
+    result = 0.0
     j = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, "turn")
     for value in (-1e9, 1e9):
         d = mujoco.MjData(m)
-        d.ctrl[:], d.act[:] = value, value
+        d.ctrl[:] = value
+        d.act[:] = value
         d.qpos[m.jnt_qposadr[j]] = -value
         mujoco.mj_fwdPosition(m, d)
         mujoco.mj_fwdVelocity(m, d)
@@ -832,11 +843,13 @@ def test_written_numbers():
     np.testing.assert_array_equal(written.damping, expected.damping)
     np.testing.assert_array_equal(written.friction, expected.friction)
     rng = np.random.default_rng(1)
-    q, qd = expected.random(rng), rng.normal(size=expected.nv)
+    q = expected.random(rng)
+    qd = rng.normal(size=expected.nv)
     a, b = (dd.DiagonalDynamics(model).evaluate(q, qd).link_energy for model in (written, expected))
     np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-16)
     model = pin.buildModelFromXML(text)
-    inertia, link = model.inertias[model.getJointId("panda_joint2")], GIVEN.links["panda_link2"]
+    inertia = model.inertias[model.getJointId("panda_joint2")]
+    link = GIVEN.links["panda_link2"]
     assert inertia.mass == link.mass
     np.testing.assert_array_equal(inertia.lever, link.com)
     np.testing.assert_allclose(inertia.inertia, link.inertia, rtol=1e-15, atol=1e-18)
@@ -844,7 +857,8 @@ def test_written_numbers():
 
 
 def test_other_elements_stay():
-    before, after = PANDA.read_text(), urdf_with(PANDA.read_text(), GIVEN)
+    before = PANDA.read_text()
+    after = urdf_with(PANDA.read_text(), GIVEN)
 
     def rest(text):
         root = etree.fromstring(

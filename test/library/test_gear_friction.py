@@ -80,7 +80,10 @@ def test_a_falling_pendulum_with_gears():
     """Until its rate reverses, against scipy's solution of its equation: I q̈ = −m g l sin q − μ|m
     g l sin q| − s √q̇.
     """
-    mu, s, inertia, weight = 0.2, 1.5, 0.1 + 2.0 * 0.25, 2.0 * 9.81 * 0.5
+    mu = 0.2
+    s = 1.5
+    inertia = 0.1 + 2.0 * 0.25
+    weight = 2.0 * 9.81 * 0.5
     model = with_gears(PENDULUM, [mu], [s])
 
     def rates(_, x):

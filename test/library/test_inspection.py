@@ -250,13 +250,17 @@ def test_facts_against_pinocchio():
     largest gravity torque.
     """
     path = robot_path("ur_description/urdf/ur5_robot.urdf")
-    model, facts = dd.load_urdf(path), inspect_robot(path).facts
+    model = dd.load_urdf(path)
+    facts = inspect_robot(path).facts
     reference = pin.buildModelFromUrdf(str(path))
-    data, frame = reference.createData(), reference.getFrameId("ee_link")
+    data = reference.createData()
+    frame = reference.getFrameId("ee_link")
     rng = np.random.default_rng(0)
     poses = np.array([model.random(rng) for _ in range(facts["poses"])])
     QD = np.random.default_rng(1).choice([-1.0, 1.0], poses.shape) * reference.velocityLimit
-    condition, energy, mass = [], [], []
+    condition = []
+    energy = []
+    mass = []
     for q, qd in zip(poses, QD, strict=True):
         M = pin.crba(reference, data, q)
         M = np.triu(M) + np.triu(M, 1).T
@@ -381,7 +385,8 @@ def test_real_robots(name):
     """Well-made ones have notes at most; each mistake of others is found where it is known to
     be.
     """
-    report, expected = inspect_robot(find_urdf(name)), ILL_MADE.get(name, {})
+    report = inspect_robot(find_urdf(name))
+    expected = ILL_MADE.get(name, {})
     assert report.status == bool(expected) and set(report.checks.values()) <= {
         "ok",
         "note",
@@ -394,7 +399,8 @@ def test_real_robots(name):
 
 def test_facts_of_a_humanoid():
     path = robot_path("talos_data/robots/talos_reduced.urdf")
-    model, facts = dd.load_urdf(path), inspect_robot(path, floating_base=True).facts
+    model = dd.load_urdf(path)
+    facts = inspect_robot(path, floating_base=True).facts
     assert facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12)
     assert facts["root_link"] == "base_link"
     assert (facts["links"], facts["degrees_of_freedom"]) == (len(model.link_names), model.nv + 6)

@@ -47,10 +47,14 @@ def some_links(model, rng):
 def test_jacobian_and_motion_of_links(one):
     """Columns, velocities and both accelerations are Pinocchio's, in both frames."""
     model, oracle = loaded(one)
-    dyn, rng = dd.DiagonalDynamics(model), np.random.default_rng(4)
+    dyn = dd.DiagonalDynamics(model)
+    rng = np.random.default_rng(4)
     for _ in range(2):
-        q, (qd, qdd) = model.random(rng), rng.normal(size=(2, model.nv))
-        pq, pv, pa = oracle.configuration(q), oracle.to_pin(qd), oracle.to_pin(qdd)
+        q = model.random(rng)
+        qd, qdd = rng.normal(size=(2, model.nv))
+        pq = oracle.configuration(q)
+        pv = oracle.to_pin(qd)
+        pa = oracle.to_pin(qdd)
         pin.forwardKinematics(oracle.model, oracle.data, pq, pv, pa)
         pin.computeJointJacobians(oracle.model, oracle.data, pq)
         pin.updateFramePlacements(oracle.model, oracle.data)
@@ -84,12 +88,14 @@ def test_integrate_and_difference(one):
     model, oracle = loaded(one)
     rng = np.random.default_rng(8)
     for size in (1.0, 1e-3, 1e-9):
-        q0, v = model.random(rng), size * rng.normal(size=model.nv)
+        q0 = model.random(rng)
+        v = size * rng.normal(size=model.nv)
         q1 = model.integrate(q0, v)
         there = pin.integrate(oracle.model, oracle.configuration(q0), oracle.to_pin(v))
         assert pin.isSameConfiguration(oracle.model, oracle.configuration(q1), there, 1e-12)
         np.testing.assert_allclose(model.difference(q0, q1), v, rtol=0, atol=1e-13 + 1e-10 * size)
-    q0, q1 = model.random(rng), model.random(rng)
+    q0 = model.random(rng)
+    q1 = model.random(rng)
     apart = pin.difference(oracle.model, oracle.configuration(q0), oracle.configuration(q1))
     np.testing.assert_allclose(model.difference(q0, q1), oracle.from_pin(apart), rtol=0, atol=1e-9)
     assert not model.difference(q0, q0).any()
@@ -150,7 +156,9 @@ def test_random_positions_with_few_limits():
 
 def test_wrong_arguments_are_named():
     model = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf)
-    dyn, q, zero = dd.DiagonalDynamics(model), model.neutral, np.zeros(model.nv)
+    dyn = dd.DiagonalDynamics(model)
+    q = model.neutral
+    zero = np.zeros(model.nv)
     free = dd.load_urdf(robot("panda_description/urdf/panda.urdf").urdf, floating_base=True)
     for text, call in (
         ("'hand' is not a link", lambda: dyn.jacobian(q, "hand")),
@@ -195,7 +203,8 @@ def test_a_screw_is_no_angle_that_turns_round():
 def test_quaternions_near_unit_length_are_normalized(squared):
     dyn = dd.DiagonalDynamics(dd.load_robot("go2", floating_base=True))
     rng = np.random.default_rng(5)
-    q, qd = dyn.model.random(rng), rng.normal(size=dyn.model.nv)
+    q = dyn.model.random(rng)
+    qd = rng.normal(size=dyn.model.nv)
     scaled = q.copy()
     scaled[3:7] *= np.sqrt(squared)
     if abs(squared - 1.0) < 1e-3:

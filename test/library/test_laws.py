@@ -54,7 +54,8 @@ def test_names(robot):
     """Joints are Pinocchio's but for mimic joints that are coupled, base to tip; links are the
     URDF's.
     """
-    model, oracle = robot.model, robot.oracle
+    model = robot.model
+    oracle = robot.oracle
     assert model.nv == len(model.dof_names) == oracle.nv
     assert model.nq == len(model.coordinate_names) == oracle.nq
     assert isinstance(model.dof_names, tuple) and isinstance(model.coordinate_names, tuple)
@@ -97,7 +98,8 @@ def others(robot, case, names):
     """
     step = 0.7 * np.isin(np.arange(robot.model.nv), list(names))
     q, qd, tau, _ = case.sample
-    moved, o = robot.oracle.moved(q, step), robot.oracle
+    moved = robot.oracle.moved(q, step)
+    o = robot.oracle
     same = ~np.isin(o.joint_of_coordinate, [o.joint_of_dof[k] for k in names])
     moved[same] = q[same]  # angles of planar joints have gone through sine and cosine
     return moved, qd + step, tau + step
@@ -110,11 +112,14 @@ def test_reduced_manipulator(robot):
     """
     if isinstance(robot.oracle, Coupled):
         return
-    case, o, nv = robot.cases[1], robot.oracle, robot.model.nv
+    case = robot.cases[1]
+    o = robot.oracle
+    nv = robot.model.nv
     for node in {tuple(sorted(o.joint_mates(k))) for k in range(nv)}:
         outboard = set.intersection(*(o.descendants(k) for k in node)) - set(node)
         q, _, _ = others(robot, case, set(range(nv)) - outboard)
-        f, node = case.dyn.factors(q), list(node)
+        f = case.dyn.factors(q)
+        node = list(node)
         assert (f.D[node] == case.f.D[node]).all()
         assert (
             case.dyn.evaluate(q, case.sample.qd).articulated_inertia[node] == case.f.D[node]
@@ -126,7 +131,8 @@ def test_reduced_manipulator(robot):
 
 def test_continuous_joint_has_one_angle(robot):
     """Full turns of an angle that no other joint follows change nothing but rounding."""
-    case, model = robot.cases[0], robot.model
+    case = robot.cases[0]
+    model = robot.model
     sources = {mimic.leader for mimic in model.mimics.values()}
     turning = {
         name for k, name in enumerate(model.dof_names) if not robot.oracle.is_prismatic(k)
@@ -151,7 +157,8 @@ def test_without_torque(robot):
 
 def test_no_memory_of_earlier_calls(robot):
     """Workspaces are reused; answers do not show it, and what was handed out stays as it was."""
-    first, other = robot.cases[0].sample, robot.cases[2].sample
+    first = robot.cases[0].sample
+    other = robot.cases[2].sample
     before = everything(robot.dyn, first)
     remaining = {name: np.array(value) for name, value in before.items()}
     everything(robot.dyn, other)
@@ -162,7 +169,8 @@ def test_no_memory_of_earlier_calls(robot):
 
 def test_nothing_is_left_unwritten(robot, monkeypatch):
     """Every entry handed out was computed: memory that starts as NaN changes no answer."""
-    expected, empty = everything(robot.dyn, robot.cases[1].sample), np.empty
+    expected = everything(robot.dyn, robot.cases[1].sample)
+    empty = np.empty
 
     def of_nan(shape, dtype=np.float64, **_):
         array = empty(shape, dtype)

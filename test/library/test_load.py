@@ -47,15 +47,19 @@ def check_counts(count, seed=0):
     loads in time.
     """
     for name in ("panda", "ur5"):
-        arm, rng = Arm(name), np.random.default_rng(seed)
+        arm = Arm(name)
+        rng = np.random.default_rng(seed)
         moving = [
             link
             for link in arm.dynamics.model.link_names
             if arm.dynamics.model.placement_in_body(link)[0] > 1
         ]
-        loads, pushes, errors = [], [], []
+        loads = []
+        pushes = []
+        errors = []
         for _ in range(count):
-            mass, center = rng.uniform(0.2, 3.0), rng.uniform(-0.1, 0.1, 3)
+            mass = rng.uniform(0.2, 3.0)
+            center = rng.uniform(-0.1, 0.1, 3)
             motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
             torque = arm.load_torque(motion, mass, center)
             torque[: round(1.0 / STEP)] = 0.0  # picked up after 1 s of motion without it
@@ -64,9 +68,11 @@ def check_counts(count, seed=0):
             errors.append(
                 abs(result[-1].mass - mass) - 0.2 * mass - 3.0 * result[-1].mass_deviation
             )
-            time, force = np.arange(0.0, 2.0, STEP), rng.normal(size=3)
+            time = np.arange(0.0, 2.0, STEP)
+            force = rng.normal(size=3)
             force *= rng.uniform(10.0, 60.0) / np.linalg.norm(force)
-            motion, during = arm.motion(rng, time), (time >= 0.5) & (time < 0.8)
+            motion = arm.motion(rng, time)
+            during = (time >= 0.5) & (time < 0.8)
             push = arm.push_torque(
                 motion[0], rng.choice(moving), rng.uniform(-0.1, 0.1, 3), during[:, None] * force
             )
@@ -88,7 +94,8 @@ def test_many_loads_are_recognized_and_pushes_are_not():
 
 @pytest.mark.parametrize("name, gravity", [("panda", TILTED), ("ur5", (0.0, 0.0, -9.81))])
 def test_mass_and_center_are_exact_without_noise(name, gravity):
-    arm, rng = Arm(name, gravity), np.random.default_rng(2)
+    arm = Arm(name, gravity)
+    rng = np.random.default_rng(2)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = low_pass(arm.load_torque(motion, 1.3, CENTER, no_inertia(1.3)))
     covariance = 1e-6 * np.eye(arm.dynamics.model.nv)
@@ -107,14 +114,18 @@ def is_mimic(model, link):
 @pytest.mark.parametrize("id", TREES)
 def test_any_tree_carries_a_load(id):
     """Mimic joints, planar joints and a floating base, at constant rates."""
-    s, rng = subject(TREES[id]), np.random.default_rng(3)
-    model, oracle = s.dyn.model, s.oracle
+    s = subject(TREES[id])
+    rng = np.random.default_rng(3)
+    model = s.dyn.model
+    oracle = s.oracle
     link = max(
         model.link_names, key=lambda name: (is_mimic(model, name), model.placement_in_body(name)[0])
     )
     start = oracle.moved(oracle.neutral, rng.uniform(-0.8, 0.8, model.nv))
     rate = rng.normal(size=model.nv)
-    still, count, step = np.zeros(model.nv), 400, 0.5 * STEP
+    still = np.zeros(model.nv)
+    count = 400
+    step = 0.5 * STEP
     q = np.array([oracle.moved(start, k * step * rate) for k in range(count)])
     torque = np.array([oracle.inverse_dynamics(estimate, rate, still) for estimate in q])
     loaded = Coupled(
@@ -136,7 +147,8 @@ def test_any_tree_carries_a_load(id):
 
 
 def test_load_ends_when_it_is_put_down():
-    arm, rng = Arm("panda"), np.random.default_rng(4)
+    arm = Arm("panda")
+    rng = np.random.default_rng(4)
     motion = arm.motion(rng, np.arange(0.0, 4.0, STEP))
     torque = arm.load_torque(motion, 1.5, (0.0, 0.0, 0.1))
     torque[500:] = 0.0  # after 2 s
@@ -151,11 +163,13 @@ def test_accepted_payload_takes_the_load_off():
     """The estimate and the payload that was there are one payload; the model with it needs no
     external torque.
     """
-    arm, rng = Arm("ur5"), np.random.default_rng(5)
+    arm = Arm("ur5")
+    rng = np.random.default_rng(5)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = low_pass(arm.load_torque(motion, 2.0, CENTER, no_inertia(2.0)))
     model = arm.dynamics.model.with_payload(arm.link, 0.5, (0.0, 0.0, 0.02), 1e-3 * np.eye(3))
-    dynamics, covariance = dd.DiagonalDynamics(model), 1e-6 * np.eye(6)
+    dynamics = dd.DiagonalDynamics(model)
+    covariance = 1e-6 * np.eye(6)
     estimator = dd.LoadEstimator(dynamics, arm.link, GAIN, covariance)
     with pytest.raises(InputError, match="unknown"):
         estimator.payload()
@@ -166,7 +180,8 @@ def test_accepted_payload_takes_the_load_off():
         center, np.multiply(CENTER, 0.8) + np.array([0.0, 0.0, 0.004]), atol=1e-3
     )
     after = dd.DiagonalDynamics(model.with_payload(arm.link, *estimator.payload()))
-    q, still = motion[0][-1], np.zeros(6)  # at rest, where the inertia does not matter
+    q = motion[0][-1]
+    still = np.zeros(6)  # at rest, where the inertia does not matter
     added = after.gravity_torque(q) - dynamics.gravity_torque(q)
     needed = -arm.load_torque((q[None], still[None], still[None]), 2.0, CENTER)[0]
     np.testing.assert_allclose(added, needed, atol=0.01)
@@ -177,9 +192,11 @@ def test_accepted_payload_takes_the_load_off():
 
 
 def test_reset_and_wrong_arguments():
-    arm, rng = Arm("ur5"), np.random.default_rng(6)
+    arm = Arm("ur5")
+    rng = np.random.default_rng(6)
     q, qd, _ = arm.motion(rng, np.arange(0.0, 0.1, STEP))
-    estimator, torque = estimator_of(arm), np.full(6, 0.5)
+    estimator = estimator_of(arm)
+    torque = np.full(6, 0.5)
     assert not estimator.update(0.0, q[0], qd[0], torque).valid
     second = estimator.update(STEP, q[1], qd[1], torque)
     assert second.valid and estimator.update(STEP, q[1], qd[1], 2.0 * torque) is second
@@ -201,7 +218,8 @@ def test_reset_and_wrong_arguments():
 
 def test_payload_that_is_put_down():
     """A negative load takes the payload off; without a payload it is none."""
-    arm, rng = Arm("panda"), np.random.default_rng(7)
+    arm = Arm("panda")
+    rng = np.random.default_rng(7)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = arm.observed(rng, -arm.load_torque(motion, 1.0, CENTER))
     assert not any(estimate.is_load for estimate in estimates(estimator_of(arm), motion, seen))
@@ -220,7 +238,8 @@ def test_payload_that_is_put_down():
 
 
 def test_gravity_that_turns_keeps_the_estimate():
-    arm, rng = Arm("ur5"), np.random.default_rng(8)
+    arm = Arm("ur5")
+    rng = np.random.default_rng(8)
     motion = arm.motion(rng, np.arange(0.0, 1.0, STEP))
     estimator = estimator_of(arm)
     before = estimates(estimator, motion, arm.observed(rng, arm.load_torque(motion, 2.0, CENTER)))[
@@ -244,7 +263,8 @@ def at_rest(arm, count):
 @pytest.mark.parametrize("name, size", [("panda", 60.0), ("ur5", 30.0)])
 def test_long_pushes_are_no_loads(name, size, moves):
     """Downwards, as a weight, while the arm is at rest; sideways while it moves."""
-    arm, rng = Arm(name), np.random.default_rng(10)
+    arm = Arm(name)
+    rng = np.random.default_rng(10)
     time = np.arange(0.0, 6.0, STEP)
     motion = arm.motion(rng, time) if moves else at_rest(arm, len(time))
     force = np.tile([size, 0.0, 0.0] if moves else [0.0, 0.0, -size], (len(time), 1))
@@ -259,8 +279,10 @@ def test_long_pushes_are_no_loads(name, size, moves):
 
 
 def test_load_begins_in_motion_and_lasts_at_rest():
-    arm, rng = Arm("panda"), np.random.default_rng(11)
-    moving, count = arm.motion(rng, np.arange(0.0, 2.0, STEP)), 500
+    arm = Arm("panda")
+    rng = np.random.default_rng(11)
+    moving = arm.motion(rng, np.arange(0.0, 2.0, STEP))
+    count = 500
     last = [np.repeat(estimate[-1:], 2 * count, axis=0) for estimate in moving]
     last[1:] = np.zeros((2, *last[0].shape))  # stands after the motion, and before it
     for parts, expected in (([moving, last], True), ([last], False), ([last, moving], True)):
@@ -273,7 +295,8 @@ def test_load_begins_in_motion_and_lasts_at_rest():
 
 
 def test_far_centre_is_no_load():
-    arm, rng = Arm("ur5"), np.random.default_rng(13)
+    arm = Arm("ur5")
+    rng = np.random.default_rng(13)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     for distance, expected in ((0.37, True), (0.43, False)):
         center = (0.0, 0.0, distance)
@@ -285,7 +308,8 @@ def test_far_centre_is_no_load():
 
 
 def test_energy_near_that_of_the_noise_is_no_load():
-    arm, rng = Arm("panda"), np.random.default_rng(14)
+    arm = Arm("panda")
+    rng = np.random.default_rng(14)
     motion = arm.motion(rng, np.arange(0.0, 3.0, STEP))
     seen = low_pass(arm.load_torque(motion, 1.0, CENTER))
     square = np.mean((seen / arm.deviation) ** 2, axis=1)
@@ -300,7 +324,8 @@ def test_energy_near_that_of_the_noise_is_no_load():
 
 def test_error_of_the_mass_that_is_put_down():
     """A tenth of the payload's mass counts as none."""
-    arm, rng = Arm("ur5"), np.random.default_rng(15)
+    arm = Arm("ur5")
+    rng = np.random.default_rng(15)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     carrying = dd.DiagonalDynamics(arm.dynamics.model.with_payload(arm.link, 1.0, CENTER))
     for mass, remaining in ((1.2, None), (1.08, 0.0), (0.92, 0.0), (0.8, 0.2)):
@@ -314,7 +339,8 @@ def test_error_of_the_mass_that_is_put_down():
 
 
 def test_reset_while_the_observer_goes_on():
-    arm, rng = Arm("panda"), np.random.default_rng(16)
+    arm = Arm("panda")
+    rng = np.random.default_rng(16)
     motion = arm.motion(rng, np.arange(0.0, 2.0, STEP))
     seen = low_pass(arm.load_torque(motion, 1.5, CENTER, no_inertia(1.5)))
     estimator = dd.LoadEstimator(arm.dynamics, arm.link, GAIN, 1e-6 * np.eye(7))

@@ -167,7 +167,9 @@ class Case:
     """A robot with loops in the library and in Pinocchio, with armature on every joint."""
 
     def __init__(self, urdf, loops, pairs, curves):
-        self.urdf, self.loops, self.pairs = urdf, loops, pairs
+        self.urdf = urdf
+        self.loops = loops
+        self.pairs = pairs
         cut = dd.load_urdf(urdf, mimic="free", loops=[])
         self.armature = {name: 0.02 + 0.01 * k for k, name in enumerate(cut.dof_names)}
         self.model = dd.load_urdf(urdf, loops=loops, armature=self.armature)
@@ -205,7 +207,8 @@ def case(name):
     """Return a case of CASES or a mechanism of the examples."""
     if name in CASES:
         return Case(*CASES[name])
-    urdf, beside = (EXAMPLES / f"{name}.urdf").read_text(), EXAMPLES / f"{name}.yaml"
+    urdf = (EXAMPLES / f"{name}.urdf").read_text()
+    beside = EXAMPLES / f"{name}.yaml"
     loops = str(beside) if beside.exists() else None
     model = dd.load_urdf(urdf, loops=loops)
     pairs = [
@@ -287,7 +290,8 @@ def test_start_far_from_closed():
 
 def test_start_values_count_in_all_loops():
     heel, toe = read_yaml(EXAMPLES / "leg.yaml", "leg")["loops"]
-    urdf, both = EXAMPLES / "leg.urdf", heel | {"start": heel["start"] | toe["start"]}
+    urdf = EXAMPLES / "leg.urdf"
+    both = heel | {"start": heel["start"] | toe["start"]}
     model = dd.load_urdf(urdf, loops=[toe | {"start": {}}, both])
     expected = dd.load_urdf(urdf, loops=[heel, toe])
     np.testing.assert_allclose(model.start, expected.start, atol=1e-12)
@@ -347,7 +351,8 @@ def test_change_point():
 def test_far_positions():
     """Those of a loop with one independent joint do not depend on the last state."""
     model = case("four-bar").model
-    far, motion = model.start + np.array([3.0, 0.0]), FollowerMotion(model)
+    far = model.start + np.array([3.0, 0.0])
+    motion = FollowerMotion(model)
     expected = closed(FollowerMotion(model), far)
     for way in np.array([[1.5, 0.0], [5.0, 0.3]]):
         closed(motion, model.start + way)

@@ -92,7 +92,8 @@ def test_random_positions(tmp_path):
     """Loops are closed there, whatever came before, also for the poses of an inspection; other
     joints are not moved.
     """
-    model, rng = dd.load_urdf(five_bar(), loops=[FIVE_BAR]), np.random.default_rng(1)
+    model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
+    rng = np.random.default_rng(1)
     Q = np.array([model.random(rng) for _ in range(60)])
     for q in Q[::7]:
         dd.DiagonalDynamics(model).evaluate(q, np.ones(3))
@@ -112,7 +113,8 @@ def test_open_loop():
     too.
     """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
-    dynamics, apart = dd.DiagonalDynamics(model), np.array([0.0, -1.5, 1.5])
+    dynamics = dd.DiagonalDynamics(model)
+    apart = np.array([0.0, -1.5, 1.5])
     text = r"loop 'five' \(p1, p2, r1, r2\) of robot 'five_bar' cannot be closed at these positions"
     for call in (
         lambda: dynamics.evaluate(apart, np.zeros(3)),
@@ -208,7 +210,9 @@ def test_nearly_singular_loop():
     """
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR | {"independent": ["rocker"]}])
     dead = -np.arccos(-(BASE**2 + ROCKER**2 - (CRANK + COUPLER) ** 2) / (2.0 * BASE * ROCKER))
-    dynamics, q, k = dd.DiagonalDynamics(model), model.start, model.dof_names.index("rocker")
+    dynamics = dd.DiagonalDynamics(model)
+    q = model.start
+    k = model.dof_names.index("rocker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for distance in (0.3, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
@@ -276,7 +280,8 @@ def test_friction_of_followers():
     themselves.
     """
     model = dd.load_urdf(four_bar(RUBBING, RUBBING), loops=[FOUR_BAR])
-    dynamics, v0 = dd.DiagonalDynamics(model), model.friction_velocity
+    dynamics = dd.DiagonalDynamics(model)
+    v0 = model.friction_velocity
 
     def friction(rate):
         return 0.3 * rate + 0.2 * np.tanh(rate / v0)
@@ -311,7 +316,8 @@ def test_simulated_friction():
     steps.
     """
     model = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR])
-    q, qd = model.start, np.array([3.0, 0.5])
+    q = model.start
+    qd = np.array([3.0, 0.5])
     simulation = dd.Simulation(model, q=q, qd=qd, step=1e-6)
     simulation.advance(steps=20)
     sliding = dd.load_urdf(four_bar(RUBBING), loops=[FOUR_BAR], friction_velocity=1e-6)
@@ -407,7 +413,8 @@ def test_joint_states_of_an_open_loop():
     accepted.
     """
     model = dd.load_urdf(five_bar(), loops=[FIVE_BAR])
-    assembler, result = StateAssembler(joints_of(model), Options()), []
+    assembler = StateAssembler(joints_of(model), Options())
+    result = []
     for k, position in enumerate(((0.1, -0.3, 0.4), (0.1, -1.5, 1.5), (0.1, -0.31, 0.41)), 1):
         result.append(
             assembler.accept_values(("c", "p1", "r1"), k, 0, (position, np.zeros(3), ()), 0)
@@ -422,10 +429,14 @@ def test_energy_that_breaks_a_loop(bar):
     with a closed loop.
     """
     tree = pin.buildModelFromXML(four_bar())
-    data, names = tree.createData(), list(tree.names)[1:]
-    balance, rng = LoopBalance(bar), np.random.default_rng(3)
+    data = tree.createData()
+    names = list(tree.names)[1:]
+    balance = LoopBalance(bar)
+    rng = np.random.default_rng(3)
     for crank in ANGLES:
-        q, qd, off = np.array([crank, 0.4]), rng.normal(size=2), rng.normal(size=2)
+        q = np.array([crank, 0.4])
+        qd = rng.normal(size=2)
+        off = rng.normal(size=2)
         followers = four_bar_followers(crank)
         position = {"crank": crank, "arm": 0.4, "coupler": followers[0], "rocker": followers[1]}
         rate = {"crank": qd[0], "arm": qd[1], "coupler": off[0], "rocker": off[1]}
@@ -459,7 +470,8 @@ def test_page(bar):
     """
     dynamics = dd.DiagonalDynamics(bar)
     layout = Layout(bar)
-    q, qd = np.array([[0.7, 0.3], [-1.9, 0.1]]), np.zeros((2, 2))
+    q = np.array([[0.7, 0.3], [-1.9, 0.1]])
+    qd = np.zeros((2, 2))
     s = dynamics.evaluate(q, qd)
     frames = FrameMaker(dynamics).frames(States.of(np.arange(2.0), q, qd, None, s))
     assert layout.to_json()["coordinates"] == ["crank", "arm", "coupler", "rocker"]

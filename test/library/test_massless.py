@@ -106,7 +106,8 @@ def test_every_massless_joint_is_named(case):
     elements, expected = CASES[case]
     with pytest.raises(dd.MasslessLinkError) as caught:
         dd.load_urdf(robot(*elements))
-    error, message = caught.value, str(caught.value)
+    error = caught.value
+    message = str(caught.value)
     assert error.joints == tuple(sorted(expected))
     assert np.abs(error.articulated_inertia).max() < 1e-10
     for name, D in zip(error.joints, error.articulated_inertia, strict=True):
@@ -154,7 +155,8 @@ def test_singular_robots_of_the_wheel(id, floating):
     """The error names the joints whose D vanishes in Pinocchio's M, and locking them is locking
     just them.
     """
-    source, names = robots.robot_path(id), robots.EXCLUDED[id].joints
+    source = robots.robot_path(id)
+    names = robots.EXCLUDED[id].joints
     oracle = Oracle(robots.robot(id).urdf)
     for sample in robots.samples(id, oracle):
         M = oracle.mass_matrix(sample.q)
@@ -204,7 +206,8 @@ def calls_that_need_the_factor(dyn, q, x):
     """Return the calls that divide by D."""
     sweeps = dyn.nu_from_qd, dyn.qd_from_nu, dyn.epsilon_from_tau, dyn.tau_from_epsilon
     rates = dyn.m_rate_transposed_times, dyn.coriolis_bracket_times
-    links, tip = (dyn.wrench_factor, dyn.operational_inverse_inertia), dyn.model.link_names[-1]
+    links = (dyn.wrench_factor, dyn.operational_inverse_inertia)
+    tip = dyn.model.link_names[-1]
     return (
         lambda: dyn.evaluate(q, x, x),
         lambda: dyn.factors(q),
@@ -241,9 +244,11 @@ def test_singular_at_one_configuration(turn):
         assert abs(caught.value.articulated_inertia) < 1e-12
     # calls without the factor still answer
     oracle = RateOracle(source if turn else source.read_text(encoding="utf-8"), dyn.model.dof_names)
-    M, C_s = oracle.mass_matrix(q), oracle.coriolis_matrix(q, x)
+    M = oracle.mass_matrix(q)
+    C_s = oracle.coriolis_matrix(q, x)
     unit = np.sqrt(np.diag(M))
-    weigh, size = np.outer(unit, unit), norm(C_s) * norm(x)
+    weigh = np.outer(unit, unit)
+    size = norm(C_s) * norm(x)
     assert_close(dyn.mass_matrix(q) / weigh, M / weigh, 1e-12)
     assert_close(dyn.inverse_dynamics(q, x, x), oracle.inverse_dynamics(q, x, x), 1e-12)
     assert_close(dyn.coriolis_matrix_times(q, x, x), C_s @ x, 1e-12, size)

@@ -42,7 +42,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
 
 def check_names(robot):
     """Independent joints only, with an entry for each."""
-    model, c = robot.model, robot.oracle.coupling
+    model = robot.model
+    c = robot.oracle.coupling
     assert set(model.joint_names) - {"root_joint"} == set(c.independent)
     for array in (
         model.velocity_limit,
@@ -57,7 +58,8 @@ def check_names(robot):
 
 def check_mimics(robot):
     """Who follows whom, resolved to independent joints; what stands still is locked."""
-    model, c = robot.model, robot.oracle.coupling
+    model = robot.model
+    c = robot.oracle.coupling
     assert set(model.mimics) == set(c.mimics)
     for name, mimic in c.mimics.items():
         leader, *numbers = model.mimics[name]

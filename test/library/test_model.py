@@ -105,7 +105,8 @@ CHANGES = {
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_change_gives_a_new_model(with_all, change):
-    fields_before, answers_before = fields(with_all), answers(with_all)
+    fields_before = fields(with_all)
+    answers_before = answers(with_all)
     new = CHANGES[change](with_all)
     assert fields(new) != fields_before and answers(new) != answers_before
     assert fields(with_all) == fields_before and answers(with_all) == answers_before
@@ -147,8 +148,11 @@ def test_arrays_are_read_only(with_all, change):
 
 
 def test_arguments_are_copied():
-    gravity, com, inertia = np.array([0.0, 0.0, -9.81]), np.array([0.1, 0.0, 0.0]), np.eye(3)
-    payloads, locked = {"panda_hand": (1.0, com, inertia)}, {"panda_joint1": 0.1}
+    gravity = np.array([0.0, 0.0, -9.81])
+    com = np.array([0.1, 0.0, 0.0])
+    inertia = np.eye(3)
+    payloads = {"panda_hand": (1.0, com, inertia)}
+    locked = {"panda_joint1": 0.1}
     armature = {"panda_joint2": 0.1}
     model = load(gravity=gravity, payloads=payloads, locked_joints=locked, armature=armature)
     other = (
@@ -231,7 +235,8 @@ def test_joints_locked_as_massless_stay_locked():
 
 
 def test_rounding_of_a_rotated_inertia_is_no_asymmetry():
-    model, rng = dd.load_urdf(HELD, massless="lock"), np.random.default_rng(1)
+    model = dd.load_urdf(HELD, massless="lock")
+    rng = np.random.default_rng(1)
     for _ in range(20):
         rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
         inertia = (
@@ -246,7 +251,8 @@ def test_rounding_of_a_rotated_inertia_is_no_asymmetry():
 def test_copies_of_dynamics_have_their_own_memory(panda, way):
     """A workspace lies at an address that a copy may not share."""
     dyn = dd.DiagonalDynamics(panda)
-    q, qd = np.full(dyn.model.nq, 0.1), np.ones(dyn.model.nv)
+    q = np.full(dyn.model.nq, 0.1)
+    qd = np.ones(dyn.model.nv)
     expected = dyn.evaluate(q, qd).coriolis
     twin = COPIES[way](dyn)
     del dyn

@@ -50,9 +50,11 @@ def test_equalities(name):
     """MuJoCo's equalities hold where ours do, and their Jacobian vanishes along G."""
     equality, count = EQUALITIES[name]
     text = MJCF.replace("EQUALITY", equality)
-    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
+    model = dd.load_mjcf(text)
+    m = mujoco.MjModel.from_xml_string(text)
     assert model.nv == count and "j3" in model.dof_names
-    d, names = mujoco.MjData(m), [m.joint(k).name for k in range(m.njnt)]
+    d = mujoco.MjData(m)
+    names = [m.joint(k).name for k in range(m.njnt)]
     for q in model.start + np.random.default_rng(2).uniform(-0.2, 0.2, (4, model.nq)):
         G, at = ratios(model, q)
         d.qpos[:] = [at[joint_name] for joint_name in names]
@@ -85,8 +87,11 @@ RODS = """<mujoco><compiler angle="radian"/><worldbody><body name="crank">
 def test_ball_joints(equality, count):
     """Energy and gravity are MuJoCo's at velocities that its quaternions have by differences."""
     text = RODS.replace("EQUALITY", equality)
-    model, m = dd.load_mjcf(text), mujoco.MjModel.from_xml_string(text)
-    dynamics, d, other = dd.DiagonalDynamics(model), mujoco.MjData(m), mujoco.MjData(m)
+    model = dd.load_mjcf(text)
+    m = mujoco.MjModel.from_xml_string(text)
+    dynamics = dd.DiagonalDynamics(model)
+    d = mujoco.MjData(m)
+    other = mujoco.MjData(m)
     assert model.nv == count
 
     def configuration(q):
@@ -99,9 +104,11 @@ def test_ball_joints(equality, count):
             quaternion = product
         return np.array([at["motor"], *quaternion, at["rocker"]])
 
-    rng, step = np.random.default_rng(0), 1e-6
+    rng = np.random.default_rng(0)
+    step = 1e-6
     for q in model.start + rng.uniform(-0.3, 0.3, (20, model.nq)):
-        d.qpos[:], qd = configuration(q), rng.normal(size=model.nv)
+        d.qpos[:] = configuration(q)
+        qd = rng.normal(size=model.nv)
         ahead, behind = (configuration(q + sign * step * qd) for sign in (1, -1))
         mujoco.mj_differentiatePos(m, d.qvel, 2.0 * step, behind, ahead)
         mujoco.mj_forward(m, d)
@@ -148,7 +155,8 @@ def test_recording_near_the_singularity_of_hinges():
     t = np.linspace(0.0, 1.2, 121)
     place = model.dof_names.index("motor")
     q, qd = np.zeros((2, len(t), model.nv))
-    q[:, place], qd[:, place] = -0.3 - t, -1.0
+    q[:, place] = -0.3 - t
+    qd[:, place] = -1.0
     quality = Quality(model)
     quality.add_states(recorded(model, t, q, qd, 0.0 * q).states)
     expected = np.count_nonzero(0.3 + t > np.radians(80.0))

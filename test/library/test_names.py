@@ -96,7 +96,8 @@ def test_results_without_a_constructor_live_in_their_modules():
 
 def test_repr_has_one_line(dyn):
     n = dyn.model.nv
-    q, valid = np.zeros((4, n)), np.array([False, True, True, True])
+    q = np.zeros((4, n))
+    valid = np.array([False, True, True, True])
     observed = Observed(valid * 1.0, q, q, valid * 1.0, valid, q, dyn)
     assert repr(dyn) == "<DiagonalDynamics 'panda': 8 dof>"
     assert repr(dd.Simulation(dyn.model)) == "<Simulation 'panda': 8 dof, time 0 s>"

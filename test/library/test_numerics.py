@@ -212,7 +212,9 @@ def compile_small():
 
 def test_messages_of_kernels_in_the_cache(folder, monkeypatch):
     """A kernel that is loaded is not reported as compiled, however long that takes."""
-    messages, sent, begin = [], threading.Event(), progress.begin_compilation
+    messages = []
+    sent = threading.Event()
+    begin = progress.begin_compilation
 
     @contextmanager
     def only_process_slowly(*_):
@@ -235,7 +237,8 @@ def test_messages_of_kernels_in_the_cache(folder, monkeypatch):
 
 def test_processes_compile_a_kernel_once(folder, monkeypatch):
     """A process waits for another one that compiles the kernel, and says so."""
-    messages, waited = [], threading.Event()
+    messages = []
+    waited = threading.Event()
     monkeypatch.setattr(progress, "_progress", progress.Progress())
     progress.set_progress_callback(lambda text: (messages.append(text), waited.set()))
     with ThreadPoolExecutor(1) as pool, (folder / "tripled.lock").open("w") as lock:
@@ -406,7 +409,8 @@ def test_messages_while_compiling(monkeypatch, capsys):
     """The first one after 2 s, with the rule, at most one in 5 s; kernels in a row share the 2
     s.
     """
-    sender, messages = progress.Progress(), []
+    sender = progress.Progress()
+    messages = []
     assert sender.begin(0.0) == 2.0
     sender.end(1.5)
     assert sender.begin(1.5) == 2.0

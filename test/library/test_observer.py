@@ -33,10 +33,12 @@ class Motion:
     """A motion at constant joint rates, and an external torque that changes."""
 
     def __init__(self, id, seed=0):
-        self.s, rng = subject(ROBOTS[id]), np.random.default_rng(seed)
+        self.s = subject(ROBOTS[id])
+        rng = np.random.default_rng(seed)
         o = self.s.oracle
         self.start = o.moved(o.neutral, rng.uniform(-0.8, 0.8, o.nv))
-        self.rate, self.push = 0.7 * rng.normal(size=o.nv), 3.0 * rng.normal(size=(2, o.nv))
+        self.rate = 0.7 * rng.normal(size=o.nv)
+        self.push = 3.0 * rng.normal(size=(2, o.nv))
 
     def q(self, t):
         return self.s.oracle.moved(self.start, t * self.rate)
@@ -69,7 +71,8 @@ def observe(motion, times, gain=GAIN, **options):
 @pytest.mark.parametrize("id", ROBOTS)
 def test_residual_is_the_filtered_disturbance(id):
     """Filtered τ_ext, to second order in the sample interval; and τ_ext ≈ m r, by Pinocchio's m."""
-    motion, end = Motion(id), 0.24
+    motion = Motion(id)
+    end = 0.24
     truth = motion.residual(end, GAIN)
     errors = []
     for count in (60, 120, 240):
@@ -92,11 +95,14 @@ def test_the_torque_is_that_of_the_momentum_observer():
     """Of p = M q̇ with Pinocchio's M, C_s and g and a gain of each joint, on uneven steps and with
     the last efforts held.
     """
-    motion, rng = Motion("panda_arm"), np.random.default_rng(5)
-    o, times = motion.s.oracle, np.cumsum(rng.uniform(1e-3, 2e-2, 40))
+    motion = Motion("panda_arm")
+    rng = np.random.default_rng(5)
+    o = motion.s.oracle
+    times = np.cumsum(rng.uniform(1e-3, 2e-2, 40))
     for effort in ("sampled", "held"):
         seen = observe(motion, times, GAINS, effort=effort)
-        q, tau = [motion.q(t) for t in times], np.array([motion.effort(t) for t in times])
+        q = [motion.q(t) for t in times]
+        tau = np.array([motion.effort(t) for t in times])
         p = np.array([o.mass_matrix(x) @ motion.rate for x in q])
         rate = np.array(
             [o.coriolis_matrix(x, motion.rate).T @ motion.rate - o.gravity_torque(x) for x in q]
@@ -115,7 +121,8 @@ def test_friction(options):
     the description.
     """
     urdf = PANDA.urdf.replace('damping="0.003" friction="0.0"', 'damping="2.0" friction="1.5"')
-    model, motion = dd.load_urdf(urdf, **ARM.options), Motion("panda_arm")
+    model = dd.load_urdf(urdf, **ARM.options)
+    motion = Motion("panda_arm")
     motion.push[:] = 0.0
     friction = 2.0 * motion.rate + 1.5 * np.tanh(motion.rate / 5e-3)
     observer = dd.DisturbanceObserver(dd.DiagonalDynamics(model), GAIN, **options)
@@ -130,14 +137,17 @@ def test_friction(options):
 def test_friction_that_depends_on_the_load():
     motion = Motion("panda_arm")
     motion.push[:] = 0.0
-    name, gravity = motion.s.model.dof_names[1], motion.s.oracle.gravity_torque
+    name = motion.s.model.dof_names[1]
+    gravity = motion.s.oracle.gravity_torque
     model = motion.s.model.with_parameters(
         {"joints": {name: {"load_friction": 0.1, "root_friction": 0.5}}}
     )
     rate = motion.rate[1]
     root = 0.5 * rate / np.sqrt(np.abs(rate))
-    dyn, times = dd.DiagonalDynamics(model), np.arange(0.0, 0.3, 1e-3)
-    observer, efforts = dd.DisturbanceObserver(dyn, GAIN), []
+    dyn = dd.DiagonalDynamics(model)
+    times = np.arange(0.0, 0.3, 1e-3)
+    observer = dd.DisturbanceObserver(dyn, GAIN)
+    efforts = []
     for t in times:
         effort = motion.effort(t) + 0.003 * motion.rate  # damping of the description
         effort[1] += 0.1 * abs(gravity(motion.q(t))[1]) * np.tanh(rate / 5e-3) + root

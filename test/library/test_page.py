@@ -79,7 +79,8 @@ def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
     """If this fails after a change of frames or packing: python3 test/support/page_fixture.py, then
     npm test in web/.
     """
-    stored, made = json.loads(page_fixture.PATH.read_text(encoding="utf-8")), page_fixture.content()
+    stored = json.loads(page_fixture.PATH.read_text(encoding="utf-8"))
+    made = page_fixture.content()
     for entry in (stored, made):
         entry["frames"] = [numbers_of(unpacked(text)) for text in entry["frames"]]
         entry["columns"]["data"], entry["times"], entry["mesh"] = (
@@ -127,14 +128,16 @@ def panda():
 def test_mobility_and_velocity_are_pinocchios(one):
     model = dd.load_urdf(one.urdf, mimic="free", **one.options)
     oracle = Oracle(one.urdf, model.dof_names, floating_base=model.floating_base)
-    dyn, last = dd.DiagonalDynamics(model), model.link_names[-1]
+    dyn = dd.DiagonalDynamics(model)
+    last = model.link_names[-1]
     (q,), (qd,), _ = some(model)
     pin.computeJointJacobians(oracle.model, oracle.data, oracle.configuration(q))
     frame = oracle.model.getFrameId(last, pin.FrameType.BODY)
     J = pin.getFrameJacobian(oracle.model, oracle.data, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
     J = np.stack([oracle.from_pin(row) for row in J])
     mobility = J @ np.linalg.solve(oracle.mass_matrix(q), J.T)
-    numbers, root = FrameMaker(dyn).chosen(q, dyn.nu_from_qd(q, qd), last), np.zeros((3, 3))
+    numbers = FrameMaker(dyn).chosen(q, dyn.nu_from_qd(q, qd), last)
+    root = np.zeros((3, 3))
     root[np.triu_indices(3)] = numbers[:6]
     root += np.triu(root, 1).T
     np.testing.assert_allclose(root @ root, mobility, rtol=1e-5, atol=1e-5 * mobility.max())
@@ -211,7 +214,8 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():
-        result, wanted = value(frame, maker.layout, name), np.ravel(wanted)
+        result = value(frame, maker.layout, name)
+        wanted = np.ravel(wanted)
         finite = wanted[np.isfinite(wanted)]
         atol = FLOAT * (
             scale if name.startswith("p_") else max(np.abs(finite).max(initial=0.0), 1e-3)
@@ -283,7 +287,8 @@ def test_many_states_are_as_one_by_one(panda):
         )
         np.testing.assert_array_equal(frames["t"], whole["t"])
         np.testing.assert_allclose(frames["numbers"], whole["numbers"], rtol=1e-5, atol=1e-4)
-    rate, K = value(whole, maker.layout, "dK")[:, 0], batch.kinetic_energy
+    rate = value(whole, maker.layout, "dK")[:, 0]
+    K = batch.kinetic_energy
     assert np.isnan(rate[[0, 20]]).all()
     np.testing.assert_allclose(rate[1:20], np.diff(K[:20]) / 0.01, rtol=1e-5)
     assert np.isfinite(rate[21:]).all()
@@ -291,7 +296,8 @@ def test_many_states_are_as_one_by_one(panda):
 
 def test_half_mass():
     """Half of the moving mass, and the whole payload; what a fixed base carries does not move."""
-    model, place = dd.load_urdf(page_fixture.ARM), (0.0, 0.0, 0.1)
+    model = dd.load_urdf(page_fixture.ARM)
+    place = (0.0, 0.0, 0.1)
     assert half_mass(model) == pytest.approx(1.5)
     assert half_mass(model.with_payload("lower", 1.5, place)) == pytest.approx(3.0)
     assert half_mass(model.with_payload("base", 1.5, place)) == pytest.approx(1.5)
@@ -304,7 +310,8 @@ SHOWN = [id for id in all_robots() if id not in EXCLUDED or EXCLUDED[id].reason 
 
 def test_a_frame_is_made_once_for_each_link(panda):
     """An unknown link is the end effector. Thresholds and points of contact start a new layout."""
-    dyn, states = dd.DiagonalDynamics(panda), []
+    dyn = dd.DiagonalDynamics(panda)
+    states = []
     q, qd, tau = (rows[0] for rows in some(panda))
     stream = RobotStream("/arm", lambda _: states.pop() if states else None)
     assert stream.newest("panda_hand") == ((0, ""), (0, "[]"), "", 0, b"")  # no robot yet
@@ -335,14 +342,16 @@ def test_example_robots_are_shown(id):
     """The first frame of a collision has K and a force, also where no joint moves the last link."""
     path = robot_path(id)
     model = dd.load_urdf(path, mimic="free", massless="lock")
-    dyn, forces = dd.DiagonalDynamics(model), ForceOptions(np.eye(model.nv))
+    dyn = dd.DiagonalDynamics(model)
+    forces = ForceOptions(np.eye(model.nv))
     compile_frames(dyn, forces)
     q, qd, tau = (rows[0] for rows in some(model))
     s = dyn.evaluate(q, qd, tau)
     observed = {"external_torque": tau[None], "norm": np.ones(1), "collision": True}
     stream = RobotStream("/robot", lambda _: Received(States.of(1.0, q, qd, tau, s, **observed), 0))
     stream.set_robot(dyn, scene_of(model, path), forces=forces)
-    newest, layout = stream.newest(), Layout(model)
+    newest = stream.newest()
+    layout = Layout(model)
     frame = np.frombuffer(newest.frame, layout.dtype)[0]
     np.testing.assert_allclose(value(frame, layout, "K"), s.kinetic_energy, rtol=FLOAT)
     touched = int(value(frame, layout, "touched_link")[0])
@@ -417,7 +426,8 @@ def mesh_of(data):
 )
 def test_scenes_of_robots(id, meshes):
     """All meshes are found, also of a text without a folder: Talos' URLs have a third slash."""
-    path, library = robot_path(id), MeshLibrary(mesh_folders())
+    path = robot_path(id)
+    library = MeshLibrary(mesh_folders())
     model = dd.load_urdf(path)
     drawn = scene_of(model, path.read_text(), library)
     assert (drawn["missing"], len(library.meshes)) == ({}, meshes)

@@ -27,7 +27,8 @@ class Pushed:
         self.model = dd.load_robot("ur5")
         self.dyn = dd.DiagonalDynamics(self.model)
         self.robot = pin.buildModelFromUrdf(str(find_urdf("ur5")))
-        self.data, self.q = self.robot.createData(), rng.uniform(-1.5, 1.5, 6)
+        self.data = self.robot.createData()
+        self.q = rng.uniform(-1.5, 1.5, 6)
         pin.computeJointJacobians(self.robot, self.data, self.q)
         factor = 0.1 * rng.normal(size=(6, 6))
         self.covariance = factor @ factor.T + 0.01 * np.eye(6)
@@ -43,7 +44,8 @@ class Pushed:
 
     def frame(self, link, covariance, frames=(), **others):
         """Return fields of a frame by name, as doubles."""
-        maker, zero = FrameMaker(self.dyn, (), ForceOptions(covariance, frames)), np.zeros(6)
+        maker = FrameMaker(self.dyn, (), ForceOptions(covariance, frames))
+        zero = np.zeros(6)
         index = self.model.link_names.index(link) if link else -1
         observed = {"external_torque": self.tau[None], "residual": zero[None], "norm": np.ones(1)}
         state = States.of(
@@ -112,7 +114,8 @@ def test_components_with_an_unobserved_part_have_no_deviation():
 
 def test_the_touched_link_of_states_in_contact(pushed):
     """They are those of dyn.touched_link above 20 %; none without contact or without a result."""
-    count, zero = 4, np.zeros((4, 6))
+    count = 4
+    zero = np.zeros((4, 6))
     observed = {
         "external_torque": np.tile(pushed.tau, (count, 1)),
         "norm": np.array([1.0, 1.0, np.nan, 1.0]),

@@ -38,7 +38,8 @@ class Robot:
 
     def __init__(self, urdf, name="/arm"):
         self.model = dd.load_urdf(urdf, massless="lock")
-        self.rng, self.numbers = np.random.default_rng(4), itertools.count(1)
+        self.rng = np.random.default_rng(4)
+        self.numbers = itertools.count(1)
         self.stream = RobotStream(name, self.read)
 
     def serve(self, scene=None, meshes=None):
@@ -46,7 +47,8 @@ class Robot:
         return self.stream
 
     def read(self, dynamics):
-        q, nv = dynamics.model.random(self.rng), dynamics.model.nv
+        q = dynamics.model.random(self.rng)
+        nv = dynamics.model.nv
         qd, tau = self.rng.normal(size=(2, nv))
         states = States.of(next(self.numbers), q, qd, tau, dynamics.evaluate(q, qd, tau))
         return Received(states, time.monotonic(), limits=(*np.full(nv, 12.0), np.inf, 8.0))
@@ -173,7 +175,8 @@ def test_connections_above_the_maximum_are_refused(address):
 
 def test_errors_of_accepting_are_logged_once_a_minute(serve, arm, monkeypatch, caplog):
     """Then connections are accepted again."""
-    loop, errors = asyncio.SelectorEventLoop, iter([OSError(errno.EMFILE, "no descriptor")] * 20)
+    loop = asyncio.SelectorEventLoop
+    errors = iter([OSError(errno.EMFILE, "no descriptor")] * 20)
     accept = loop.sock_accept
 
     async def fail_at_first(*arguments):

@@ -50,7 +50,8 @@ def cases_of(robot):
         q, qd, tau, _ = sample
         t = oracle.at(q, qd, tau)
         w = Operators(oracle, q, qd)
-        s, f = dyn.evaluate(q, qd, tau), dyn.factors(q)
+        s = dyn.evaluate(q, qd, tau)
+        f = dyn.factors(q)
         out.append(
             Case(w, t, dyn, s, f, sample, np.sqrt(np.diag(t.M)), tolerance(t), bool(robot.armature))
         )
@@ -85,7 +86,8 @@ def test_identity_4_1b(c):
     """Identity 4.1 (b): M = [1 + HφK] D [1 + HφK]*, the innovations factorization; its factors are
     the library's.
     """
-    w, root = c.w, c.unit
+    w = c.w
+    root = c.unit
     M = w.mine(w.unit @ w.D @ w.unit.T)
     assert_close(scaled(c, c.dyn.mass_matrix(c.t.q)), scaled(c, M), 1e-12)
     weigh = np.sqrt(c.f.D) / root[:, None]
@@ -111,7 +113,8 @@ def test_rate_of_m(c):
     """
     if c.has_armature:
         return
-    w, unit = c.w, c.unit
+    w = c.w
+    unit = c.unit
     tau = w.G @ w.H
     inner = w.turn @ (w.phi - w.one) @ w.P + (w.one - 0.5 * tau) @ w.rate
     expected = w.mine(w.H @ w.phi @ inner @ w.H.T @ np.linalg.inv(w.root)) / unit[:, None]
@@ -128,9 +131,11 @@ def test_identity_6_3(c):
     """
     w = c.w
     largest = norm(scaled(c, c.t.M))
-    left, right = w.H @ w.phi, w.phi @ w.M @ w.phi.T @ w.H.T
+    left = w.H @ w.phi
+    right = w.phi @ w.M @ w.phi.T @ w.H.T
     for k, e in enumerate(np.eye(w.n)):
-        sensitivity, at = np.zeros_like(w.M), w.at(w.body(k))
+        sensitivity = np.zeros_like(w.M)
+        at = w.at(w.body(k))
         sensitivity[at, at] = cross(w.H[w.body(k), at])
         half = (
             -left @ sensitivity.T @ right
@@ -156,7 +161,8 @@ def test_lagrange_equations(c):
     scale = norm(first / unit) + norm(second / unit) + norm(c.t.qd) * norm(c.t.nu)
     for bias in (c.dyn.coriolis_torque(c.t.q, c.t.qd), c.t.c):
         assert_close((first - second) / unit, bias / unit, c.tolerance, scale)
-    weight, qdd = c.dyn.gravity_torque(c.t.q), c.sample.qdd
+    weight = c.dyn.gravity_torque(c.t.q)
+    qdd = c.sample.qdd
     T = c.dyn.mass_matrix(c.t.q) @ qdd + first - second + weight
     expected = c.t.oracle.inverse_dynamics(c.t.q, c.t.qd, qdd)
     assert_close(
@@ -199,7 +205,8 @@ def unnormalized_scale(c):
 
 def test_lemma_7_3(c):
     """Lemma 7.3, (7.9): C_ξ = Hψ[λ̇H*ξ − (Ω_δP + V~*M)V] and κ = [1 − HψK]T; ξ*C_ξ = ½ξ*D'ξ."""
-    w, root = c.w, np.sqrt(c.f.D)
+    w = c.w
+    root = np.sqrt(c.f.D)
     xi = w.oracle.to_pin(c.s.xi)
     C = w.mine(w.H @ w.psi @ (w.rate @ w.H.T @ xi - (w.turn @ w.P + w.V_cross.T @ w.M) @ w.V))
     scale = unnormalized_scale(c)
@@ -214,7 +221,8 @@ def test_algorithm_8_1(c):
     """Algorithm 8.1, (8.1), (8.2): ξ' = D⁻¹[T − Hψζ], ζ = KT + λ̇H*ξ − (Ω_δP + V~*M)V, gravity
     taken from T.
     """
-    w, root = c.w, np.sqrt(c.f.D)
+    w = c.w
+    root = np.sqrt(c.f.D)
     T = w.oracle.to_pin(c.t.tau - c.t.g)
     xi = w.oracle.to_pin(c.s.xi)
     zeta = w.K @ T + w.rate @ w.H.T @ xi - (w.turn @ w.P + w.V_cross.T @ w.M) @ w.V
@@ -260,7 +268,8 @@ def test_total_rates_are_no_derivatives(id):
     dyn = dd.DiagonalDynamics(dd.load_urdf(robot.source, mimic="free"))
     oracle = RateOracle(robot.urdf, dyn.model.dof_names)
     q = robots.samples(id, oracle)[0].q
-    actual, e = curl(dyn, q), np.eye(len(q))
+    actual = curl(dyn, q)
+    e = np.eye(len(q))
     assert norm(actual) > 0.1 * norm(dyn.factors(q).m)
     expected = np.array([oracle.at(q, a).mdot for a in e])  # [i, j, k]: ∂m_jk/∂q_i
     expected = (expected - expected.transpose(1, 0, 2)).transpose(2, 0, 1)

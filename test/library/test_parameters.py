@@ -64,7 +64,8 @@ QUANTITIES = ("nu", "epsilon", "coriolis", "friction", "articulated_inertia")
 
 def same(one, other):
     """Return whether both models give the same bits."""
-    a, b = evaluation(one), evaluation(other)
+    a = evaluation(one)
+    b = evaluation(other)
     return all(
         np.array_equal(getattr(a, name), getattr(b, name)) for name in QUANTITIES
     ) and np.array_equal(one.effort_offset, other.effort_offset)
@@ -159,7 +160,8 @@ def test_later_parameters():
     assert (both.friction_velocity, both.origin) == (0.02, {"date": "after"})
     twice = dd.load_urdf(PANDA, parameters=earlier).with_parameters(later)
     once = dd.load_urdf(PANDA, parameters=both)
-    a, b = evaluation(twice), evaluation(once)
+    a = evaluation(twice)
+    b = evaluation(once)
     np.testing.assert_allclose(a.coriolis, b.coriolis, atol=1e-12)
     np.testing.assert_array_equal(twice.damping, once.damping)
     replaced = earlier.merged_with(dd.Parameters(links={"panda_link4": dd.Payload(3.0)}))
@@ -177,8 +179,12 @@ def test_friction_includes_the_offset(panda):
     model = dd.load_urdf(PANDA, parameters={"joints": JOINTS, "friction_velocity": 0.02})
     dynamics = dd.DiagonalDynamics(model)
     q, qd, tau = state(model)
-    damping, coulomb, offset = panda.damping.copy(), panda.friction.copy(), np.zeros(model.nv)
-    damping[0], coulomb[[0, 3]], offset[[0, 6]] = 0.7, (1.1, 0.4), (-0.3, 0.11)
+    damping = panda.damping.copy()
+    coulomb = panda.friction.copy()
+    offset = np.zeros(model.nv)
+    damping[0] = 0.7
+    coulomb[[0, 3]] = (1.1, 0.4)
+    offset[[0, 6]] = (-0.3, 0.11)
     resisting = damping * qd + coulomb * np.tanh(qd / 0.02) + offset
     np.testing.assert_array_equal(dynamics.friction_torque(np.zeros(model.nv)), offset)
     np.testing.assert_allclose(dynamics.friction_torque(qd), resisting, rtol=1e-14)
@@ -207,7 +213,9 @@ LOCKED = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
 def test_payload_of_negative_mass():
     """A payload and its negative cancel, on a link that is no rigid body by itself, too."""
     plain = dd.load_urdf(PANDA, locked_joints=LOCKED)
-    mass, com, inertia = 0.7, (0.0, 0.01, 0.05), 2e-3 * np.eye(3)
+    mass = 0.7
+    com = (0.0, 0.01, 0.05)
+    inertia = 2e-3 * np.eye(3)
     loaded = plain.with_payload("panda_link8", mass, com, inertia)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -218,7 +226,8 @@ def test_payload_of_negative_mass():
     assert model.total_mass == pytest.approx(plain.total_mass - mass)
     assert loaded.total_mass > plain.total_mass
     both = model.with_payload("panda_link8", mass, com, inertia)
-    a, b = evaluation(both), evaluation(plain)
+    a = evaluation(both)
+    b = evaluation(plain)
     assert a.kinetic_energy == pytest.approx(b.kinetic_energy, rel=1e-13)
     np.testing.assert_allclose(
         a.coriolis, b.coriolis, rtol=1e-5, atol=1e-12 * np.abs(b.coriolis).max()
@@ -227,7 +236,8 @@ def test_payload_of_negative_mass():
 
 def test_mass_that_moves_with_a_link():
     """It includes links behind locked joints, not links behind free joints."""
-    free, locked = dd.load_urdf(PANDA, mimic="free"), dd.load_urdf(PANDA, locked_joints=LOCKED)
+    free = dd.load_urdf(PANDA, mimic="free")
+    locked = dd.load_urdf(PANDA, locked_joints=LOCKED)
     mass = {locked.link_names[index]: mass for index, mass in locked.links[["index", "mass"]]}
     taken = mass["panda_hand"] + mass["panda_link7"] + mass["panda_leftfinger"]
     parameters = {"payloads": {"panda_hand": {"mass": -float(taken)}}}

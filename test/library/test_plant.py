@@ -88,8 +88,11 @@ def test_pace(factor, gaps):
     """Simulated time is never ahead of the clock, and at most a step behind except for skipped
     whole steps.
     """
-    period, step = 0.004, 0.001
-    pace, now, steps = Pace(factor, period, step), 100.0, 0
+    period = 0.004
+    step = 0.001
+    pace = Pace(factor, period, step)
+    now = 100.0
+    steps = 0
     pace.resume(now, 7.0)
     for gap in gaps:
         now += gap
@@ -248,7 +251,8 @@ def test_same_seed_same_trajectory():
             seen.append((m.position.tobytes(), m.velocity.tobytes(), m.effort.tobytes()))
         return seen
 
-    first, at = measured(), system.time
+    first = measured()
+    at = system.time
     system.reset()
     assert system.time == at and measured() == first and system.time == pytest.approx(2 * at)
 
@@ -257,7 +261,8 @@ def test_put():
     """Another state at the same time. A refused state changes nothing."""
     system = plant()
     system.advance(5)
-    q, qd = system.simulation.q + 0.01, 0.1 * np.ones(8)
+    q = system.simulation.q + 0.01
+    qd = 0.1 * np.ones(8)
     system.put(q, qd)
     beyond = q.copy()
     beyond[1] = 3.0

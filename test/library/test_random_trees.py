@@ -101,7 +101,9 @@ class Tree:
     def __init__(self, shape):
         self.shape = shape
         rng = np.random.default_rng(shape.seed)
-        elements, names, joints = [link("link_0", *self._own(rng))], ["link_0"], []
+        elements = [link("link_0", *self._own(rng))]
+        names = ["link_0"]
+        joints = []
         for k, (kind, back) in enumerate(zip(shape.kinds, shape.parents, strict=True)):
             parent = names[max(0, len(names) - 1 - back)]
             axis = (
@@ -315,8 +317,10 @@ def test_units_do_not_matter(shape, mass, length):
     oracle_q = oracle.moved(
         oracle.neutral, step * [not oracle.is_prismatic(k) for k in range(oracle.nv)]
     )
-    s, t = a.evaluate(oracle_q, qd), b.evaluate(oracle_q, qd * unit)
-    truth, factor = oracle.at(oracle_q, qd), 10.0 ** (mass / 2 + length)
+    s = a.evaluate(oracle_q, qd)
+    t = b.evaluate(oracle_q, qd * unit)
+    truth = oracle.at(oracle_q, qd)
+    factor = 10.0 ** (mass / 2 + length)
     assert_close(t.nu / factor, s.nu, tolerance(truth))
     if oracle.nv:
         assert_close(t.coriolis / factor, s.coriolis, tolerance(truth), truth.coriolis_scale)
@@ -351,7 +355,8 @@ def test_planar_joint_moves_normal_to_its_axis(axis):
     ]  # the frame's x: the coordinate axis farthest from z, made normal to it
     x = (x - z * (x @ z)) / norm(x - z * (x @ z))
     R = np.column_stack([x, np.cross(z, x), z])
-    described_tree, turned = ET.fromstring(tree.urdf), ET.fromstring(tree.urdf)
+    described_tree = ET.fromstring(tree.urdf)
+    turned = ET.fromstring(tree.urdf)
     planar = described_tree.find("joint[@type='planar']")
     planar.find("axis").set("xyz", " ".join(map(str, axis)))
     same = turned.find(f"joint[@name='{planar.get('name')}']")

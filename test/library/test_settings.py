@@ -178,7 +178,8 @@ def test_thresholds_of_collision_and_contact():
     values |= {"contact.threshold": ["total=3", "elbow=0"], "collision.release": 0.75}
     values |= {"collision.standing": 0.0, "collision.stiction": 0.25}
     observation = Settings.of(DEFAULTS | values).observation
-    collision, contact = observation.collision, observation.contact
+    collision = observation.collision
+    contact = observation.contact
     assert collision.of_names(["elbow", "wrist"]).tolist() == [2.0, INF, INF, 4.0]
     assert contact.of_names(["elbow", "wrist"]).tolist() == [INF, INF, 3.0, INF]
     for thresholds in (collision, contact):

@@ -79,7 +79,8 @@ def motion(request):
     q, qd = start(model, 1, speed=2.0 if request.param == "brick" else 0.5)
     tau = 0.01 * np.random.default_rng(2).normal(size=model.nv)
     damping = share * np.diag(dd.DiagonalDynamics(model).mass_matrix(q))
-    d, frame = oracle.to_pin(damping), oracle.model.getFrameId(model.link_names[-1])
+    d = oracle.to_pin(damping)
+    frame = oracle.model.getFrameId(model.link_names[-1])
 
     def push_and_damping(x, v):
         J = pin.computeFrameJacobian(oracle.model, oracle.data, x, frame, pin.LOCAL_WORLD_ALIGNED)
@@ -92,7 +93,8 @@ def motion(request):
 def test_converges_with_its_order(motion):
     """The error against Pinocchio falls with the square of the step, the base's pose included."""
     model, oracle, q, qd, tau, damping, end = motion
-    steps, errors = 0.2 / np.array([10, 20, 40, 80]), []
+    steps = 0.2 / np.array([10, 20, 40, 80])
+    errors = []
     for h in steps:
         sim = dd.Simulation(
             model, q, qd, step=h, damping=damping, friction=0.0 * damping, limits=False
@@ -136,7 +138,8 @@ def test_heavy_damping_creeps():
     closed form.
     """
     model = dd.load_urdf(PENDULUM)
-    d, moment = 1.0, 1e-3 * 9.81 * 0.1
+    d = 1.0
+    moment = 1e-3 * 9.81 * 0.1
     D = dd.DiagonalDynamics(model).evaluate([0.0], [0.0]).articulated_inertia[0]
     assert d / D > 9e4
     sim = dd.Simulation(model, [2.0], [0.0], step=1e-3, damping=[d])
@@ -209,16 +212,19 @@ def test_brakes(robot):
     """Brakes of any strength stop joints where they are, and take no more than their energy."""
     model = load(robot, floating_base=robot == TALOS)
     special = slice(6 if robot == TALOS else 0, None)  # nothing brakes a base
-    rng, friction = np.random.default_rng(7), np.zeros(model.nv)
+    rng = np.random.default_rng(7)
+    friction = np.zeros(model.nv)
     for strength in np.repeat([30.0, 1e5, 1e7, 1e100], 5):
-        q, qd = model.neutral, rng.normal(size=model.nv)
+        q = model.neutral
+        qd = rng.normal(size=model.nv)
         q[-len(qd[special]) :] = rng.uniform(*np.clip([model.lower, model.upper], -1.0, 1.0))[
             -len(qd[special]) :
         ]
         friction[special] = strength
         options = {"damping": np.zeros(model.nv), "friction": friction, "effort_limits": False}
         sim = dd.Simulation(model, q, qd, **options)
-        energy, q = sim.kinetic_energy, sim.q
+        energy = sim.kinetic_energy
+        q = sim.q
         sim.advance()
         assert np.abs(sim.q - q).max() < 2e-3 * np.abs(qd).max()
         assert sim.audit.energy < 0.0 and sim.audit.loss < 0.0
@@ -331,7 +337,8 @@ def test_wrenches_are_efforts_of_their_jacobian(frame):
     turn with the link.
     """
     model = load(UR5)
-    q, qd = 0.3 * np.arange(1, 7), 0.1 * np.ones(6)
+    q = 0.3 * np.arange(1, 7)
+    qd = 0.1 * np.ones(6)
     f_ext = {"wrist_3_link": [3.0, -4.0, 5.0, 0.1, 0.2, -0.3], "forearm_link": [0, 0, 2.0, 0, 0, 0]}
     jacobian = Oracle(robot_path(UR5).read_text(), model.dof_names).effort_of(q, f_ext, frame)
     sims = [dd.Simulation(model, q, qd, step=1e-6, effort_limits=False) for _ in range(2)]
@@ -347,7 +354,8 @@ def test_model_with_another_mimic_joint_is_rejected():
     bodies.
     """
     links = [link(name, 1.0, inertia=(1, 0, 0, 1, 0, 1)) for name in ("base", "arm", "tip")]
-    hinge, end = joint("hinge", "revolute", "base", "arm"), joint("end", "fixed", "arm", "tip")
+    hinge = joint("hinge", "revolute", "base", "arm")
+    end = joint("end", "fixed", "arm", "tip")
     sim = dd.Simulation(dd.load_urdf(description("arm", *links, hinge, end)))
     follower = end.replace("fixed", "revolute").replace("<limit", '<mimic joint="hinge"/><limit')
     with pytest.raises(InputError, match="other flexible or mimic joints"):
@@ -361,7 +369,9 @@ def test_payload_taken_up_in_motion():
     model = load(PANDA)
     sim = dd.Simulation(model, qd=0.2 * np.ones(model.nv))
     sim.advance(steps=100)
-    q, qd, before = sim.q, sim.qd, sim.audit
+    q = sim.q
+    qd = sim.qd
+    before = sim.audit
     loaded = model.with_payload("panda_hand", 1.5, (0, 0, 0.1))
     sim.change_model(loaded)
     assert (sim.q == q).all() and (sim.qd == qd).all()
@@ -379,7 +389,8 @@ def driven(sim, seconds, largest, period=0.05, seed=1):
     """Advance a robot with random efforts, and a push on its last link; return audits in
     between.
     """
-    model, rng = sim.model, np.random.default_rng(seed)
+    model = sim.model
+    rng = np.random.default_rng(seed)
     scale = np.full(model.nv, largest)
     if model.floating_base:
         scale[:6] = 0.0
@@ -422,7 +433,8 @@ def test_energy_is_accounted_for(name, limits, seconds):
     ):
         special = {"friction": np.full(model.nv, 0.02), "damping": 1e-4 * model.damping}
     if robot == TALOS:
-        special, seconds = {"step": 2e-3}, min(seconds, shortened(10.0, 3.0))
+        special = {"step": 2e-3}
+        seconds = min(seconds, shortened(10.0, 3.0))
     D = dd.DiagonalDynamics(model).evaluate(model.neutral, np.zeros(model.nv)).articulated_inertia
     soft = dd.CompliantLimits(
         60.0**2 * D, 60.0 * D
@@ -510,7 +522,8 @@ def test_a_copy_goes_its_own_way(copied):
     """
     sim = dd.Simulation(load(PANDA, mimic="free"), friction=0.1 * np.ones(9))
     sim.advance(np.ones(9), steps=5)
-    before, other = (sim.q, sim.qd, sim.nu, sim.time, sim.audit), copied(sim)
+    before = (sim.q, sim.qd, sim.nu, sim.time, sim.audit)
+    other = copied(sim)
     other.advance(np.ones(9), steps=5)
     for now, then in zip((sim.q, sim.qd, sim.nu, sim.time, sim.audit), before, strict=True):
         assert np.array_equal(now, then)

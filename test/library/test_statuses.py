@@ -134,7 +134,8 @@ def test_fault_that_began_before_its_first_report():
 
 def test_fault_that_the_node_has_logged():
     """Its begin has no second line; its end has one."""
-    log, fault = StatusLog(period=10.0), Status("x", WARN, "hit", is_logged=True)
+    log = StatusLog(period=10.0)
+    fault = Status("x", WARN, "hit", is_logged=True)
     assert log.lines([fault], 0.0) == log.lines([fault], 5.0) == []
     assert log.lines([Status("x", OK, "free")], 12.0) == [(OK, "x: free (after 12 s)")]
     statuses = [fault, Status("x", OK, "free")]
@@ -144,7 +145,8 @@ def test_fault_that_the_node_has_logged():
 
 def test_repeated_events():
     """Another event has a line at once, an equal one after ten seconds."""
-    limit, events = RepeatLimit(), [(0.0, "a"), (0.5, "b"), (1.0, "b"), (9.9, "a"), (10.0, "a")]
+    limit = RepeatLimit()
+    events = [(0.0, "a"), (0.5, "b"), (1.0, "b"), (9.9, "a"), (10.0, "a")]
     times = [at for at, name in events if limit.is_due(f"position of '{name}' is {at}", at)]
     assert times == [0.0, 0.5, 10.0]
 

@@ -61,7 +61,9 @@ def test_quaternions_turn_origins(length):
         model = dd.load_urdf(with_origins(quaternion))
     for turn in (RPY, quaternion) if length < 1e100 else (RPY,):
         reference = pin.buildModelFromXML(with_origins(turn))
-        data, dyn, q = reference.createData(), dd.DiagonalDynamics(model), np.array([0.7])
+        data = reference.createData()
+        dyn = dd.DiagonalDynamics(model)
+        q = np.array([0.7])
         assert dyn.mass_matrix(q) == pytest.approx(pin.crba(reference, data, q), rel=1e-12)
         gravity = pin.computeGeneralizedGravity(reference, data, q)
         assert abs(gravity[0]) > 1.0 and dyn.gravity_torque(q) == pytest.approx(gravity, rel=1e-12)
@@ -360,7 +362,8 @@ def test_rotor_inertias_of_transmissions(case):
     """Pinocchio's mass matrix with its armature; inspect names them."""
     more, armature = ROTORS[case]
     text = with_more(more, TWO)
-    reference, q = pin.buildModelFromXML(TWO), np.array([0.3, -0.8])
+    reference = pin.buildModelFromXML(TWO)
+    q = np.array([0.3, -0.8])
     reference.armature = np.array(armature)
     M = np.triu(pin.crba(reference, reference.createData(), q))
     M += np.triu(M, 1).T

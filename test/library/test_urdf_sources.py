@@ -44,7 +44,8 @@ def declaring(encoding, text):
 
 
 def assert_same_model(source, names=("shoulder",)):
-    model, expected = dd.load_urdf(source), dd.load_urdf(ARM)
+    model = dd.load_urdf(source)
+    expected = dd.load_urdf(ARM)
     assert model.bodies.tobytes() == expected.bodies.tobytes()
     assert model.dof_names == names
     assert inspect_robot(source).checks["loading"] == "ok"
@@ -70,7 +71,8 @@ ENCODED = {
 @pytest.mark.parametrize("case", ENCODED)
 def test_encodings(case, tmp_path):
     """All that URDF defines is ASCII: comments may be in any encoding, declared or not."""
-    data, file = ENCODED[case], tmp_path / "arm.urdf"
+    data = ENCODED[case]
+    file = tmp_path / "arm.urdf"
     file.write_bytes(data)
     sources = [data, file, str(file), io.BytesIO(data)]
     if b"robot" in data:  # text, as the topic brings it

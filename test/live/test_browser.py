@@ -88,7 +88,8 @@ class Robot(MovingRobot):
 
     def __init__(self, model, rate=RATE):
         super().__init__(model, rate)
-        self.silent, self.doubtful = threading.Event(), threading.Event()
+        self.silent = threading.Event()
+        self.doubtful = threading.Event()
 
     def at(self, stamp):
         """Return the state of a stamp."""
@@ -199,7 +200,8 @@ def paused(tab, robot):
 def test_numbers_are_those_of_the_state(live, panda):
     """Compare frames, table and CSV with an evaluation at the time that the page shows."""
     robot, _ = panda
-    names, dyn = robot.model.dof_names, dd.DiagonalDynamics(robot.model)
+    names = robot.model.dof_names
+    dyn = dd.DiagonalDynamics(robot.model)
     values, (q, qd, tau, external), s = paused(live, robot)
     expected = {
         "q": q,
@@ -367,7 +369,8 @@ def test_a_report_shows_the_recording(chromium, recording):
         f"contact_limits.file={recording.folder / 'limits.yaml'}",
     ]
     html, summary = recording.analyse("page", *options, **recording.columns())
-    dyn, model = recording.dyn, recording.model
+    dyn = recording.dyn
+    model = recording.model
     limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
     points = dd.ContactPoints(model, dd.link_geometry(model, ARM).points, limits, "limit")
     with Tab(chromium) as tab:
@@ -402,7 +405,8 @@ def test_a_report_shows_the_recording(chromium, recording):
         assert tab.asked <= {"file://", "data://", "blob://"}
         tab.ask("diag.go(2.113)")
         tab.until("decodeURI(location.hash).includes(`t=${diag.state.now}`)")
-        link, now = tab.ask("location.href"), tab.ask("diag.state.now")
+        link = tab.ask("location.href")
+        now = tab.ask("diag.state.now")
     with Tab(chromium) as tab:
         tab.open(link)
         tab.until(f"diag.state.now === {now!r}")

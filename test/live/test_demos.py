@@ -90,7 +90,8 @@ def test_robot_by_path(tmp_path, number):
 
 def test_end_while_compiling(tmp_path):
     """Ctrl-C before there is anything to see, because the cache of compiled code is empty."""
-    work, cache = tmp_path / "work", tmp_path / "cache"
+    work = tmp_path / "work"
+    cache = tmp_path / "cache"
     work.mkdir()
     with demo(work, NUMBA_CACHE_DIR=str(cache)) as process:
         process.wait_for_text("diag_dynamics: 0 to 35 %: compiling evaluate")
@@ -156,7 +157,8 @@ def test_a_push_is_detected_and_its_energy_bounded(tmp_path):
 
 def test_demo_identify(tmp_path, capsys):
     """Of ten pushes nine are detected with the identified model; its files are usable."""
-    plot, folder = tmp_path / "before_and_after.svg", tmp_path / "kept"
+    plot = tmp_path / "before_and_after.svg"
+    folder = tmp_path / "kept"
     assert (
         demo_identify.main(["--robots", "ur5_robot", "--picture", str(plot), "--keep", str(folder)])
         == 0
@@ -168,7 +170,8 @@ def test_demo_identify(tmp_path, capsys):
     shares = re.search(r"dK/dt explained: (\S+) with the URDF, (\S+) identified", out)
     assert float(shares[1]) < 0.0 and float(shares[2]) > 0.95
     assert plot.read_text().startswith("<?xml")
-    arm, pushed = folder / "ur5_robot_arm.yaml", folder / "ur5_robot_pushed.npz"
+    arm = folder / "ur5_robot_arm.yaml"
+    pushed = folder / "ur5_robot_pushed.npz"
     alarms = ["--alarms", str(folder / "ur5_robot_alarms_identified.yaml")]
     assert (
         cli(["analyse", str(pushed), "--urdf", "ur5_robot", "--parameters", str(arm), *alarms]) == 0

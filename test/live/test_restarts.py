@@ -31,7 +31,9 @@ class Pair(contextlib.ExitStack):
 
     def __init__(self, peer, namespace):
         super().__init__()
-        self.peer, self.robot, self.namespace = peer, robot(PANDA), namespace
+        self.peer = peer
+        self.robot = robot(PANDA)
+        self.namespace = namespace
         self.name = f"{namespace}/diag_dynamics"
         self.states = peer.topic(JointState, f"{namespace}/joint_states")
         self.topics = {
@@ -46,7 +48,8 @@ class Pair(contextlib.ExitStack):
         for name in names:
             if name == "robot":
                 motion = {"robot_description": self.robot.path, "motion": "wave", "rate": 50.0}
-                process, ready = node_process("simulator", *here, **motion), "Ready: robot 'panda'"
+                process = node_process("simulator", *here, **motion)
+                ready = "Ready: robot 'panda'"
             else:
                 process = node_process("monitor", *here, max_age=MAX_AGE)
                 ready = "Waiting for a robot"

@@ -89,7 +89,8 @@ class States:
     """Joint states that arrive from now on."""
 
     def __init__(self, peer):
-        self._peer, self._raw = peer, []
+        self._peer = peer
+        self._raw = []
         self._subscription = peer.node.create_subscription(
             JointState, "joint_states", self._raw.append, QoSProfile(depth=4000), raw=True
         )
@@ -123,7 +124,8 @@ class States:
         effort_controller forgets its command when it is activated. The arm falls until it receives
         the next one.
         """
-        still, times = np.zeros(len(NAMES)), maximum_filter1d(np.diff(self.stamps), 3)
+        still = np.zeros(len(NAMES))
+        times = maximum_filter1d(np.diff(self.stamps), 3)
         fall = robot(UR5).oracle.forward_dynamics(self.position[0], still, still)
         return max(MARGIN * np.abs(fall).max() * times[self.falls[1:]].sum() / S, MAX_SPEED)
 
@@ -150,7 +152,8 @@ class Arm:
     """A simulated UR5 with ros2_control, started by the launch file."""
 
     def __init__(self, peer, folder):
-        self.peer, self.file = peer, parameters(folder)
+        self.peer = peer
+        self.file = parameters(folder)
         self._description = peer.publisher(String, "robot_description", LATCHED)
         self._description.publish(description(hardware()))
         self.targets = peer.publisher(JointTrajectory, f"{POSITIONS}/joint_trajectory")

@@ -189,7 +189,8 @@ def test_a_second_in_lockstep(peer):
         Controller(peer, "/lockstep", **options) as controller,
     ):
         peer.wait_until(lambda: controller.sent.messages, "a command")
-        first, sent = simulator.states.stamps[-1], len(controller.sent.messages)
+        first = simulator.states.stamps[-1]
+        sent = len(controller.sent.messages)
         peer.wait_until(
             lambda: (
                 simulator.states.stamps[-1] >= first + S
@@ -197,7 +198,8 @@ def test_a_second_in_lockstep(peer):
             ),
             "a second of simulated time",
         )
-        states, statuses = simulator.states.stamps, controller.status.stamps
+        states = simulator.states.stamps
+        statuses = controller.status.stamps
         assert {(stamp - first) % (S // RATE) for stamp in (*states, *statuses)} == {0}
         assert (np.diff(states) >= 0).all()  # a state that nobody answers is published again
 

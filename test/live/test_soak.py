@@ -68,7 +68,9 @@ def test_soak(peer):
         "qos_overrides./soak/joint_states.subscription.depth": 20_000,
         "qos_overrides./soak/diag_dynamics/state.publisher.depth": 20_000,
     }
-    sent, usage, rng = Counter(), [], np.random.default_rng(1)
+    sent = Counter()
+    usage = []
+    rng = np.random.default_rng(1)
     with Monitor(
         peer, "/soak", outputs=(), robot_description=robot(UR5).path, max_age=30.0, **inputs
     ) as monitor:
@@ -81,7 +83,8 @@ def test_soak(peer):
             "it",
         )
         monitor.process.wait_for_text("Ready")
-        process, end = psutil.Process(monitor.process.popen.pid), time.monotonic() + SECONDS
+        process = psutil.Process(monitor.process.popen.pid)
+        end = time.monotonic() + SECONDS
         timer = peer.node.create_timer(
             1e-3, lambda: sent.update([publish(monitor, rng, peer.now())])
         )
@@ -97,6 +100,7 @@ def test_soak(peer):
     skipped = report.count("skipped: overload")
     assert report.count("received") == report.outcomes()
     assert report.count("published") == len(states.messages) > 0.7 * sent[None] - skipped
-    settled, last = usage[len(usage) // 3], usage[-1]
+    settled = usage[len(usage) // 3]
+    last = usage[-1]
     assert last.threads <= settled.threads and last.descriptors <= settled.descriptors
     assert last.memory - settled.memory < 0.4 * (last.time - settled.time)

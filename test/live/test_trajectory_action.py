@@ -48,7 +48,8 @@ class Live:
         self.peer = Node("peer", context=self.context)
         self.states = self.peer.create_publisher(JointState, "joint_states", 10)
         name = f"{self.node.get_name()}/follow_joint_trajectory"
-        self.client, self.feedback = ActionClient(self.peer, FollowJointTrajectory, name), []
+        self.client = ActionClient(self.peer, FollowJointTrajectory, name)
+        self.feedback = []
         self.executors = (
             Executor(context=self.context),
             SingleThreadedExecutor(context=self.context),
@@ -119,7 +120,8 @@ def test_success_cancel_preemption_and_rejection(live):
     result = live.result_of(canceled.get_result_async(), "the end of the canceled goal")
     assert result.status == GoalStatus.STATUS_CANCELED and "canceled" in result.result.error_string
 
-    older, newer = live.send(Q + 0.01, seconds=60.0), live.send(Q + 0.02, seconds=60.0)
+    older = live.send(Q + 0.01, seconds=60.0)
+    newer = live.send(Q + 0.02, seconds=60.0)
     result = live.result_of(older.get_result_async(), "the end of the older goal")
     assert result.status == GoalStatus.STATUS_CANCELED and "newer" in result.result.error_string
     live.node.trigger_deactivate()

@@ -59,7 +59,8 @@ def test_a_push_is_told_of(arm):
 
 def test_the_worst_contact_is_named():
     """Of several contacts above their limits: the largest excess since the last report."""
-    reports, texts = Record(), []
+    reports = Record()
+    texts = []
     sent = SimpleNamespace(silent=False, saturated=(), command=True)
     supervisor = SimpleNamespace(phase=0, reason="")
     for contacts in ((("hand", 0.9, 0.2), ("arm", 1.0, 0.5)), (("arm", 0.6, 0.5),)):

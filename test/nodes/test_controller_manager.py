@@ -30,7 +30,8 @@ class Switched(Controller):
     """A UR5 that a trajectory controller moves at a `velocity`, the node, or else brakes hold."""
 
     def __init__(self, peer, namespace, **parameters):
-        self.now, self.velocity = 1000 * S, np.zeros(6)
+        self.now = 1000 * S
+        self.velocity = np.zeros(6)
         self.plant = frictionless(dd.load_urdf(robot(UR5).path), START_AT, step=1e-9 * PERIOD)
         self.manager = ControllerManager(
             peer, namespace, trajectories="active", effort_controller="inactive"
@@ -106,7 +107,8 @@ def test_while_another_controller_moves_the_arm(arm):
     assert arm.ask("tracking").success
     arm.velocity = VELOCITY
     arm.run(0.05)
-    status, reason = arm.status.messages[-1], "controller 'effort_controller' is inactive"
+    status = arm.status.messages[-1]
+    reason = "controller 'effort_controller' is inactive"
     assert (status.phase, status.mode, status.message) == (HOLDING, "tracking", reason)
     stamp = arm.status.messages[-1].header.stamp
     assert stamp.sec * S + stamp.nanosec == arm.now

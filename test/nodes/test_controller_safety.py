@@ -118,7 +118,8 @@ class Fed(Controller):
 
     def arrive(self, q=Q, qd=REST):
         """Feed the same state until the set-point is where the law aims."""
-        status, last = self.step(q, qd), np.inf
+        status = self.step(q, qd)
+        last = np.inf
         while np.abs(np.array(status.tracking_error) - last).max() > 1e-13:
             status, last = self.step(q, qd), np.array(status.tracking_error)
         return status
@@ -541,7 +542,8 @@ def test_another_robot(fed):
     fed.connect()
     expected = heavy.oracle.gravity_torque(Q)
     assert np.abs(expected - gravity_of(Q)).max() > 1.0
-    standing, count = np.array(fed.sent.messages[-1].data), len(fed.sent.messages)
+    standing = np.array(fed.sent.messages[-1].data)
+    count = len(fed.sent.messages)
     assert np.abs(standing).max() > 10.0
     fed.step()
     fed.peer.wait_until(lambda: len(fed.sent.messages) > count, "a command")

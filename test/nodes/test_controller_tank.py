@@ -26,8 +26,10 @@ def test_diagnostics_report_the_tank():
         (-0.09 * CAPACITY, False),
         (-0.11 * CAPACITY, True),
     ):
-        tank.energy, tank.refused = energy, 2.5
-        values, problems = values_of_loop(loop), problems_of_limits(loop.limits)
+        tank.energy = energy
+        tank.refused = 2.5
+        values = values_of_loop(loop)
+        problems = problems_of_limits(loop.limits)
         assert float(values["tank energy [J]"]) == pytest.approx(energy)
         assert values["power refused by the tank [W]"] == "2.5"
         assert any("tank is overdrawn" in problem for problem in problems) == reported

@@ -47,8 +47,10 @@ def test_a_port_that_is_taken():
 def test_the_pushed_link_is_told(robot):
     """Whatever the pose, the touched link is on the same joints."""
     model = load_robot(robot)
-    dynamics, link = DiagonalDynamics(model), end_effector_link(model)
-    wrench, noise = demo.turning_wrench(dynamics, link), 0.1 * demo.LEVER
+    dynamics = DiagonalDynamics(model)
+    link = end_effector_link(model)
+    wrench = demo.turning_wrench(dynamics, link)
+    noise = 0.1 * demo.LEVER
     for q in np.random.default_rng(1).uniform(-1.5, 1.5, (20, model.nq)):
         jacobian = dynamics.jacobian(q, link, frame="link")
         touched = dynamics.touched_link(q, jacobian.T @ wrench, noise**2 * np.eye(model.nv)).link

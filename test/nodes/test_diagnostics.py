@@ -71,7 +71,8 @@ def test_every_entry(monitor, panda, sample):
     assert report.level == OK
     for name, keys in KEYS.items():
         assert keys <= set(values_of(report, name)), name
-    health, energy = values_of(report, "numerical health"), values_of(report, "energy")
+    health = values_of(report, "numerical health")
+    energy = values_of(report, "energy")
     assert float(health["|nu.C| / (|nu| |C|)"]) < 1e-9
     assert float(health["|K - qd.M.qd / 2| / K"]) < 1e-9
     assert health["joint of the smallest D"] == panda.names[int(np.argmin(truth.D))]
@@ -113,7 +114,9 @@ class Watching:
     """An EnergyWatch of a model, without a node; `friction` is the power of friction [W]."""
 
     def __init__(self, model=MODEL, **thresholds):
-        self.watch, self._model, self.friction = EnergyWatch(self, None), model, 0.0
+        self.watch = EnergyWatch(self, None)
+        self._model = model
+        self.friction = 0.0
         self.configure(**thresholds)
 
     def configure(self, **thresholds):
@@ -177,7 +180,9 @@ def test_alarm_where_it_is_worse_than_reported():
     improves.
     """
     watch = Watching(warn={"total": 1.0}, error={"total": 2.0})
-    low, high, highest = at_energy(0.5, 0), at_energy(1.5, 0), at_energy(2.5, 0)
+    low = at_energy(0.5, 0)
+    high = at_energy(1.5, 0)
+    highest = at_energy(2.5, 0)
     stamps = iter(range(CLOCK, CLOCK + S, MS))
     for states, alarms, level in (
         ((low, high, high, low), (False, True, False, False), WARN),

@@ -84,14 +84,16 @@ VALUES = {
 
 def contents(kind):
     """Return messages of a kind with anything in them that it can hold."""
-    sample, fields = kind(), {}
+    sample = kind()
+    fields = {}
     for field, name in kind.get_fields_and_field_types().items():
         if name in VALUES:
             fields[field] = VALUES[name]
         elif name.startswith("sequence<"):
             fields[field] = st.lists(VALUES[name[len("sequence<") : -1]], max_size=5)
         elif name.endswith("]"):
-            numbers, count = VALUES[name.partition("[")[0]], int(name[:-1].partition("[")[2])
+            numbers = VALUES[name.partition("[")[0]]
+            count = int(name[:-1].partition("[")[2])
             fields[field] = st.lists(numbers, min_size=count, max_size=count)
         else:
             fields[field] = contents(type(getattr(sample, field)))
@@ -216,7 +218,8 @@ moments = st.builds(
 
 def arguments(name, moment):
     """Return what a message of each topic is made of: first of all the state."""
-    dyn, rng = dynamics(name), np.random.default_rng(moment.seed)
+    dyn = dynamics(name)
+    rng = np.random.default_rng(moment.seed)
     model = dyn.model
     q = rng.normal(size=model.nq)
     if model.floating_base:
@@ -361,7 +364,8 @@ def test_friction_power():
     robot = monitored()
     joints = {"elbow": {"effort_offset": 0.7, "load_friction": 0.1, "root_friction": 0.2}}
     robot.use(robot.model.with_parameters({"joints": joints}), robot.settings, 2)
-    q, qd = np.array([0.3, -0.2]), np.array([1.0, -0.5])
+    q = np.array([0.3, -0.2])
+    qd = np.array([1.0, -0.5])
     s, _ = robot.evaluate(RobotState(q, qd, None, NOW, NOW, False))
     friction = robot.dynamics.friction_torque(qd, q)
     assert robot.friction_power(s) == pytest.approx(qd @ friction, rel=1e-12)
@@ -405,7 +409,8 @@ def mutated(raw, rng):
     """Return these bytes with one or two faults."""
     data = bytearray(raw)
     for _ in range(rng.integers(1, 3)):
-        kind, at = rng.integers(5), int(rng.integers(len(data))) if data else 0
+        kind = rng.integers(5)
+        at = int(rng.integers(len(data))) if data else 0
         if kind == 0 and data:
             data[at] = rng.integers(256)
         elif kind == 1 and len(data) > 1:
@@ -444,7 +449,9 @@ def plain(value):
 )
 def test_read_as_rclpy_reads(kind, make):
     """Good bytes and damaged ones: the same values, or an error."""
-    rng, result, count = np.random.default_rng(1), Counter(), shortened(20_000, 1500)
+    rng = np.random.default_rng(1)
+    result = Counter()
+    count = shortened(20_000, 1500)
     name = f"{'sensor' if kind is JointState else 'nav'}_msgs/msg/{kind.__name__}"
     for k in range(count):
         raw = serialize_message(make(rng))

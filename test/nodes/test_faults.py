@@ -47,13 +47,15 @@ def test_counters(peer, tmp_path, counter):
     rejection.
     """
     case = WIRING[counter]
-    path, namespace = tmp_path / "robot.urdf", "/wiring"
+    path = tmp_path / "robot.urdf"
+    namespace = "/wiring"
     path.write_text(ROBOTS[case.robot])
     states = peer.topic(DiagonalizedState, f"{namespace}/diag_dynamics/state")
     publishers = [peer.publisher(kind, f"{namespace}/{name}") for name, kind in INPUTS.items()]
     reports = Reports(peer.node, peer.wait_until, f"{namespace}/diag_dynamics")
     parameters = BASE_PARAMETERS | case.parameters | {"floating_base": case.robot in FLOATING}
-    before, expected = peer.graph.system, Counter()
+    before = peer.graph.system
+    expected = Counter()
     with peer.start("monitor", "-r", f"__ns:={namespace}", robot_description=path, **parameters):
         for step in case.steps:
             peer.graph.system = step.now

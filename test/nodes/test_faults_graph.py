@@ -86,7 +86,8 @@ def test_default_qos(monitor, panda):
     """Inputs are sensor data, so publishers of either reliability arrive; outputs are reliable; all
     have parameters.
     """
-    node, feeder = monitor.peer.node, monitor.feeder
+    node = monitor.peer.node
+    feeder = monitor.feeder
     for qos in (BEST_EFFORT, RELIABLE):
         monitor.feeder = monitor.peer.publisher(JointState, "/default/joint_states", qos)
         monitor.serves(panda)
@@ -344,7 +345,8 @@ def test_names_that_would_act(peer):
 @pytest.mark.parametrize("node", ["monitor", "simulator", "controller"])
 def test_long_names_have_short_lines(peer, node):
     """The graph of the tests rejects longer lines of a log."""
-    long, elbow = "long" * 1000, ELBOW.replace("elbow", "long" * 1000)
+    long = "long" * 1000
+    elbow = ELBOW.replace("elbow", "long" * 1000)
     diagnostics = peer.topic(DiagnosticArray, "/diagnostics")
     descriptions = peer.publisher(String, f"/{node}/robot_description", LATCHED)
     text = re.sub("arm|elbow|upper", long, URDF)

@@ -31,7 +31,8 @@ class Carried(Monitor):
         super().__init__(
             peer, name, outputs=["coriolis"], robot_description=robot(PANDA).path, **parameters
         )
-        self.imu, self.node = peer.publisher(Imu, f"{name}/imu"), self.process.node
+        self.imu = peer.publisher(Imu, f"{name}/imu")
+        self.node = self.process.node
         self.state = robot(PANDA).samples[1]
         peer.pass_time(0.1)
 
@@ -66,7 +67,8 @@ def expected(rotation, state):
 def hand_in_root(q):
     """Return the rotation of the hand in the root link."""
     oracle = robot(PANDA).oracle.full
-    model, data = oracle.model, oracle.model.createData()
+    model = oracle.model
+    data = oracle.model.createData()
     pin.framesForwardKinematics(model, data, oracle.configuration(robot(PANDA).oracle.q_full(q)))
     return data.oMf[model.getFrameId("panda_hand")].rotation
 
@@ -156,7 +158,8 @@ def test_frame_of_tf(peer):
     with with_tf2_ros(), Carried(peer, "/framed", gravity_frame="world") as monitor:
         assert monitor.gravity() is None
         buffer = monitor.node._gravity._transforms._buffer
-        buffer.frames, buffer.transform = ("panda_link0", "world"), transform_of(TILT.T)
+        buffer.frames = ("panda_link0", "world")
+        buffer.transform = transform_of(TILT.T)
         peer.pass_time(0.03)
         np.testing.assert_allclose(monitor.gravity(), expected(TILT, monitor.state), atol=1e-9)
         buffer.transform.header.stamp.sec = peer.now() // S - 5

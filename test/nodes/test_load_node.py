@@ -69,7 +69,8 @@ def test_a_load_is_no_collision_once_it_explains_the_torque(monitor):
     last = monitor.load.messages[-1]
     assert last.valid and last.is_load and last.header.frame_id == HAND and last.explained > 0.95
     assert last.mass == pytest.approx(MASS, abs=min(0.1, 2.0 * last.mass_deviation))
-    c, deviation = last.center_of_mass, last.center_of_mass_deviation
+    c = last.center_of_mass
+    deviation = last.center_of_mass_deviation
     np.testing.assert_allclose((c.x, c.y, c.z), CENTER, atol=0.02)
     assert 0.0 < deviation.x < 0.05 and last.payload.m == 0.0
     report = monitor.next_report()

@@ -52,7 +52,8 @@ def test_monitor_of_a_four_bar(peer, loops_file):
     """Efforts of followers are reflected; rates that break the loop have an energy, services accept
     followers.
     """
-    names, crank = ["rocker", "arm", "crank", "coupler"], 0.9
+    names = ["rocker", "arm", "crank", "coupler"]
+    crank = 0.9
     parameters = {"robot_description": four_bar(), "loops_file": loops_file(FOUR_BAR)}
     model = dd.load_urdf(four_bar(), loops=[FOUR_BAR])
     G = model.followers_at([crank, 0.1]).ratios[:, 0]

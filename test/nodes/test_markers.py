@@ -48,8 +48,10 @@ class Drawn:
 
     def __init__(self, name, floating=False, watch=None):
         self.model = dd.load_robot(name, floating_base=floating)
-        self.dynamics, rng = dd.DiagonalDynamics(self.model), np.random.default_rng(0)
-        self.q, self.qd = self.model.random(rng), rng.normal(size=self.model.nv)
+        self.dynamics = dd.DiagonalDynamics(self.model)
+        rng = np.random.default_rng(0)
+        self.q = self.model.random(rng)
+        self.qd = rng.normal(size=self.model.nv)
         self.s = self.dynamics.evaluate(self.q, self.qd)
         self.maker = MarkerMaker(self.dynamics, find_urdf(name))
         self.markers = self.show(watch)
@@ -72,7 +74,8 @@ def by_space(message):
 
 def matrix(pose):
     """Return the placement (4x4) of a pose."""
-    p, r = pose.position, pose.orientation
+    p = pose.position
+    r = pose.orientation
     return pin.SE3(
         pin.Quaternion(r.w, r.x, r.y, r.z).matrix(), np.array([p.x, p.y, p.z])
     ).homogeneous
@@ -130,13 +133,18 @@ def test_links(name, floating):
 @ROBOTS
 def test_ellipsoid_arrow_and_text(name, floating):
     drawn = Drawn(name, floating)
-    model, link, s, q, qd = drawn.model, drawn.maker.link, drawn.s, drawn.q, drawn.qd
+    model = drawn.model
+    link = drawn.maker.link
+    s = drawn.s
+    q = drawn.q
+    qd = drawn.qd
     root = drawn.dynamics.placement(q, model.root_link)[:3, :3]
     J = root.T @ drawn.dynamics.jacobian(q, link, frame="world")[:3]
     (ellipsoid,), (arrow,), (text,) = (
         drawn.markers[space] for space in ("ellipsoid", "velocity", "text")
     )
-    R, half = matrix(ellipsoid.pose)[:3, :3], 0.5 * vector(ellipsoid.scale) / drawn.maker.scale
+    R = matrix(ellipsoid.pose)[:3, :3]
+    half = 0.5 * vector(ellipsoid.scale) / drawn.maker.scale
     mobility = J @ np.linalg.solve(drawn.dynamics.mass_matrix(q), J.T)
     np.testing.assert_allclose(
         R @ np.diag(half**2) @ R.T, mobility, rtol=1e-6, atol=1e-4 * mobility.max()
@@ -186,8 +194,10 @@ class Watch(CollisionWatch):
             self._touched = dyn.touched_link(drawn.q, torque, covariance)._replace(
                 link=link, confidence=0.7
             )
-        self._position, self.contact_torque = drawn.q, torque
-        self.collision.on, self.contact.on = collision, contact
+        self._position = drawn.q
+        self.contact_torque = torque
+        self.collision.on = collision
+        self.contact.on = contact
 
 
 FORCE = np.array([30.0, -20.0, 9.0])
@@ -198,11 +208,13 @@ def test_touched_link(link):
     """A ball marks a collision where Pinocchio has the centre of mass; the text has the link."""
     drawn = Drawn("ur5")
     robot = pin.buildModelFromUrdf(str(find_urdf("ur5")))
-    data, joint = robot.createData(), robot.frames[robot.getFrameId(link)].parentJoint
+    data = robot.createData()
+    joint = robot.frames[robot.getFrameId(link)].parentJoint
     pin.framesForwardKinematics(robot, data, drawn.q)
     for collision in (False, True):
         markers = drawn.show(watch := Watch(drawn, link, FORCE, collision))
-        (ball,), lines = markers["collision"], markers["text"][0].text.splitlines()
+        (ball,) = markers["collision"]
+        lines = markers["text"][0].text.splitlines()
         assert (ball.action == Marker.ADD) == ("collision" in lines) == collision
         assert f"{link} (70 %)" in lines
         torque = watch.seen.external_torque
@@ -252,7 +264,8 @@ def test_shapes_of_links(tmp_path):
         (tmp_path / "hand.stl").as_uri(),
         "lost.stl",
     ]
-    d, X = vector(bar.scale), matrix(bar.pose)
+    d = vector(bar.scale)
+    X = matrix(bar.pose)
     R = pin.rpy.rpyToMatrix(0.3, 0.2, 0.1)
     inertia = (
         X[:3, :3] @ np.diag(0.1 * (d @ d - d**2)) @ X[:3, :3].T

@@ -25,10 +25,12 @@ class Whole:
     """A state of all joints of a robot, mimic joints too, with efforts of their own or zero."""
 
     def __init__(self, robot, sample=0, **own):
-        self.robot, oracle = robot, robot.oracle
+        self.robot = robot
+        oracle = robot.oracle
         self.q, self.qd, tau, self.qdd = robot.samples[sample]
         self.names = oracle.full.dof_names
-        self.position, self.velocity = oracle.q_full(self.q), oracle.G @ self.qd
+        self.position = oracle.q_full(self.q)
+        self.velocity = oracle.G @ self.qd
         effort = dict(zip(robot.names, tau, strict=True)) | own
         self.effort = np.array([effort.get(name, 0.0) for name in self.names])
         self.truth = Truth(robot, self.q, self.qd, oracle.G.T @ self.effort)
@@ -132,7 +134,8 @@ def test_services(monitor):
     result = use(monitor, GRIPPER)
     options = {name: 1.0 + k for k, name in enumerate(result.oracle.coupling.mimics)}
     whole = Whole(result, 1, **options)
-    state, truth = whole.message(0, whole.names), whole.truth
+    state = whole.message(0, whole.names)
+    truth = whole.truth
     truth.check_state(answer(monitor, "diagonalize", state).state)
     for name in options:
         state.velocity[state.name.index(name)] = 1e3

@@ -137,7 +137,8 @@ def test_recording_without_simulated_time(peer, panda):
         monitor.serves(panda, 1)
         monitor.next_report()
         assert monitor.process.output.count("Play bags with --clock") == 1
-        replayed, monitor.live = monitor.now, True
+        replayed = monitor.now
+        monitor.live = True
         monitor.serves(panda)
         assert monitor.next_report().message == "publishing"
         monitor.forget()
@@ -181,7 +182,8 @@ def test_simulated_time(peer):
     """The time of reception is /clock's; a jump back resets all joints; states ahead of it are
     rejected.
     """
-    ur5, clock = robot(UR5), peer.publisher(Clock, "/clock")
+    ur5 = robot(UR5)
+    clock = peer.publisher(Clock, "/clock")
     q, qd, tau, _ = ur5.samples[0]
 
     def set_clock(now):
@@ -205,7 +207,8 @@ def test_simulated_time(peer):
         before = monitor.reports[-1]
         set_clock(100 * S)
         monitor.forget()
-        first, second = 100 * S + 10 * MS, 100 * S + 20 * MS
+        first = 100 * S + 10 * MS
+        second = 100 * S + 20 * MS
         monitor.publish(ur5.message(first, ur5.samples[1], ur5.names[:3]))
         published = monitor.feed(ur5.message(second, ur5.samples[1], ur5.names[3:]), ["state"])
         Truth(ur5, *ur5.samples[1][:3]).check(published, second)
@@ -267,7 +270,8 @@ def test_rate_limit(monitor, panda, topic, rate, stride):
     have every state.
     """
     rates = PARAMETERS["max_rate"].default if rate is None else [f"{topic}={rate}"]
-    count, first = 100, monitor.tick()
+    count = 100
+    first = monitor.tick()
     with monitor.having(max_rate=rates):
         monitor.publish(
             *(panda.message(first + k * MS, panda.samples[k % 3]) for k in range(count))
@@ -288,7 +292,8 @@ def test_rate_limit(monitor, panda, topic, rate, stride):
 
 def test_payload_and_gravity_together(monitor, panda):
     """Set at once, they hold from one state to the next."""
-    gravity, load = (1.0, -2.0, 3.0), (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
+    gravity = (1.0, -2.0, 3.0)
+    load = (2.0, (0.0, 0.1, 0.2), np.diag([0.01, 0.02, 0.025]))
     entry = f"{HAND}=2.0 0 0.1 0.2 0.01 0.02 0.025 0 0 0"
     revision = monitor.serves(panda)["state"].model_revision
     q, qd, tau, _ = panda.samples[2]
@@ -326,7 +331,8 @@ def test_another_robot(by_topic):
     """A later description replaces the robot; states of the old one do not count, and joints that
     are missing are named.
     """
-    ur5, talos = robot(UR5), robot(TALOS)
+    ur5 = robot(UR5)
+    talos = robot(TALOS)
     by_topic.serves(ur5)
     replaced(by_topic, talos.urdf, "talos")
     by_topic.forget()
@@ -438,7 +444,8 @@ def test_base_of_a_request(floating):
     """A service has the numbers of the topic for pose and twist of a request."""
     odometry = floating.odometry(floating.now)
     request = Diagonalize.Request(state=floating.joints_message(floating.now))
-    request.base_pose, request.base_twist = odometry.pose.pose, odometry.twist.twist
+    request.base_pose = odometry.pose.pose
+    request.base_twist = odometry.twist.twist
     response = floating.call(Diagonalize, "diagonalize", request)
     assert response.success, response.message
     floating.check({"state": response.state, "kinetic_energy": response.kinetic_energy})

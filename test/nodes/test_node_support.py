@@ -49,7 +49,8 @@ class Tabled(TableNode, Node):
 @pytest.fixture
 def made(no_discovery):
     """Make nodes of a table with arguments, and destroy them at the end."""
-    context, nodes = rclpy.Context(), []
+    context = rclpy.Context()
+    nodes = []
     rclpy.init(context=context)
 
     def make(*arguments, specs=PARAMETERS, name="own"):
@@ -208,7 +209,10 @@ class Loading:
     """Descriptions that are loaded when the test allows it."""
 
     def __init__(self):
-        self.node, self.begun, self.allowed, self.taken = TimersByHand(), [], {}, []
+        self.node = TimersByHand()
+        self.begun = []
+        self.allowed = {}
+        self.taken = []
         self.loader = RobotLoader(self.node, self.load, lambda *taken: self.taken.append(taken))
 
     def load(self, name, *context):
@@ -324,7 +328,8 @@ def test_description_read_in_a_process_of_its_own(fault, tmp_path):
 
 def test_reader_of_descriptions_ends_with_its_node(tmp_path):
     """It waits for a part of the robot from a pipe that nobody writes."""
-    robot, part = tmp_path / "r.urdf.xacro", tmp_path / "part"
+    robot = tmp_path / "r.urdf.xacro"
+    part = tmp_path / "part"
     os.mkfifo(part)
     include = f'<xacro:include filename="{part}"/>'
     robot.write_text(f'<robot name="r" xmlns:xacro="http://wiki.ros.org/xacro">{include}</robot>')
@@ -343,7 +348,8 @@ def test_warnings_are_logged():
     odd = (1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 1.0, 0.0, 5.0))
     joints = (joint(f"j{k}", "revolute", f"l{k}", f"l{k + 1}") for k in range(29))
     text = description("odd", *(link(f"l{k}", *odd) for k in range(30)), *joints)
-    log, values = Log(), {name: spec.default for name, spec in SHARED.items()}
+    log = Log()
+    values = {name: spec.default for name, spec in SHARED.items()}
     assert load_robot(log, text, values).nv == 29
     assert sum("link 'l0' and 29 more" in line for line in log) == 1
 
@@ -365,7 +371,8 @@ class Short(Node):
 
     def __init__(self, name, act):
         super().__init__(name, use_global_arguments=False)
-        self.finished, self.destroyed = rclpy.task.Future(), False
+        self.finished = rclpy.task.Future()
+        self.destroyed = False
         self.create_timer(0.001, lambda: act(self))
 
     def destroy_node(self):

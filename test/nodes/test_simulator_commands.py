@@ -71,7 +71,8 @@ def test_silence_then_a_command(arm):
     assert arm.next_state().position == still
     before = arm.wait_for_report(lambda r: True, "a report")
     assert before.values["brakes"] == "closed"
-    last, moved = len(arm.robot.names) - 1, []
+    last = len(arm.robot.names) - 1
+    moved = []
 
     def driven():
         arm.command(5.0, *[0.0] * last)  # the first entry is the last joint's
@@ -97,7 +98,8 @@ def test_silence_then_a_command(arm):
 )
 def test_bad_command(arm, data, named):
     """A bad command is rejected by name and counted; the last good one stays in force."""
-    before, begin = arm.reports.next(), len(arm.reports)
+    before = arm.reports.next()
+    begin = len(arm.reports)
     arm.command(*data)
     report = arm.wait_for_report(lambda r: "rejected" in said(r, "commands"), "the refusal", begin)
     assert named in report.values["last rejected command"]
@@ -175,7 +177,8 @@ def test_pause_step_reset_and_set_state(arm):
         assert not refused.success and f"steps is {steps}, expected 1 to 10000" in refused.message
     assert said(arm.reports.next(), "simulation") == "paused"
 
-    names, q = arm.robot.names, 0.1 * np.arange(1, 7)
+    names = arm.robot.names
+    q = 0.1 * np.arange(1, 7)
     answer = arm.call(SetState, "set_state", state=joint_state(names[::-1], q[::-1], ()))
     assert answer.success, answer.message
     arm.peer.wait_until(lambda: list(arm.states.messages[-1].position) == q.tolist(), "the state")
@@ -239,7 +242,8 @@ def test_lockstep(peer, tmp_path):
     That one is compared with Pinocchio elsewhere. Sensors err by seed; the truth does not.
     use_sim_time, as a launch gives it to all of its nodes, is not for the one that makes time.
     """
-    noise, path = [1e-3, 1e-2, 0.0], tmp_path / "arm.yaml"
+    noise = [1e-3, 1e-2, 0.0]
+    path = tmp_path / "arm.yaml"
     spring = {"stiffness": 900.0, "rotor_inertia": 1e-2, "position": "link"}
     dd.Parameters.from_dict({"flexible_joints": {"panda_joint2": spring}}).save(path)
     parameters = {
@@ -263,7 +267,8 @@ def test_lockstep(peer, tmp_path):
                 f"state {k}",
             )
             reference.advance(effort, steps=2)
-            truth, state = simulator.truth.at(stamp), simulator.states.at(stamp)
+            truth = simulator.truth.at(stamp)
+            state = simulator.states.at(stamp)
             assert list(truth.position) == reference.q.tolist()
             assert list(truth.velocity) == reference.qd.tolist()
             expected = reference.with_spring_torques(reference.effort)
@@ -337,8 +342,11 @@ def test_floating_base(peer):
     """A free base is put wherever it is asked to be; odometry goes with its joint state."""
     parameters = {"floating_base": True, "rate": 100.0, "gravity": [0.0, 0.0, 0.0]}
     with Simulator(peer, "/floating", UR5, **parameters) as simulator:
-        base, turning = Pose(), Twist()
-        base.position.x, base.orientation.z, base.orientation.w = 2.0, 0.6, 0.8
+        base = Pose()
+        turning = Twist()
+        base.position.x = 2.0
+        base.orientation.z = 0.6
+        base.orientation.w = 0.8
         turning.angular.z = 0.5
         still = joint_state(simulator.robot.names, [0.3] * 6, ())
         answer = simulator.call(
@@ -350,7 +358,8 @@ def test_floating_base(peer):
             return [m for m in simulator.odometry.messages if m.pose.pose.position.x > 1.0]
 
         first = peer.wait_until(put, "the base where it was put")[0]
-        at, o = nanoseconds(first.header.stamp), first.pose.pose.orientation
+        at = nanoseconds(first.header.stamp)
+        o = first.pose.pose.orientation
         peer.wait_until(lambda: simulator.truth.at(at), "the truth")
         np.testing.assert_allclose(
             [o.x, o.y, o.z, o.w], simulator.truth.at(at).position[3:7], atol=1e-12

@@ -49,7 +49,8 @@ def test_description_of_a_xacro_file(peer, tmp_path):
 
     Time passes as fast as possible.
     """
-    path, yaml_path = tmp_path / "arm.urdf.xacro", tmp_path / "arm.yaml"
+    path = tmp_path / "arm.urdf.xacro"
+    yaml_path = tmp_path / "arm.yaml"
     yaml_path.write_text("joints: {left_turn: {damping: 0.5}}")
     path.write_text(
         '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
@@ -147,7 +148,8 @@ def test_bad_parameters(peer, parameters, said):
 
 def test_gravity_that_is_set_while_it_loads(peer):
     """It counts from the first state on."""
-    simulator, moon = Simulator(peer, "/early", UR5, waits=False), (0.0, 0.0, -1.62)
+    simulator = Simulator(peer, "/early", UR5, waits=False)
+    moon = (0.0, 0.0, -1.62)
     with simulator:
         assert simulator.process.node.set_parameters([Parameter("gravity", value=moon)])[
             0

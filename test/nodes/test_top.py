@@ -20,7 +20,9 @@ class Robot:
     """Publishes a monitor's messages."""
 
     def __init__(self, peer, namespace, names=NAMES):
-        self.peer, self.names, name = peer, list(names), f"{namespace}/diag_dynamics"
+        self.peer = peer
+        self.names = list(names)
+        name = f"{namespace}/diag_dynamics"
         self.node = peer.extra_node("diag_dynamics", namespace)
         self.states = self.node.create_publisher(DiagonalizedState, f"{name}/state", MANY)
         self.torques = self.node.create_publisher(ExternalTorque, f"{name}/external_torque", MANY)
@@ -39,7 +41,8 @@ class Screen:
     """A terminal of a size that stores the text of its newest frame."""
 
     def __init__(self, width, height, **options):
-        self.size, self.is_started = {"width": width, "height": height} | options, False
+        self.size = {"width": width, "height": height} | options
+        self.is_started = False
 
     def start(self):
         """Open the screen."""
@@ -100,7 +103,8 @@ def screen(monkeypatch):
 
 def test_a_robot_on_the_screen(make_robot, make_top, screen, peer):
     """Energies, torques and peaks of the joints, the largest peak first; the alarm and its end."""
-    node, robot = make_top(topic="/one/diag_dynamics/state", note="Page: here"), make_robot("/one")
+    node = make_top(topic="/one/diag_dynamics/state", note="Page: here")
+    robot = make_robot("/one")
     peer.pass_time(1.0)
     assert "/one: no state in the last second" in screen.text.getvalue()
     robot.publish(external_torque=[1.0, float("nan"), 0.5])

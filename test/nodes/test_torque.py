@@ -133,7 +133,8 @@ def test_alarms(monitor, panda, free):
     with monitor.having(**values):
         restart(monitor)
         feed(monitor, [free] * 3)
-        before, count = monitor.next_report().count("collisions"), len(monitor.reports)
+        before = monitor.next_report().count("collisions")
+        count = len(monitor.reports)
         result = feed(monitor, [free] * 5 + [pushed] * 250 + [free] * 120)
         assert not result[-1].collision and not any(result[-1].joint_collision)
         assert list(result[0].collision_threshold) == [*limits.values(), 25.0, 50.0]
@@ -174,7 +175,8 @@ def test_touched_link(monitor, panda, free):
         report = monitor.reports[count]
         first = next(m for m in actual if m.collision)
         largest = int(np.argmax(first.touched_link_probability))
-        link, probability = first.touched_links[largest], first.touched_link_probability[largest]
+        link = first.touched_links[largest]
+        probability = first.touched_link_probability[largest]
         assert report.message == f"collision: {link}"
         assert report.values["detectors"].startswith(f"{link} ({probability:.2f}): panda_joint")
         assert last_line(monitor).startswith(f"Collision: {link} ({probability:.2f}): ")
@@ -229,7 +231,8 @@ def check_contact(message, expected, points):
 
 def points_of(panda, limits=None):
     """Return the dynamics and points that the monitor has by default, or with limits."""
-    model, of_file = dd.load_urdf(panda.path), limits or dd.ContactLimits()
+    model = dd.load_urdf(panda.path)
+    of_file = limits or dd.ContactLimits()
     points = [
         *(p for p in dd.link_geometry(model, panda.path).points if of_file.links.get(p.link) != ()),
         *of_file.contact_points(),
@@ -267,10 +270,12 @@ def test_limits_of_contact(monitor, panda, tmp_path):
     full = (
         qd / dynamics.contact_limits(q, qd, points).usage.max()
     )  # at which the first limit is reached
-    levels, alarms = [], []
+    levels = []
+    alarms = []
     with monitor.having(**{"contact_limits.file": str(tmp_path / "limits.yaml")}):
         for part in (0.5, 0.79, 0.81, 0.75, 0.73, 0.71, 1.01, 0.99, 1.01, 0.91, 0.89, 0.5):
-            count, message = len(monitor.reports), contact(monitor, q, part * full)
+            count = len(monitor.reports)
+            message = contact(monitor, q, part * full)
             at_once = monitor.reports[count:]
             entries = (at_once or [monitor.next_report()])[0].entries
             if at_once:
@@ -286,7 +291,8 @@ def test_limits_of_contact(monitor, panda, tmp_path):
 
 def test_a_rise_within_the_hold_off_starts_no_alarm():
     """An arm that bounces off has one alarm. Rises every 1.1 s prolong no hold-off."""
-    alarm, starts = LiveAlarm(), []
+    alarm = LiveAlarm()
+    starts = []
     alarm.use(["elbow"], Thresholds({"elbow": 10.0}, hold_off=1.0))
     for k in range(8000):
         time = 1e-3 * k

@@ -57,8 +57,11 @@ def test_a_topic_reports_motion_and_success(arm):
     statuses = {nanoseconds(status.header.stamp): status for status in arm.status.messages}
     for message in arm.states.messages:
         stamp = nanoseconds(message.header.stamp)
-        state, status = arm.simulator.states.repeated(stamp), statuses[stamp]
-        desired, actual, error = message.reference, message.feedback, message.error
+        state = arm.simulator.states.repeated(stamp)
+        status = statuses[stamp]
+        desired = message.reference
+        actual = message.feedback
+        error = message.error
         np.testing.assert_array_equal(actual.positions, state.position)
         np.testing.assert_array_equal(actual.velocities, state.velocity)
         np.testing.assert_array_equal(message.output.effort, status.effort_command)

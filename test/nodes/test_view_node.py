@@ -360,7 +360,8 @@ def test_a_load_is_shown(peer, monitor, view, panda):
     """The load of a state's own time is in its frame; one of another time or link, or what is no
     load, is not.
     """
-    publisher, expected = peer.publisher(Load, f"{monitor.name}/load"), ["panda_hand", 1.25, 0.0625]
+    publisher = peer.publisher(Load, f"{monitor.name}/load")
+    expected = ["panda_hand", 1.25, 0.0625]
     load = Load(valid=True, is_load=True, mass=1.25, mass_deviation=0.0625)
     with stream_of(view) as stream:
         for link, is_load, age in (
@@ -369,7 +370,8 @@ def test_a_load_is_shown(peer, monitor, view, panda):
             ("hook", True, 0),
             ("panda_hand", True, S),
         ):
-            load.header.frame_id, load.is_load = link, is_load
+            load.header.frame_id = link
+            load.is_load = is_load
             load.header.stamp = to_time(monitor.now + S - age)
             publisher.publish(load)
             monitor.serves(panda)
@@ -403,7 +405,8 @@ def test_xacro_file_with_arguments(peer, view, tmp_path):
     """Monitor and view expand the file that the parameter robot_description names; an MJCF is
     refused by name.
     """
-    path, mjcf = tmp_path / "arm.urdf.xacro", tmp_path / "arm.xml"
+    path = tmp_path / "arm.urdf.xacro"
+    mjcf = tmp_path / "arm.xml"
     path.write_text(XACRO)
     mjcf.write_text("<mujoco/>")
     with Monitor(peer, "/expanded", robot_description=f"{path} side:=left") as monitor:

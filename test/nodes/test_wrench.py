@@ -43,7 +43,8 @@ class Frames:
     """A monitor with wrenches at two frames."""
 
     def __init__(self, monitor):
-        self.monitor, self.peer = monitor, monitor.peer
+        self.monitor = monitor
+        self.peer = monitor.peer
         self.hand = self.peer.topic(WrenchStamped, f"{monitor.name}/external_wrench")
         self.estimates = self.peer.topic(
             ExternalWrench, f"{monitor.name}/external_wrench_estimates"
@@ -86,7 +87,8 @@ def frames(running):
 
 def vector(wrench):
     """Return a Wrench as six numbers."""
-    f, n = wrench.force, wrench.torque
+    f = wrench.force
+    n = wrench.torque
     return np.array([f.x, f.y, f.z, n.x, n.y, n.z])
 
 

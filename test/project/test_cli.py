@@ -487,7 +487,7 @@ def test_all_entry_kernels_are_compiled():
 
 
 def test_compile_in_this_process(run, tmp_path, monkeypatch):
-    """Progress reaches 100 %; a failure is named; --if-needed compiles other units and lost code."""
+    """Progress reaches 100 %, a failure is named, --if-needed compiles other units and lost code."""
     done = []
     monkeypatch.setattr(compiling, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compiling, "UNITS", {"a": 3, "b": 1})
@@ -580,7 +580,8 @@ def test_compiled_where_it_is_installed(tmp_path):
         options = {"capture_output": True, "text": True, "check": True}
         return subprocess.run(command, env=os.environ | environment, cwd=tmp_path, **options)
 
-    build, place = tmp_path / "build", tmp_path / "elsewhere"
+    build = tmp_path / "build"
+    place = tmp_path / "elsewhere"
     cmake("-S", tmp_path, "-B", build, f"-DCMAKE_INSTALL_PREFIX={tmp_path}/configured")
     printed = cmake("--install", build, "--prefix", place)
     assert (

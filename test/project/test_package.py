@@ -60,7 +60,8 @@ def test_importing_the_package_is_cheap():
 
 def test_way_of_a_urdf():
     """A plain arm passes at most ten modules; none is entered again from one that it calls."""
-    path, called_from = robot_path("ur_description/urdf/ur5_robot.urdf"), {}
+    path = robot_path("ur_description/urdf/ur5_robot.urdf")
+    called_from = {}
 
     def module_of(frame):
         name = frame.f_globals.get("__name__", "")

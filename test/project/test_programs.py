@@ -219,7 +219,8 @@ def test_the_tutorial_runs_to_its_end(ros_domain, tmp_path, monkeypatch):
         "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
     }
-    names, running = {}, {}
+    names = {}
+    running = {}
     try:
         for block in blocks_of(DOCS / "tutorial.md"):
             if block.how != "not run":

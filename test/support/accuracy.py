@@ -22,7 +22,8 @@ def assert_close(actual, expected, tolerance, scale=None):
     """Arrays or numbers agree to `tolerance` relative to `scale`, by default the norm of the
     expected.
     """
-    actual, expected = np.asarray(actual), np.asarray(expected)
+    actual = np.asarray(actual)
+    expected = np.asarray(expected)
     assert actual.shape == expected.shape
     assert actual.dtype == np.float64
     assert np.isfinite(actual).all()

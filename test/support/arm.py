@@ -29,7 +29,9 @@ def state_at(stamp, q, qd=None):
 
 def waypoints(points):
     """Waypoints of (time, positions, velocities, accelerations)."""
-    times, tables, inputs = np.array([float(point[0]) for point in points]), [], []
+    times = np.array([float(point[0]) for point in points])
+    tables = []
+    inputs = []
     for k in (1, 2, 3):
         tables.append(
             np.array(
@@ -62,7 +64,8 @@ def pinocchio_command(mode, q, qd, target, gain=1.0):
     The target of tracking is a position.
     """
     oracle = robot(UR5).oracle
-    state, names = oracle.at(q, qd), np.array(oracle.dof_names)
+    state = oracle.at(q, qd)
+    names = np.array(oracle.dof_names)
     if mode == "damping_10":
         return state.g - 10.0 * state.M @ qd
     if mode == "damping":
@@ -94,7 +97,11 @@ class Cycles:
     """A loop on a plant, cycle by cycle; `lost` has the texts of modes that were left."""
 
     def __init__(self, loop, plant, rate=1000):
-        self.loop, self.plant, self.rate, self.stamp, self.lost = loop, plant, rate, S, []
+        self.loop = loop
+        self.plant = plant
+        self.rate = rate
+        self.stamp = S
+        self.lost = []
 
     def step(self):
         """Return the command for the next state of the plant."""
@@ -114,7 +121,9 @@ class Closed(Cycles):
         nothing = np.zeros(6)
         plant = dd.Simulation(arm, q, qd, friction=nothing, damping=nothing, limits=False)
         super().__init__(loop_of(arm, **values), plant)
-        self.sent, self.fastest, self.most = None, nothing, 0.0
+        self.sent = None
+        self.fastest = nothing
+        self.most = 0.0
         self.way = [np.array(q, dtype=float)]
         if carried:
             self.loop.limits.reset(robot(UR5).oracle.gravity_torque(np.array(q, dtype=float)))

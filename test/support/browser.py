@@ -63,7 +63,8 @@ class Tab:
         )
         self._context.set_default_timeout(1000.0 * HANG)
         self.page = self._context.new_page()
-        self.said, self.asked = [], set()
+        self.said = []
+        self.asked = set()
         self.page.on("console", self._record)
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.on(

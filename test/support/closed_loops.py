@@ -47,11 +47,15 @@ class ClosedLoops:
     def constraints(self, q, qd):
         """Return distances of constraints, J and J̇ of all joints."""
         full = self.full
-        model, data = full.model, full.data
-        configuration, rates = full.configuration(q), full.to_pin(qd)
+        model = full.model
+        data = full.data
+        configuration = full.configuration(q)
+        rates = full.to_pin(qd)
         pin.computeJointJacobiansTimeVariation(model, data, configuration, rates)
         pin.updateFramePlacements(model, data)
-        distance, J, J_rate = [], [], []
+        distance = []
+        J = []
+        J_rate = []
         for a, b in self.pairs:
             distance.append(data.oMf[a].translation - data.oMf[b].translation)
             for rows, read in (
@@ -110,10 +114,12 @@ class ClosedLoops:
 
     def at(self, q, qd):
         """Return M, c, g, ν, C and ε_g."""
-        full, position = self.full, self.close(q)
+        full = self.full
+        position = self.close(q)
         G, G_rate = self.ratios(position, qd)
         rate = G @ qd
-        M_full, C_s = full.mass_matrix(position), full.coriolis_matrix(position, rate)
+        M_full = full.mass_matrix(position)
+        C_s = full.coriolis_matrix(position, rate)
         M = G.T @ M_full @ G
         change = G_rate.T @ M_full @ G + G.T @ C_s @ G
         c = G.T @ (full.coriolis_torque(position, rate) + M_full @ G_rate @ qd)

@@ -31,13 +31,15 @@ ALL = pytest.mark.parametrize("robot", (PANDA, UR5, TREE))
 
 def configuration(model, rng, part=0.8):
     """Return a random configuration within the middle part of the limits."""
-    lower, upper = np.maximum(model.lower, -2.0), np.minimum(model.upper, 2.0)
+    lower = np.maximum(model.lower, -2.0)
+    upper = np.minimum(model.upper, 2.0)
     return 0.5 * (lower + upper) + 0.5 * part * (upper - lower) * rng.uniform(-1, 1, model.nv)
 
 
 def states(robot, count):
     """Yield a generator of numbers and the truths of the oracle at random states."""
-    s, rng = subject(robot), np.random.default_rng(7)
+    s = subject(robot)
+    rng = np.random.default_rng(7)
     for _ in range(count):
         yield rng, s.oracle.at(configuration(s.model, rng), rng.normal(size=s.model.nv))
 
@@ -85,7 +87,10 @@ class Sampled:
     """
 
     def __init__(self, oracle, q, step=5e-4):
-        self.oracle, self.q, self.qd, self._step = oracle, np.array(q), np.zeros(len(q)), step
+        self.oracle = oracle
+        self.q = np.array(q)
+        self.qd = np.zeros(len(q))
+        self._step = step
 
     def advance(self, tau, period):
         """Apply an effort for a period [s]."""
@@ -96,7 +101,8 @@ class Sampled:
             return self.oracle.forward_dynamics(q, qd, tau)
 
         for _ in range(count):
-            q, qd = self.q, self.qd
+            q = self.q
+            qd = self.qd
             a = acceleration(q, qd)
             b = acceleration(q + 0.5 * h * qd, qd + 0.5 * h * a)
             c = acceleration(q + 0.5 * h * qd + 0.25 * h * h * a, qd + 0.5 * h * b)

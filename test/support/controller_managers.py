@@ -17,7 +17,9 @@ class ControllerManager:
     """Controllers by name with their state; `requests` are those of switch_controller."""
 
     def __init__(self, peer, namespace, **states):
-        self.peer, self.states, self.requests = peer, states, []
+        self.peer = peer
+        self.states = states
+        self.requests = []
         self.node = peer.extra_node("controller_manager", namespace)
         self._activity = self.node.create_publisher(
             ControllerManagerActivity, "~/activity", LATCHED
@@ -48,7 +50,8 @@ class ControllerManager:
         """Reject a list without a loaded controller; ignore those that cannot be switched."""
         assert request.strictness == request.BEST_EFFORT and request.activate_asap
         self.requests.append(request)
-        off, on = list(request.deactivate_controllers), list(request.activate_controllers)
+        off = list(request.deactivate_controllers)
+        on = list(request.activate_controllers)
         for names, verb in ((off, "deactivate"), (on, "activate")):
             if names and not any(name in self.states for name in names):
                 response.message = (

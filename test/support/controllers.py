@@ -39,7 +39,9 @@ class Controller:
         self, peer, namespace, *arguments, commands="effort_controller/commands", **parameters
     ):
         """Start it; a context at whose end it ends."""
-        self.peer, self.name, self.namespace = peer, f"{namespace}/{NODE}", namespace
+        self.peer = peer
+        self.name = f"{namespace}/{NODE}"
+        self.namespace = namespace
         self.status = peer.topic(ControllerStatus, f"{self.name}/status")
         self.sent = peer.topic(Float64MultiArray, f"{namespace}/{commands}")
         self.target = peer.publisher(PoseStamped, f"{namespace}/target")
@@ -94,13 +96,16 @@ class Controller:
         The time [s] for it is that of the stamps: in lockstep, it takes a busy machine long to
         simulate a second.
         """
-        at, begun, newest = len(self.status.messages) if since is None else since, None, None
+        at = len(self.status.messages) if since is None else since
+        begun = None
+        newest = None
         while begun is None or nanoseconds(newest.header.stamp) - begun < timeout * S:
             self.peer.wait_until(
                 lambda at=at: len(self.status.messages) > at,
                 f"a status, and {what}",
             )
-            new, at = self.status.messages[at:], len(self.status.messages)
+            new = self.status.messages[at:]
+            at = len(self.status.messages)
             if status := next(filter(condition, new), None):
                 return status
             newest = new[-1]
@@ -191,7 +196,8 @@ def lockstep_arm(peer, namespace, order, **parameters):
         with Controller(
             peer, namespace, commands="effort_controller/asked", **options, **parameters
         ) as controller:
-            controller.simulator, controller.sent = simulator, PassedOn(controller, simulator)
+            controller.simulator = simulator
+            controller.sent = PassedOn(controller, simulator)
             states = peer.publisher(JointState, simulator.states.subscription.topic_name)
             states.publish(
                 simulator.states.messages[-1]
@@ -249,7 +255,8 @@ def pose_message(link, position, axes=None):
     """Return a PoseStamped."""
     message = PoseStamped()
     message.header.frame_id = link
-    p, o = message.pose.position, message.pose.orientation
+    p = message.pose.position
+    o = message.pose.orientation
     p.x, p.y, p.z = map(float, position)
     o.x, o.y, o.z, o.w = map(
         float, pin.Quaternion(np.eye(3) if axes is None else np.array(axes)).coeffs()

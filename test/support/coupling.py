@@ -53,7 +53,8 @@ class Coupling:
         """Read the tags."""
         self.joints = {element.get("name"): element for element in xml.findall("joint")}
         self._held = dict(locked)
-        self.mimics, self.locked = {}, dict(locked)
+        self.mimics = {}
+        self.locked = dict(locked)
         for name, element in self.joints.items():
             if (
                 element.find("mimic") is not None
@@ -114,7 +115,9 @@ def with_payloads(urdf, payloads):
 
 def upper_factor(M):
     """Return U, unit upper triangular, and D of M = U D Uᵀ."""
-    rest, unit, D = M.copy(), np.eye(len(M)), np.zeros(len(M))
+    rest = M.copy()
+    unit = np.eye(len(M))
+    D = np.zeros(len(M))
     for k in reversed(range(len(M))):
         D[k] = rest[k, k]
         unit[:k, k] = rest[:k, k] / D[k]
@@ -147,7 +150,8 @@ class Coupled:
         payloads=None,
     ):
         """Build it from URDF text; `dof_names` are the independent dofs in the caller's order."""
-        self.xml, self._payloads = ET.fromstring(urdf), dict(payloads or {})
+        self.xml = ET.fromstring(urdf)
+        self._payloads = dict(payloads or {})
         self.coupling = coupling = Coupling(self.xml, dict(locked_joints or {}))
         moved = {
             name: inertia for name, inertia in (armature or {}).items() if name in coupling.moving
@@ -172,7 +176,8 @@ class Coupled:
 
     def _maps(self, own):
         """Make G, and the affine map of positions."""
-        full, mimics = self.full, self.coupling.mimics
+        full = self.full
+        mimics = self.coupling.mimics
         self.G = np.zeros((full.nv, self.nv))
         for row, name in enumerate(full.dof_names):
             leader, multiplier, _ = mimics.get(name, Mimic(name, 1.0, 0.0))
@@ -184,7 +189,8 @@ class Coupled:
         self._chosen = [at[name][0] + i for name in self.joint_names for i in range(at[name][1])]
         self.joint_of_coordinate = [name for name in self.joint_names for _ in range(at[name][1])]
         self.nq = len(self._chosen)
-        self.positions, self.offset = np.zeros((full.nq, self.nq)), np.zeros(full.nq)
+        self.positions = np.zeros((full.nq, self.nq))
+        self.offset = np.zeros(full.nq)
         self.positions[self._chosen, range(self.nq)] = 1.0
         for name, (leader, multiplier, offset) in mimics.items():
             self.positions[at[name][0], self._chosen.index(at[leader][0])] = multiplier
@@ -261,7 +267,8 @@ class Coupled:
 
     def forward_dynamics(self, q, qd, tau):
         """Return q̈ by a dense solve, gravity included."""
-        M, bias = self.mass_matrix(q), self.coriolis_torque(q, qd) + self.gravity_torque(q)
+        M = self.mass_matrix(q)
+        bias = self.coriolis_torque(q, qd) + self.gravity_torque(q)
         unit = np.sqrt(np.diag(M))
         scaled = M / np.outer(unit, unit)
         return np.linalg.solve(scaled, (tau - bias) / unit) / unit
@@ -305,7 +312,8 @@ class CoupledState(State):
 
         Followers may undo each other's motion, so that M_kk is a small difference of large terms.
         """
-        full, G = self.oracle.full.mass_matrix(self.oracle.q_full(self.q)), np.abs(self.oracle.G)
+        full = self.oracle.full.mass_matrix(self.oracle.q_full(self.q))
+        G = np.abs(self.oracle.G)
         terms = np.einsum("ik,ij,jk->k", G, np.abs(full), G)
         return float((terms / np.diag(self.M)).max(initial=1.0))
 
@@ -364,7 +372,8 @@ def mimicking(element, leader, multiplier=None, offset=None):
 
 def _body(name, rng):
     """Return a link with a body whose inertia is that of a cloud of points."""
-    mass, A = rng.uniform(0.3, 2.0), rng.uniform(-0.2, 0.2, (3, 3)) + 0.1 * np.eye(3)
+    mass = rng.uniform(0.3, 2.0)
+    A = rng.uniform(-0.2, 0.2, (3, 3)) + 0.1 * np.eye(3)
     second = mass * (A @ A.T + 0.002 * np.eye(3))
     inertia = (np.trace(second) * np.eye(3) - second)[np.triu_indices(3)]
     return link(name, mass, rng.uniform(-0.15, 0.15, 3), inertia, rpy=rng.uniform(-3, 3, 3))

@@ -80,8 +80,10 @@ class RateOracle(Oracle):
         N = self.newton_euler_by_position(q, qd)
         terms = [self.mass_matrix_rate(q, qd), N, -N.T]
         if max(self.model.nvs) > 1:
-            M, ad = self.mass_matrix(q), self.brackets(qd)
-            momentum, e = M @ qd, np.eye(self.nv)
+            M = self.mass_matrix(q)
+            ad = self.brackets(qd)
+            momentum = M @ qd
+            e = np.eye(self.nv)
             terms += [
                 M @ ad,
                 -ad.T @ M,
@@ -91,9 +93,11 @@ class RateOracle(Oracle):
 
     def brackets(self, x):
         """Return ad_x: y ↦ [x, y], joint by joint; 0 for a joint of one degree of freedom."""
-        ad, x = np.zeros((self.nv, self.nv)), self.to_pin(x)
+        ad = np.zeros((self.nv, self.nv))
+        x = self.to_pin(x)
         for j in range(1, self.model.njoints):
-            count, at = self.model.nvs[j], self.model.idx_vs[j]
+            count = self.model.nvs[j]
+            at = self.model.idx_vs[j]
             if count > 1:
                 rows = [0, 1, 5] if count == 3 else list(range(6))
                 twist = np.zeros(6)

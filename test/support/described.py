@@ -30,7 +30,8 @@ class Robot:
 
     def __init__(self, id, free=False):
         """Load it into the oracle."""
-        self.id, self.path = id, None if id in NAMED else robots.robot_path(id)
+        self.id = id
+        self.path = None if id in NAMED else robots.robot_path(id)
         self.urdf = (NAMED[id] if id in NAMED else robots.robot(id)).urdf
         self.make_oracle = Oracle if free else Coupled
         self.oracle = self.make_oracle(self.urdf)

@@ -41,7 +41,8 @@ DOWN = 0.0, 0.0, -9.81
 
 def motion(duration=12.0, rate=100.0, gravity=DOWN, seed=1):
     """Return times, positions, rates and Pinocchio's efforts of a smooth motion."""
-    rng, count = np.random.default_rng(seed), len(JOINTS)
+    rng = np.random.default_rng(seed)
+    count = len(JOINTS)
     t = np.arange(0.0, duration, 1.0 / rate)
     w = 2.0 * np.pi * rng.uniform(0.15, 0.6, (3, count))
     phase = rng.uniform(0.0, 2.0 * np.pi, (3, count))

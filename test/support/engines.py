@@ -24,11 +24,14 @@ def reference(oracle, q, qd, effort, duration, h, more=lambda x, v: 0.0):
     `more` gives efforts that depend on configuration and velocity, all in Pinocchio's order. The
     chart is Pinocchio's own, so neither the exponential nor its differential is ours.
     """
-    model, data = oracle.model, oracle.data
-    x, v = oracle.configuration(q), oracle.to_pin(qd)
+    model = oracle.model
+    data = oracle.data
+    x = oracle.configuration(q)
+    v = oracle.to_pin(qd)
 
     def chart_rate(x, u, v):
-        at, d = pin.integrate(model, x, u), 1e-4
+        at = pin.integrate(model, x, u)
+        d = 1e-4
         ends = (
             pin.difference(model, x, pin.integrate(model, at, s * d * v)) for s in (1, -1, 2, -2)
         )

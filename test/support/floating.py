@@ -35,9 +35,11 @@ class FloatingMonitor(Monitor):
         self.odom = peer.publisher(Odometry, f"{namespace}/odom")
         super().__init__(peer, namespace, floating_base=True, **parameters)
         model = dd.load_urdf(robot_path(SOLO), floating_base=True)
-        self.dynamics, self.joints = dd.DiagonalDynamics(model), list(model.dof_names[6:])
+        self.dynamics = dd.DiagonalDynamics(model)
+        self.joints = list(model.dof_names[6:])
         rng = np.random.default_rng(3)
-        self.q, self.v = model.random(rng), rng.normal(size=model.nv)
+        self.q = model.random(rng)
+        self.v = rng.normal(size=model.nv)
         self.q[:3] = rng.normal(size=3)
 
     def odometry(self, stamp, child="base_link", attached=IDENTITY, in_header=False):
@@ -63,7 +65,8 @@ class FloatingMonitor(Monitor):
 
     def check(self, published):
         """Compare with the library's numbers, which its own tests compare with Pinocchio's."""
-        state, energy = published["state"], published["kinetic_energy"]
+        state = published["state"]
+        energy = published["kinetic_energy"]
         assert list(state.dof_names)[6:] == self.joints
         assert state.dof_names[0] == "root_joint/v_x"
         assert state.position_names[6] == "root_joint/qw"

@@ -39,7 +39,8 @@ class Driver:
     """A source of states of a robot in slow motion, with faults."""
 
     def __init__(self, model, seed, names=None, effort=True):
-        self.rng, self.effort = np.random.default_rng(seed), effort
+        self.rng = np.random.default_rng(seed)
+        self.effort = effort
         joints = joints_of(model)
         self.names = list(names or joints.names)
         places = [
@@ -49,7 +50,8 @@ class Driver:
         low, high = (
             np.nan_to_num(x[places], posinf=1.0, neginf=-1.0) for x in (joints.lower, joints.upper)
         )
-        self.middle, self.reach = 0.5 * (low + high), np.minimum(0.2, 0.2 * (high - low))
+        self.middle = 0.5 * (low + high)
+        self.reach = np.minimum(0.2, 0.2 * (high - low))
         self.phase = 0.7 * np.array(places)
         following = [joints.mimics[n][1:] if n in joints.mimics else (1.0, 0.0) for n in self.names]
         self.multiplier, self.offset = np.array(following).T
@@ -75,9 +77,11 @@ class Driver:
 
     def bad(self, stamp):
         """Return a message with one of many faults."""
-        rng, (names, *values) = self.rng, self.state(stamp)
+        rng = self.rng
+        (names, *values) = self.state(stamp)
         position, velocity, effort = map(np.array, values)
-        fault, rows = str(rng.choice(FAULTS)), list(range(len(names)))
+        fault = str(rng.choice(FAULTS))
+        rows = list(range(len(names)))
         if fault in ODD:
             numbers = {"position": position, "velocity": velocity, "effort": effort}[fault]
             if len(numbers):
@@ -97,14 +101,21 @@ class Driver:
             velocity = ()
         elif fault in ("foreign", "twice"):
             names = ["elsewhere", "nobody"] if fault == "foreign" else [names[0], names[0]]
-            position, velocity, effort = [0.0, 1.0], [0.0, 0.0], ()
+            position = [0.0, 1.0]
+            velocity = [0.0, 0.0]
+            effort = ()
         elif fault == "garbage":
-            position[:], velocity[:] = 253.0, 253.0
+            position[:] = 253.0
+            velocity[:] = 253.0
         elif fault == "one more":
-            names, position, velocity = [*names, "gripper"], [*position, 0.0], [*velocity, 0.0]
+            names = [*names, "gripper"]
+            position = [*position, 0.0]
+            velocity = [*velocity, 0.0]
         elif fault == "some":
             rows = rng.permutation(rows)[: rng.integers(1, len(names) + 1)]
-            names, position, velocity = [names[row] for row in rows], position[rows], velocity[rows]
+            names = [names[row] for row in rows]
+            position = position[rows]
+            velocity = velocity[rows]
             effort = effort[rows] if self.effort else ()
         raw = bytearray(serialized(stamp, names, position, velocity, effort, frame="base"))
         if fault == "flipped":
@@ -118,13 +129,16 @@ def hostile(model, seed, count=1500, odd=0.1, drivers=None):
 
     Without `drivers` there are two where the seed is even.
     """
-    rng, names = np.random.default_rng(seed), joints_of(model).names
+    rng = np.random.default_rng(seed)
+    names = joints_of(model).names
     if drivers is None:
-        half, effort = len(names) // 2, seed % 3 > 0
+        half = len(names) // 2
+        effort = seed % 3 > 0
         both = seed % 2 == 0 and len(names) > 2
         two = [Driver(model, seed, names[:half], effort), Driver(model, seed + 1, names[half:])]
         drivers = two if both else [Driver(model, seed, effort=effort)]
-    now, result = START + 50 * MS, []
+    now = START + 50 * MS
+    result = []
     for k in range(count):
         now += int(rng.choice([2, 4, 80, 700], p=[0.95, 0.035, 0.01, 0.005])) * MS
         driver = drivers[k % len(drivers)]

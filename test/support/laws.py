@@ -50,7 +50,8 @@ def case_of(
 ):
     """Evaluate one state."""
     t = oracle.at(sample.q, sample.qd, sample.tau)
-    s, f = dyn.evaluate(sample.q, sample.qd, sample.tau), dyn.factors(sample.q)
+    s = dyn.evaluate(sample.q, sample.qd, sample.tau)
+    f = dyn.factors(sample.q)
     return Case(dyn, t, sample, s, f, np.sqrt(np.diag(t.M)), tolerance(t), rounding)
 
 
@@ -67,7 +68,8 @@ class Robot(NamedTuple):
 def load(robot, **more):
     """Load a robot in library and oracle, and evaluate its samples."""
     model = dd.load_urdf(robot.source, mimic=robot.mimic, **robot.options, **more)
-    dyn, oracle = dd.DiagonalDynamics(model), oracle_of(robot, model.dof_names, **more)
+    dyn = dd.DiagonalDynamics(model)
+    oracle = oracle_of(robot, model.dof_names, **more)
     return Robot(
         robot.id,
         model,
@@ -107,7 +109,9 @@ def fields(s, *without):
 def everything(dyn, sample):
     """Return every answer of the API at one state."""
     q, qd, tau, qdd = sample
-    s, f, tip = dyn.evaluate(q, qd, tau), dyn.factors(q), dyn.model.link_names[-1]
+    s = dyn.evaluate(q, qd, tau)
+    f = dyn.factors(q)
+    tip = dyn.model.link_names[-1]
     at = {"point": (0.1, -0.2, 0.3), "frame": "world"}
     return {
         **fields(s),
@@ -175,7 +179,8 @@ def m_factors_the_mass_matrix(c):
     """M = m mᵀ, with M of the library, of Pinocchio, and of the factors; both triangles of M are
     alike.
     """
-    M, scale = c.dyn.mass_matrix(c.t.q), np.outer(c.unit, c.unit)
+    M = c.dyn.mass_matrix(c.t.q)
+    scale = np.outer(c.unit, c.unit)
     assert_close(c.f.m @ c.f.m.T / scale, c.t.M / scale, 1e-12)
     assert_close(c.f.unit * c.f.D @ c.f.unit.T / scale, c.t.M / scale, 1e-12)
     assert_close(M / scale, c.t.M / scale, 1e-12)
@@ -225,7 +230,8 @@ def gravity(c):
     """
     scale = np.sqrt(c.oracle.mass) * norm(c.model.gravity)
     assert_close(c.s.gravity, c.t.gravity, c.tolerance, max(norm(c.t.gravity), 1e-3 * scale))
-    g, expected = c.dyn.gravity_torque(c.t.q) / c.unit, c.t.g / c.unit
+    g = c.dyn.gravity_torque(c.t.q) / c.unit
+    expected = c.t.g / c.unit
     assert_close(g, expected, c.tolerance, max(norm(expected), 1e-3 * scale))
 
 
@@ -309,7 +315,8 @@ def equation_of_motion(c):
 
 def power(c):
     """K̇ = νᵀ(ε − ε_g) (Lemma 7.2) is what aba's acceleration makes of ½q̇ᵀMq̇; νᵀε = q̇ᵀτ."""
-    s, t = c.s, c.t
+    s = c.s
+    t = c.t
     scale = norm(s.nu) * (norm(s.epsilon) + norm(s.gravity) + t.coriolis_scale)
     assert_close(s.power, t.power, c.tolerance, scale)
     assert_close(s.power, s.nu @ (s.epsilon - s.gravity), 1e-14, scale)
@@ -321,7 +328,8 @@ def external_wrenches(c):
     """ℓJᵀf, q̈, τ and K̇ with wrenches, Jᵀ from Pinocchio's frames; nothing else changes."""
     wrenches = wrenches_on(c.model, c.model.nv)
     for frame in ("link", "world"):
-        (q, qd, tau, qdd), t = c.sample, c.t
+        q, qd, tau, qdd = c.sample
+        t = c.t
         effort = c.oracle.effort_of(q, wrenches, frame)
         s = c.dyn.evaluate(q, qd, tau, wrenches, frame=frame)
         expected = np.linalg.solve(t.m, effort)
@@ -352,8 +360,10 @@ def friction(c):
 
     Mimic joints brake their source joints: GᵀdG and |G|ᵀf.
     """
-    model, oracle = c.model, c.oracle
-    full, G = getattr(oracle, "full", oracle), getattr(oracle, "G", np.eye(model.nv))
+    model = c.model
+    oracle = c.oracle
+    full = getattr(oracle, "full", oracle)
+    G = getattr(oracle, "G", np.eye(model.nv))
     elements = {
         element.get("name"): element.find("dynamics") for element in oracle.xml.findall("joint")
     }
@@ -365,8 +375,10 @@ def friction(c):
         ]
         return np.array([float(value or 0) for value in values])
 
-    damping, coulomb = (G**2).T @ numbers("damping"), np.abs(G).T @ numbers("friction")
-    (q, qd, tau, qdd), t = c.sample, c.t
+    damping = (G**2).T @ numbers("damping")
+    coulomb = np.abs(G).T @ numbers("friction")
+    q, qd, tau, qdd = c.sample
+    t = c.t
     resisting = damping * qd + coulomb * np.tanh(qd / 5e-3)
     assert_close(c.dyn.friction_torque(qd), resisting, 1e-15)
     s = c.dyn.evaluate(q, qd, tau, friction=True)
@@ -417,7 +429,9 @@ def sweeps_are_the_factors(c):
     """ν = mᵀq̇, q̇ = ℓᵀν, ε = ℓτ, τ = mε for any vector, without a matrix; the evaluation's ν and ε
     are theirs.
     """
-    dyn, t, x = c.dyn, c.t, np.array(c.sample.qdd)
+    dyn = c.dyn
+    t = c.t
+    x = np.array(c.sample.qdd)
     assert_close(dyn.nu_from_qd(t.q, x), t.m.T @ x, c.tolerance)
     assert_close(dyn.qd_from_nu(t.q, x) * c.unit, np.linalg.solve(t.m.T, x) * c.unit, c.tolerance)
     assert_close(dyn.epsilon_from_tau(t.q, x), np.linalg.solve(t.m, x), c.tolerance)

@@ -68,7 +68,8 @@ def four_bar_followers(crank):
     """
     pin = CRANK * np.array([np.cos(crank), -np.sin(crank)])
     across = np.array([BASE, 0.0]) - pin
-    distance, bearing = np.hypot(*across), np.arctan2(-across[1], across[0])
+    distance = np.hypot(*across)
+    bearing = np.arctan2(-across[1], across[0])
     inside = np.arccos((COUPLER**2 + distance**2 - ROCKER**2) / (2.0 * COUPLER * distance))
     coupler = bearing - inside
     end = pin + COUPLER * np.array([np.cos(coupler), -np.sin(coupler)])

@@ -27,7 +27,8 @@ def low_pass(torque, step=STEP):
     """Response of 1/(s/GAIN + 1), from rest, to torques (T, nv) whose mean over each step acts on
     it.
     """
-    share, means = -np.expm1(-GAIN * step), torque.copy()
+    share = -np.expm1(-GAIN * step)
+    means = torque.copy()
     means[1:] = 0.5 * (torque[1:] + torque[:-1])
     means[0] = 0.0
     return lfilter([share], [1.0, share - 1.0], means, axis=0)
@@ -37,7 +38,9 @@ class Arm:
     """A simulated arm: the package's model, and Pinocchio's with and without a load."""
 
     def __init__(self, name, gravity=(0.0, 0.0, -9.81)):
-        self.name, self.link, self.gravity = name, LINKS[name], gravity
+        self.name = name
+        self.link = LINKS[name]
+        self.gravity = gravity
         self.locked = (
             {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02} if name == "panda" else {}
         )
@@ -71,8 +74,10 @@ class Arm:
         """Torque of a force in world axes at a point of a link, at each of the positions; force (T,
         3).
         """
-        model, data = self.free.model, self.free.data
-        frame, torque = model.getFrameId(link, pin.FrameType.BODY), np.zeros((len(q), self.free.nv))
+        model = self.free.model
+        data = self.free.data
+        frame = model.getFrameId(link, pin.FrameType.BODY)
+        torque = np.zeros((len(q), self.free.nv))
         for t in np.flatnonzero(np.abs(force).max(axis=1) > 0.0):
             pin.computeJointJacobians(model, data, self.free.configuration(q[t]))
             pin.updateFramePlacements(model, data)

@@ -20,7 +20,8 @@ def fourier(rng, t, low, high, fastest=1.7, base=0.1, harmonics=5, share=0.35):
     """
     w = 2.0 * np.pi * base * np.arange(1, harmonics + 1)
     a, b = rng.normal(size=(2, len(low), harmonics)) / np.arange(1, harmonics + 1)
-    sine, cosine = np.sin(np.outer(t, w)), np.cos(np.outer(t, w))
+    sine = np.sin(np.outer(t, w))
+    cosine = np.cos(np.outer(t, w))
     q = sine @ a.T + cosine @ b.T
     qd = (cosine * w) @ a.T - (sine * w) @ b.T
     qdd = -(sine * w**2) @ a.T - (cosine * w**2) @ b.T
@@ -41,7 +42,8 @@ def efforts(oracle, q, qd, qdd):
 
 def recorded(model, t, q, qd, tau):
     """A Recording of columns at times [s]."""
-    stamp, none = np.round(t * S).astype(np.int64) + S, np.zeros(len(t), dtype=bool)
+    stamp = np.round(t * S).astype(np.int64) + S
+    none = np.zeros(len(t), dtype=bool)
     is_known = none if tau is None else ~none
     tau = np.full_like(qd, np.nan) if tau is None else tau
     states = States(stamp, stamp, stamp, q, qd, tau, is_known, none, none, none)

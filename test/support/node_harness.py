@@ -46,7 +46,10 @@ class Endpoint:
     _gids: ClassVar = itertools.count(1)
 
     def __init__(self, node, kind, topic, qos):
-        self.node, self.kind, self.topic, self.qos = node, kind, topic, qos
+        self.node = node
+        self.kind = kind
+        self.topic = topic
+        self.qos = qos
         self.gid = next(self._gids).to_bytes(16, "little")
 
     @property
@@ -82,7 +85,8 @@ class GraphPublisher(Proxy):
 
     def __init__(self, real, graph, node):
         super().__init__(real)
-        self.graph, self.latched = graph, deque(maxlen=max(1, real.qos_profile.depth))
+        self.graph = graph
+        self.latched = deque(maxlen=max(1, real.qos_profile.depth))
         self.end = Endpoint(node, real.msg_type, real.topic_name, real.qos_profile)
         self.handle = SimpleNamespace(
             publish_raw=self.send,
@@ -116,7 +120,8 @@ class GraphSubscription(Proxy):
 
     def __init__(self, real, graph, node):
         super().__init__(real)
-        self.graph, self.destroyed = graph, False
+        self.graph = graph
+        self.destroyed = False
         self.end = Endpoint(node, real.msg_type, real.topic_name, real.qos_profile)
 
     def get_publisher_count(self):
@@ -159,7 +164,10 @@ class GraphTimer:
     """A timer that fires at the time of its clock."""
 
     def __init__(self, graph, period, callback, read):
-        self.graph, self.period, self.callback, self.read = graph, period, callback, read
+        self.graph = graph
+        self.period = period
+        self.callback = callback
+        self.read = read
         self.canceled = False
         self.reset()
 
@@ -198,14 +206,17 @@ class GraphLogger:
     """
 
     def __init__(self, graph, name, output):
-        self.graph, self.name, self.output = graph, name, output
+        self.graph = graph
+        self.name = name
+        self.output = output
         self._last = {}
 
     def _log(self, severity, message, once=False, throttle_duration_sec=0.0):
         if len(message) > MAX_LENGTH:
             pytest.fail(f"a line of the log has {len(message)} characters: {message[:200]}")
         frame = sys._getframe(2)
-        place, now = (frame.f_code, frame.f_lineno), self.graph.steady
+        place = (frame.f_code, frame.f_lineno)
+        now = self.graph.steady
         if place in self._last and (once or now - self._last[place] < throttle_duration_sec):
             return False
         self._last[place] = now
@@ -248,7 +259,8 @@ def in_process(kind):
 
         def __init__(self, *args, **kwargs):
             self.graph = type(self).graph
-            self.output, self.timers_ = [], []
+            self.output = []
+            self.timers_ = []
             super().__init__(*args, **kwargs)
             for (
                 service
@@ -362,13 +374,20 @@ class Graph(contextlib.AbstractContextManager):
     """
 
     def __init__(self, system=1_700_000_000 * SECOND):
-        self.steady, self.system = 1000.0, system
+        self.steady = 1000.0
+        self.system = system
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.contexts = [self.context]
-        self.nodes, self.timers, self.services = [], [], {}
-        self.publishers, self.subscriptions = defaultdict(list), defaultdict(list)
-        self._events, self._serving, self._time_moved, self._simulated = deque(), False, False, None
+        self.nodes = []
+        self.timers = []
+        self.services = {}
+        self.publishers = defaultdict(list)
+        self.subscriptions = defaultdict(list)
+        self._events = deque()
+        self._serving = False
+        self._time_moved = False
+        self._simulated = None
 
     def __exit__(self, *_):
         for node in reversed(self.nodes.copy()):
@@ -383,7 +402,8 @@ class Graph(contextlib.AbstractContextManager):
 
         `apart`: in a context of its own. Within one context a topic has one type.
         """
-        made, graph = in_process(kind), self
+        made = in_process(kind)
+        graph = self
         if apart:
             self.contexts.append(rclpy.Context())
             rclpy.init(context=self.contexts[-1])
@@ -555,7 +575,8 @@ class Graph(contextlib.AbstractContextManager):
         """Let as much time go by as simulated time does while nodes answer each other in
         lockstep.
         """
-        now, before = deserialize_message(raw, Clock).clock, self._simulated
+        now = deserialize_message(raw, Clock).clock
+        before = self._simulated
         self._simulated = now.sec * SECOND + now.nanosec
         if self._serving and before is not None and self._simulated > before:
             self.skip((self._simulated - before) / SECOND)

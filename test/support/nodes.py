@@ -71,7 +71,8 @@ class Topic:
 
     def __init__(self, node, kind, name, qos):
         """Subscribe."""
-        self.messages, self.stamps = [], []
+        self.messages = []
+        self.stamps = []
         self._at = {}
         self.subscription = node.create_subscription(kind, name, self._take, qos)
 
@@ -113,7 +114,8 @@ class Running(contextlib.AbstractContextManager):
     """
 
     def __init__(self, peer, node):
-        self.peer, self.node = peer, node
+        self.peer = peer
+        self.node = node
 
     @property
     def output(self):
@@ -314,7 +316,8 @@ class Report(NamedTuple):
 
     def since(self, before):
         """Return what has been counted since an earlier report, by key."""
-        counts, earlier = self.counts(), before.counts()
+        counts = self.counts()
+        earlier = before.counts()
         return {
             key: n - earlier.get(key, 0) for key, n in counts.items() if n != earlier.get(key, 0)
         }
@@ -349,7 +352,9 @@ class Reports(list):
     def __init__(self, node, wait_until, name):
         """Listen to the node `name`; `wait_until` is that of a `Peer` or a `Network`."""
         super().__init__()
-        self._node, self._wait_until, self._name = node, wait_until, name
+        self._node = node
+        self._wait_until = wait_until
+        self._name = name
         node.create_subscription(DiagnosticArray, "/diagnostics", self._take, MANY)
 
     def _take(self, array):

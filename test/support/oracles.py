@@ -75,7 +75,9 @@ class Oracle:
         self._order = np.array([part[name][1] for name in self.dof_names], dtype=int)
         self._at = {at: k for k, at in enumerate(self._order)}
         # joints in the caller's order, and the first of the caller's coordinates of each
-        self._joints, self._first, self.nq = list(dict.fromkeys(self._joint)), {}, 0
+        self._joints = list(dict.fromkeys(self._joint))
+        self._first = {}
+        self.nq = 0
         for j in self._joints:
             self._first[j] = self.nq
             self.nq += COORDINATES[self.model.nvs[j]]
@@ -86,10 +88,12 @@ class Oracle:
 
     def _reduced(self, locked_joints):
         """Return the model with joints of one degree of freedom held."""
-        q, ids = pin.neutral(self.model), []
+        q = pin.neutral(self.model)
+        ids = []
         for name, position in locked_joints.items():
             joint = self.model.getJointId(name)
-            at, circular = self.model.idx_qs[joint], self.model.nqs[joint] == 2
+            at = self.model.idx_qs[joint]
+            circular = self.model.nqs[joint] == 2
             q[at : at + 1 + circular] = (
                 (np.cos(position), np.sin(position)) if circular else position
             )
@@ -107,7 +111,8 @@ class Oracle:
         """Return the dof next inboard of dof k, of the same joint or the nearest one inboard; None
         at the root.
         """
-        joint, at = self._joint[k], self._order[k]
+        joint = self._joint[k]
+        at = self._order[k]
         if at > self.model.idx_vs[joint]:
             return self._at[at - 1]
         parent = self.model.parents[joint]
@@ -210,7 +215,9 @@ class Oracle:
         out = np.array(q, dtype=float)
         end = None
         for k, j in enumerate(self._joint):
-            first, nv, at = self._first[j], self.model.nvs[j], self.model.idx_qs[j]
+            first = self._first[j]
+            nv = self.model.nvs[j]
+            at = self.model.idx_qs[j]
             if nv == 1:
                 out[first] += step[k]
             elif self._order[k] == self.model.idx_vs[j]:
@@ -313,7 +320,8 @@ class Oracle:
         the world.
         """
         axes = {"link": pin.LOCAL, "world": pin.LOCAL_WORLD_ALIGNED}[frame]
-        tau, configuration = np.zeros(self.nv), self.configuration(q)
+        tau = np.zeros(self.nv)
+        configuration = self.configuration(q)
         for name, wrench in wrenches.items():
             at = self.model.getFrameId(name, pin.FrameType.BODY)
             J = pin.computeFrameJacobian(self.model, self.data, configuration, at, axes)
@@ -398,7 +406,10 @@ class State:
 
     def __init__(self, oracle, q, qd, tau):
         """Keep the state; see `Oracle.at`."""
-        self.oracle, self.q, self.qd, self.tau = oracle, q, qd, tau
+        self.oracle = oracle
+        self.q = q
+        self.qd = qd
+        self.tau = tau
 
     @cached_property
     def M(self):
@@ -493,7 +504,8 @@ class State:
         o = self.oracle
         m, Mdot = (np.empty((o.nv, o.nv)) for _ in range(2))
         at = np.ix_(o._order, o._order)  # in Pinocchio's order, where m is upper triangular
-        m[at], Mdot[at] = self.m, o.mass_matrix_rate(self.q, self.qd)
+        m[at] = self.m
+        Mdot[at] = o.mass_matrix_rate(self.q, self.qd)
         A = np.linalg.solve(m, np.linalg.solve(m, Mdot).T)
         return o.from_pin(m @ (np.triu(A, 1) + 0.5 * np.diag(np.diag(A))))
 
@@ -571,7 +583,8 @@ def _inertial(link):
             [i["ixz"], i["iyz"], i["izz"]],
         ]
     )
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    cr, cp, cy = np.cos(rpy)
+    sr, sp, sy = np.sin(rpy)
     R = np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

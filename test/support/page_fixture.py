@@ -55,7 +55,8 @@ POINTS = (("tool", "lower"), ("arm", "upper"))
 def content():
     """Return what the file contains."""
     model = dd.load_urdf(ARM)
-    dyn, scene = dd.DiagonalDynamics(model), scene_of(model, ARM)
+    dyn = dd.DiagonalDynamics(model)
+    scene = scene_of(model, ARM)
     residual = dyn.epsilon_from_tau(Q, EXTERNAL)[None]
     observed = {
         "residual": residual,
@@ -93,7 +94,8 @@ def content():
 
 def _kinematics():
     """Return trees of robots with positions, and the library's placements of their links."""
-    tree, gripper = random_tree(12, 6), random_tree(13, 4).replace("</robot>", "")
+    tree = random_tree(12, 6)
+    gripper = random_tree(13, 4).replace("</robot>", "")
     locked = {dd.load_urdf(tree).joint_names[2]: 0.3}
     leader = dd.load_urdf(f"{gripper}</robot>").joint_names[1]
     jaws = ""
@@ -105,9 +107,11 @@ def _kinematics():
         dd.load_urdf(tree, floating_base=True, locked_joints=locked),
         dd.load_urdf(f"{gripper}{jaws}</robot>"),
     ]
-    result, rng = [], np.random.default_rng(4)
+    result = []
+    rng = np.random.default_rng(4)
     for model in robots:
-        dyn, q = dd.DiagonalDynamics(model), model.random(rng)
+        dyn = dd.DiagonalDynamics(model)
+        q = model.random(rng)
         placements = [dyn.placement(q, name).T.ravel().tolist() for name in model.link_names]
         result.append({"tree": tree_of(model), "q": q.tolist(), "placements": placements})
     return result
@@ -145,7 +149,8 @@ def _tracks(dyn):
     maker = FrameMaker(dyn, POINTS)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)
     row = maker.frames(state)["numbers"][0].astype(float)
-    blocks, tracks = [], []
+    blocks = []
+    tracks = []
     for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):
         numbers = np.tile(row, (len(t), 1))
         numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]

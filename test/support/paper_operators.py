@@ -49,7 +49,9 @@ class Operators:
 
     def __init__(self, oracle, q, qd):
         """Place the bodies and run Algorithm 4.1."""
-        self.oracle, model, data = oracle, oracle.model, oracle.data
+        self.oracle = oracle
+        model = oracle.model
+        data = oracle.data
         self.parents = [parent - 1 for parent in list(model.parents)[1:]]
         self.n = n = oracle.nv
         assert list(model.nvs)[1:] == [1] * n
@@ -78,7 +80,8 @@ class Operators:
                 shift = np.eye(6)
                 shift[:3, 3:] = tilde(self.origins[k] - self.origins[parent])
                 self.E_phi[self.at(parent), self.at(k)] = shift
-        self.one, self.I = np.eye(6 * n), np.eye(n)
+        self.one = np.eye(6 * n)
+        self.I = np.eye(n)
         self.phi = np.linalg.inv(self.one - self.E_phi)
         self.rates = oracle.to_pin(qd)
         self.armature = np.diag(model.armature)
@@ -110,7 +113,8 @@ class Operators:
         G = np.zeros((6 * self.n, self.n))
         rest = np.zeros_like(self.M)
         for k in reversed(range(self.n)):
-            at, H = self.at(k), self.H[k, self.at(k)]
+            at = self.at(k)
+            H = self.H[k, self.at(k)]
             inner = P[at, at]
             D[k] = H @ inner @ H + self.armature[k, k]
             G[at, k] = inner @ H / D[k]
@@ -119,8 +123,12 @@ class Operators:
                 inboard = self.at(self.parents[k])
                 shift = self.E_phi[inboard, at]
                 P[inboard, inboard] += shift @ rest[at, at] @ inner @ shift.T
-        self.P, self.D, self.G, self.tau_bar = P, np.diag(D), G, rest
-        self.K, self.E_psi = self.E_phi @ G, self.E_phi @ rest
+        self.P = P
+        self.D = np.diag(D)
+        self.G = G
+        self.tau_bar = rest
+        self.K = self.E_phi @ G
+        self.E_psi = self.E_phi @ rest
         self.psi = np.linalg.inv(self.one - self.E_psi)
 
     @cached_property

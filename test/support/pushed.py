@@ -19,14 +19,17 @@ class Motion:
     """
 
     def __init__(self, robot, push=0.0, size=0.3, **options):
-        self.robot, self.push = robot, np.broadcast_to(push, len(robot.names))
+        self.robot = robot
+        self.push = np.broadcast_to(push, len(robot.names))
         self.oracle = robot.make_oracle(robot.urdf, **options)
         self.middle = robot.samples[1].q
         self.size = size * np.cos(np.arange(len(self.middle)))
 
     def __call__(self, k):
-        w, t = 4.0, 1e-9 * STEP * k
-        q, qd = self.middle + self.size * np.sin(w * t), self.size * w * np.cos(w * t)
+        w = 4.0
+        t = 1e-9 * STEP * k
+        q = self.middle + self.size * np.sin(w * t)
+        qd = self.size * w * np.cos(w * t)
         return (
             q,
             qd,

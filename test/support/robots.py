@@ -260,7 +260,8 @@ def random_tree(seed, joints=12, kinds=KINDS):
     inertia.
     """
     rng = np.random.default_rng(seed)
-    elements, moving = [link("root", *_random_inertia(rng))], ["root"]
+    elements = [link("root", *_random_inertia(rng))]
+    moving = ["root"]
     for k in range(joints):
         # Two in three extend the newest branch, so that both depth and branching occur.
         parent = moving[-1] if rng.random() < 2 / 3 else str(rng.choice(moving))

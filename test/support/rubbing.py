@@ -69,7 +69,8 @@ class RubbingArm:
 
     def __init__(self, robot, names, q, link, load=0.0, friction=1.0):
         model = pin.buildModelFromXML(robot.urdf)
-        locked, position = [n for n in model.names if n not in (*names, "universe")], None
+        locked = [n for n in model.names if n not in (*names, "universe")]
+        position = None
         position = pin.neutral(model)
         for name in locked:  # a finger that mimics a locked one has its position
             position[model.joints[model.getJointId(name)].idx_q] = max(robot.locked_joints.values())
@@ -78,10 +79,13 @@ class RubbingArm:
         inertia = pin.Inertia(load, np.zeros(3), np.zeros((3, 3)))
         model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
         assert tuple(model.names)[1:] == tuple(names)
-        self._model, self._data = model, model.createData()
+        self._model = model
+        self._data = model.createData()
         self._armature = np.diag([robot.armature.get(name, 0.0) for name in names])
         self._friction = friction * np.array(model.friction)
-        self.q, self.qd, self._impulse = np.array(q), np.zeros(model.nv), np.zeros(model.nv)
+        self.q = np.array(q)
+        self.qd = np.zeros(model.nv)
+        self._impulse = np.zeros(model.nv)
 
     def gravity_torque(self):
         """Return the effort that carries arm and load [N m]."""
@@ -89,7 +93,8 @@ class RubbingArm:
 
     def advance(self, effort, period):
         """Apply an effort [N m] for a period [s]."""
-        model, data = self._model, self._data
+        model = self._model
+        data = self._data
         for _ in range(round(period / STEP)):
             M = np.triu(pin.crba(model, data, self.q))
             M += np.triu(M, 1).T + self._armature

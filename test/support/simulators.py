@@ -22,8 +22,11 @@ class Simulator:
         """Start it; a context, which begins with its first state if it `waits` for that, and at
         whose end it ends.
         """
-        self.peer, self.robot, self.name = peer, robot(id), f"{namespace}/{NODE}"
-        self._waits, self._moves_itself = waits, parameters.get("motion") == "wave"
+        self.peer = peer
+        self.robot = robot(id)
+        self.name = f"{namespace}/{NODE}"
+        self._waits = waits
+        self._moves_itself = parameters.get("motion") == "wave"
         self.model = dd.load_urdf(
             self.robot.path, floating_base=parameters.get("floating_base", False)
         )
@@ -63,7 +66,8 @@ class Simulator:
         """Send a wrench on a link."""
         message = WrenchStamped()
         message.header.frame_id = link
-        f, n = message.wrench.force, message.wrench.torque
+        f = message.wrench.force
+        n = message.wrench.torque
         f.x, f.y, f.z, n.x, n.y, n.z = map(float, six)
         self.wrenches.publish(message)
 

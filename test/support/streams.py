@@ -39,7 +39,8 @@ def get_json(address, path):
 
 def wait_for_robot(address, accept=lambda _: True, timeout=HANG):
     """Return the entry of the first accepted robot; wait until the server runs."""
-    end, robots = time.monotonic() + timeout, "nothing"
+    end = time.monotonic() + timeout
+    robots = "nothing"
     while time.monotonic() < end:
         with contextlib.suppress(OSError):
             robots = get_json(address, "/robots")
@@ -72,7 +73,9 @@ class Stream:
         ]
         headers += [f"Origin: {origin}"] if origin else []
         self.socket.sendall("\r\n".join([*headers, "", ""]).encode())
-        self._buffer, self._news, self.layout = b"", [], None
+        self._buffer = b""
+        self._news = []
+        self.layout = None
 
     def __enter__(self):
         """Read the headers."""
@@ -96,7 +99,8 @@ class Stream:
             if not some:
                 raise EOFError("the stream has ended")
             self._buffer += some
-        some, self._buffer = self._buffer[:count], self._buffer[count:]
+        some = self._buffer[:count]
+        self._buffer = self._buffer[count:]
         return some
 
     def _message(self):
@@ -143,7 +147,8 @@ class Frame:
         """Split the numbers by the layout."""
         (self.t,) = struct.unpack_from("<d", payload)
         numbers = np.frombuffer(payload, "<f4", offset=8)
-        self._fields, at = {}, 0
+        self._fields = {}
+        at = 0
         for field in layout["fields"]:
             self._fields[field["name"]] = numbers[at : at + field["size"]]
             at += field["size"]

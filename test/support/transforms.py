@@ -28,14 +28,16 @@ class Buffer:
 def with_tf2_ros():
     """Return a context in which nodes can import tf2_ros."""
     module = ModuleType("tf2_ros")
-    module.Buffer, module.TransformListener = Buffer, lambda buffer, node: None
+    module.Buffer = Buffer
+    module.TransformListener = lambda buffer, node: None
     return mock.patch.dict(sys.modules, tf2_ros=module)
 
 
 def transform_of(rotation, translation=(0, 0, 0)):
     """Return a static transform."""
     message = TransformStamped()
-    p, o = message.transform.translation, message.transform.rotation
+    p = message.transform.translation
+    o = message.transform.rotation
     p.x, p.y, p.z = map(float, translation)
     o.x, o.y, o.z, o.w = map(float, pin.Quaternion(rotation).coeffs())
     return message

@@ -24,7 +24,8 @@ class Truth:
 
     def __init__(self, robot, q, qd, tau=None, gravity=None, estimated=False):
         """Take the state in the order of robot.names."""
-        self.robot, self.estimated = robot, estimated
+        self.robot = robot
+        self.estimated = estimated
         oracle = robot.oracle if gravity is None else robot.make_oracle(robot.urdf, gravity=gravity)
         self.state = oracle.at(q, qd, tau)
         self.tolerance = tolerance(self.state)
@@ -87,7 +88,8 @@ class Truth:
         )
 
     def check_mass_matrix_factors(self, message, with_inverse=False):
-        s, nv = self.state, len(self.robot.names)
+        s = self.state
+        nv = len(self.robot.names)
         assert message.nv == nv
         self.check_matrix(message.m, s.m, self.unit[:, None])
         self.check_vector(message.d / s.D, np.ones(nv))
@@ -124,7 +126,8 @@ class Truth:
         assert_close(power, s.power, self.tolerance, scale)
 
     def check_joint_space_dynamics(self, message):
-        s, unit = self.state, self.unit
+        s = self.state
+        unit = self.unit
         self.check_matrix(message.mass_matrix, s.M, np.outer(unit, unit))
         scale = max(np.linalg.norm(s.c / unit), 1e-3 * np.linalg.norm(s.nu) * np.linalg.norm(s.qd))
         self.check_vector(message.coriolis_torque / unit, s.c / unit, scale)
