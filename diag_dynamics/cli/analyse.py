@@ -142,7 +142,7 @@ def _analyse_several(chosen, parameters, robot, write):
             summary = _summary(chosen, recording, parameters, robot)
         except (DiagDynamicsError, OSError) as error:
             failed[recording] = str(error)
-            common.report_error("analyse", error)
+            common.report_error("analyse", error, chosen)
             continue
         summaries.append(summary)
         if _prints(chosen):

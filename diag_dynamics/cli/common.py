@@ -13,6 +13,7 @@ import sys
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from shlex import quote
 
 from diag_dynamics.entries import ARGUMENT, Parser, assignments, split_arguments
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
@@ -55,17 +56,23 @@ def run_command(name, about, module, arguments):
     except BrokenPipeError:
         raise  # of `… | head`, which main handles
     except KeyboardInterrupt as error:
+        lost = " and ".join(f"'{path}'" for path in outputs.values() if path not in (None, "-"))
+        rest = f"; not written: {lost}" if lost else ""
         kind = "terminated" if isinstance(error, Terminated) else "interrupted"
-        print(f"diag-dynamics {name}: {kind}.", file=sys.stderr)
+        print(shortened(f"diag-dynamics {name}: {kind}{rest}."), file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
-        report_error(name, error)
+        report_error(name, error, chosen)
         return FAILED
 
 
-def report_error(name, error):
-    """Print the error of a command."""
-    print(f"diag-dynamics {name}: {shortened(str(error))}", file=sys.stderr)
+def report_error(name, error, chosen):
+    """Print the error of a command; the commands in its text name the command's robot."""
+    text, robot = str(error), getattr(chosen, "urdf", None)
+    if robot is not None:
+        arguments = " ".join(map(quote, [robot, *chosen.xacro_args]))
+        text = text.replace("--urdf ROBOT", f"--urdf {arguments}")
+    print(f"diag-dynamics {name}: {shortened(text)}", file=sys.stderr)
 
 
 @contextmanager

@@ -6,6 +6,7 @@
 import os
 import sys
 import warnings
+from difflib import get_close_matches
 from importlib import import_module, util
 
 import diag_dynamics
@@ -74,10 +75,9 @@ def _run(arguments):
         return run_command(name, LIBRARY[name], module, rest)
     if name in COMMANDS:
         return run_with_ros(name, rest)
-    text = (
-        f"{PROGRAM}: there is no command '{shortened(name)}'. {PROGRAM} --help lists all commands."
-    )
-    print(text, file=sys.stderr)
+    near = get_close_matches(name, COMMANDS, n=1)
+    hint = f"Is '{near[0]}' meant?" if near else f"{PROGRAM} --help lists all commands."
+    print(f"{PROGRAM}: there is no command '{shortened(arguments[0])}'. {hint}", file=sys.stderr)
     return 2
 
 

@@ -181,7 +181,7 @@ LATE = "--start 1000 --urdf"
 ESTIMATE = "--estimate-inertias 1000 -o {tmp}/new.urdf"
 
 REFUSED = [  # command line, message; the exit status is 2
-    ("monitr", "there is no command 'monitr'. diag-dynamics --help lists"),
+    ("monitr", "there is no command 'monitr'. Is 'monitor' meant?"),
     ("robots all", "unrecognized arguments: all"),
     ("compile side:=left", "unrecognized arguments: side:=left"),
     ("inspect pandda", "robot 'pandda' is neither"),
