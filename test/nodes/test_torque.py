@@ -297,7 +297,7 @@ def test_a_rise_within_the_hold_off_starts_no_alarm():
     for k in range(8000):
         time = 1e-3 * k
         torque = 40.0 * (0.1 <= time < 0.2) + 25.0 * (0.6 <= time < 0.7) + 40.0 * (2.5 <= time < 3)
-        torque += 20.0 * (time >= 4.5 and (time - 4.5) % 1.1 < 0.2) + 20.0 * (7.85 <= time < 7.9)
+        torque += 20.0 * (time >= 4.5 and (time - 4.5) % 1.1 < 0.2) + 25.0 * (7.85 <= time < 7.9)
         row = np.array([[torque]])
         alarm.accept_state(np.array([k * MS]), row, row, True, torque, lambda: None)
         if alarm.starts:
