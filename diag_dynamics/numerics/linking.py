@@ -24,7 +24,7 @@ from numba.core.runtime import nrtdynmod
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
-from diag_dynamics.numerics.cache import cache_folder
+from diag_dynamics.numerics.cache import PACKAGE, cache_folder
 from diag_dynamics.numerics.progress import begin_compilation
 
 logger = logging.getLogger(__name__)
@@ -93,13 +93,14 @@ nrtdynmod.compile_nrt_functions = RuntimeLibrary
 class CodeLocator(CacheImpl._locator_classes[0]):
     """Place of compiled code in a folder of ours, the same for all copies of the package.
 
-    The name of the folder has the hash of the sources.
+    The name of the folder has the hash of the sources, but not of all that other packages import.
     """
 
     @classmethod
     def from_function(cls, function, file):
-        """Return the place, None in a folder of others."""
-        if Path(numba.config.CACHE_DIR).parent == cache_folder():
+        """Return the place, None in a folder of others and for functions of other packages."""
+        is_ours = f"{function.__module__}.".startswith(f"{PACKAGE.name}.")
+        if is_ours and Path(numba.config.CACHE_DIR).parent == cache_folder():
             return super().from_function(function, file)
         return None
 

@@ -256,6 +256,16 @@ def written(folder, pattern):
     return file
 
 
+def test_copies_share_code_of_this_package_alone(folder, monkeypatch):
+    """The hash of sources is without what other packages import."""
+    monkeypatch.setattr(linking, "cache_folder", lambda: folder.parent)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder))
+    for function, is_ours in ((reduced_angle.py_func, True), (written, False)):
+        place = numba.njit(cache=True)(function)._cache._impl.locator
+        assert (place.get_source_stamp() is None) is is_ours
+        assert (place.get_cache_path() == str(folder / "sweeps")) is is_ours
+
+
 DAMAGES = {
     "empty index": lambda folder: written(folder, "*.nbi").write_bytes(b""),
     "cut index": lambda folder: written(folder, "*.nbi").write_bytes(b"\x80"),
