@@ -91,6 +91,8 @@ class Limits:
         Last effort to send [N m, N].
     scale : float
         Scale of the effort limits on the last command.
+    saturated : tuple of str
+        Joints at their effort limit in the last command.
     energy, tank, contact : EnergyLimiter, EnergyTank and ContactLimiter, or None
     unlimited : tuple of str
         Joints without effort limit.
@@ -158,6 +160,7 @@ class Limits:
         """Start from the last effort, with a full tank and springs that begin at the joints."""
         self._held: list[Array] = []  # efforts since the last command of a law, at most two
         self.scale = 1.0
+        self.saturated: tuple[str, ...] = ()
         self._rate.begin()
         self.renew()
 
@@ -233,6 +236,7 @@ class Limits:
             rows,
         )
         effort, demand, saturated, waiting = rows[:4]
+        self.saturated = names_where(self._names, saturated)
         if self._rate.scaling_joint is not None:
             waiting[self._rate.scaling_joint] = 1.0
         return Limited(

@@ -390,7 +390,7 @@ class ControlLoop:
         sent = self._limited(self._braking.command(self.state), None, now)
         self.limits.reset(sent.demand)
         self.supervisor.stand_by(now, reason)
-        return sent._replace(effort=sent.demand, saturated=())
+        return sent._replace(effort=sent.demand, saturated=self.limits.saturated)
 
     def _is_interrupted(self, before):
         """Return whether the state does not follow the one before within the longest hold."""

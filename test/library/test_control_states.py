@@ -563,6 +563,10 @@ def test_joints_that_their_effort_rate_limits(strong):
     driver.carry()
     driver.step()
     assert driver.sent.saturated == ()
+    driver = Driven(dd.load_urdf(re.sub(r'effort="[^"]*"', 'effort="9"', robot(UR5).urdf)))
+    driver.step()
+    weak = tuple(np.array(strong.dof_names)[np.abs(gravity) > 9.0])
+    assert driver.loop.stand_by(driver.now, "test").saturated == weak != ()
 
 
 @pytest.mark.parametrize("compensated", [False, True])
