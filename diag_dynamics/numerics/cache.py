@@ -86,12 +86,12 @@ def source_hash(module):
 
 @functools.cache
 def code_folder(module):
-    """Return the folder for compiled code of a module, or None where none is writable.
+    """Return the folder for compiled code of a module; None without a writable one or a source.
 
     Its name contains the hash of all sources, because numba compares the file of an entry alone
-    with its cache.
+    with its cache, also of a package in a zip, whose sources are not read.
     """
-    if cache_folder() is None:
+    if cache_folder() is None or not read_source(module):
         return None
     folder = cache_folder() / f"{PREFIX}{source_hash(module)[:16]}"
     try:

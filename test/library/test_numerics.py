@@ -301,6 +301,7 @@ def test_code_of_other_sources_is_removed_after_a_month(tmp_path, monkeypatch):
         (path.touch if name.startswith("ahead") else path.mkdir)()
         os.utime(path, times=(time.time() - age * 86400,) * 2)
     assert cache.code_folder.__wrapped__(__name__) == tmp_path / used
+    assert cache.code_folder.__wrapped__("diag_dynamics.zipped") is None
     assert {path.name for path in tmp_path.iterdir()} == {*ages} - {"code-old", "ahead-old"}
 
 
