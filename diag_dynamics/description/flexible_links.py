@@ -305,7 +305,7 @@ class _Builder:
             self._add(Joint(joint, kind, link, joint, origin, np.eye(3)[k]))
             sources = tuple(flexible.modes[i] for i in moving)
             quadratic = quadratic[np.ix_(moving, moving)]
-            self.forms[joint] = Form(sources, 0.0, linear[moving], quadratic)
+            self.forms[joint] = Form(sources, linear[moving], quadratic)
             link = joint
             origin = np.eye(4)
         if link == parent:

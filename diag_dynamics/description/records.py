@@ -286,10 +286,9 @@ class FlexibleLink(NamedTuple):
 
 
 class Form(NamedTuple):
-    """A joint whose position follows modes η: constant + linearᵀη + ½ηᵀ quadratic η."""
+    """A joint whose position follows modes η: linearᵀη + ½ηᵀ quadratic η."""
 
     sources: tuple[str, ...]
-    constant: float
     linear: Array
     quadratic: Array
 

@@ -526,7 +526,7 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
         is_quadratic = form.quadratic.any()
         rows = np.column_stack([form.linear, form.quadratic]) if is_quadratic else form.linear
         records.append((first_body[name], len(coefficients), is_quadratic))
-        coefficients = np.concatenate([coefficients, [form.constant], np.ravel(rows)])
+        coefficients = np.append(coefficients, rows)
     return np.array(records, couplings.FORM), coefficients
 
 

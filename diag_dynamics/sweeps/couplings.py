@@ -581,12 +581,12 @@ def _set_forms(table, q):
         first = form.body
         count = at.bodies[form.body].dofs
         k = form.begin
-        position = at.coefficients[k]
+        position = 0.0
         for i in range(first, first + count):
-            linear = ratio = at.coefficients[k + 1]
+            linear = ratio = at.coefficients[k]
             if form.is_quadratic != 0:
                 for j in range(count):
-                    ratio += at.coefficients[k + 2 + j] * q[at.bodies[first + j].q]
+                    ratio += at.coefficients[k + 1 + j] * q[at.bodies[first + j].q]
                 k += count
             position += 0.5 * (linear + ratio) * q[at.bodies[i].q]
             at.work[i].multiplier = ratio
@@ -602,7 +602,7 @@ def _set_form_rates(table, qd):
         if form.is_quadratic != 0:
             first = form.body
             count = at.bodies[form.body].dofs
-            k = form.begin + 2
+            k = form.begin + 1
             for i in range(first, first + count):
                 rate = 0.0
                 for j in range(count):
