@@ -20,6 +20,7 @@ FOLDS, MAX_PARTS = 5, 10  # parts of one recording, and most parts of several, e
 MAX_SHARE = 0.7  # largest fraction of the time in one recording, where recordings are held out
 SPREAD = 0.9  # fraction of the seconds whose maxima are within a detector's spread
 MAX_NUMBERS = 2_000_000  # from which cells are kept: of seven joints two minutes at 1 kHz
+MAX_GAP = 100_000_000  # longest interval within a segment [ns]
 CELL = 20_000_000  # only the largest values within this time are kept [ns]
 # Fewest and most peaks from which alarms are counted or a tail is fitted
 MIN_PEAKS, MAX_PEAKS = 10, 50
@@ -82,12 +83,11 @@ class Rows(NamedTuple):
 class Residuals:
     """Collect residuals of an observer batch by batch.
 
-    An interval above `max_gap` [s] starts another segment.
+    An interval above MAX_GAP starts another segment.
     """
 
-    def __init__(self, width: int, max_gap: float = 0.1) -> None:
+    def __init__(self, width: int) -> None:
         self._max_states = MAX_NUMBERS // (2 * width + 3)
-        self._max_gap = max_gap * SECOND
         self._parts: list[Rows] = []
         self._count = self._segment = 0  # states, and number of the segment
         self.whole = 0  # states with the torque of all joints
@@ -135,7 +135,7 @@ class Residuals:
         self.whole += len(noise)
         is_first = self._last is None
         steps = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
-        segment = self._segment + is_first + np.cumsum((steps < 0) | (steps > self._max_gap))
+        segment = self._segment + is_first + np.cumsum((steps < 0) | (steps > MAX_GAP))
         self._last = int(stamps[-1])
         self._segment = int(segment[-1])
         self._count += len(stamps)
