@@ -235,8 +235,9 @@ class SqliteFile:
             text = f"{error}: {size} bytes; {self._advice}"
             lose("database", text if size or self._copy else "the file is empty")
         with suppress(sqlite3.Error), closing(self._open()) as database:
-            (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
-            self.start = start if isinstance(start, int) else None
+            (self.start,) = database.execute(
+                "SELECT MIN(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
+            ).fetchone()
 
     def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""

@@ -149,12 +149,13 @@ def test_older_sqlite(tmp_path, profiles):
         )
     assert read(path) == (list(range(100)), [])
     with database:
-        for id, change in ((5, "data = 'text'"), (7, "timestamp = NULL")):
+        for id, change in ((5, "data = 'text'"), (7, "timestamp = 0.5")):
             database.execute(f"UPDATE messages SET {change} WHERE id = {id}")
     database.close()
     numbers, findings = read(path)
     assert numbers == [k for k in range(100) if k not in (4, 6)]
     assert unread(findings)[0].endswith("2 messages have no bytes, or no log time in int64")
+    assert len(dd.read_recording(path, arm("a"), end=0.05)) == 48
 
 
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
