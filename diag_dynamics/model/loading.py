@@ -200,8 +200,9 @@ def load_robot(name: str, **options: Any) -> RobotModel:
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`; without
-    them gravity, floating_base and armature are those of the file.
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`. `gravity`
+    and `armature` have precedence over the file. Its single free body is a floating base with any
+    `floating_base`, and `xacro_args` have no effect.
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed
