@@ -374,6 +374,9 @@ def test_mjcf_joints(mujoco):
     )
     assert model.friction[dof["shift"]] == 0.7 and model.armature[dof["joint3"]] == 0.3
     assert list(model.gravity) == [0.3, -0.2, -9.5]
+    other = dd.load_mjcf(ARM, gravity=(0, 0, -1), armature={"turn": 2.0}, floating_base=True)
+    assert other.floating_base and list(other.gravity) == [0, 0, -1]
+    assert other.armature[-5:][dof["turn"]] == 2.0
     assert dd.load_mjcf(FREE).floating_base and not dd.load_mjcf(TWO_FREE).floating_base
     equality = (
         '<equality><joint joint1="other" joint2="turn" polycoef="0.2 -1.5 0 0 0"/></equality>'
