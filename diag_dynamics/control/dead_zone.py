@@ -83,7 +83,7 @@ class DeadZone:
         residual, external_torque : ndarray, shape (T, nv)
             r [J^½/s] and m r [N m, N]; NaN where unknown.
         restarts : ndarray of bool, shape (T,), optional
-            States from which joints begin to stand.
+            States before which there is no motion: slow joints are taken as standing.
         """
         if not self._is_used or not len(stamps):
             return residual, external_torque
@@ -94,7 +94,7 @@ class DeadZone:
             zones = zones + model.load_friction * np.abs(self._dynamics.gravity_torque(q))
         zones = np.ascontiguousarray(self._fraction * zones)
         self._largest[1] = np.maximum(self._largest[1], zones.max(axis=0))
-        elapsed = np.diff(stamps, prepend=stamps[0] if self._last is None else self._last)
+        elapsed = np.diff(stamps, prepend=stamps[0] + 1 if self._last is None else self._last)
         self._last = int(stamps[-1])
         if restarts is not None:
             elapsed[restarts] = -1

@@ -40,15 +40,16 @@ was one, the stamp of its last event, and whether the current alarm had one."""
 def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torque):
     """Lower |m r| of joints to √(|m r|² − zone²); the zone follows standing as the observer does.
 
-    `elapsed` is the time since the row before [ns], below zero after a restart. `standing` is the
-    time for which each joint has been slow [ns], `widths` are the zones, after the last row;
+    `elapsed` is the time since the row before [ns], below zero after a restart, where a slow joint
+    is taken as standing. `standing` is the time for which each joint has been slow [ns], `widths`
+    are the zones, after the last row;
     `largest` are the largest of standing joints, unfiltered.
     """
     for t in range(len(elapsed)):
         pace = -math.expm1(-1e-9 * gain * max(0, elapsed[t]))
         for k in range(torque.shape[1]):
             if elapsed[t] < 0:
-                standing[k] = 0
+                standing[k] = STANDING_TIME if abs(rates[t, k]) < STANDING_SPEED else 0
                 widths[k] = 0.0
             elif abs(rates[t, k]) < STANDING_SPEED:
                 standing[k] = min(standing[k] + elapsed[t], 2 * STANDING_TIME)

@@ -261,6 +261,8 @@ def test_standing_joints_have_a_dead_zone(arm):
     largest = np.zeros(6)
     for t, step in enumerate(np.diff(stamps / 1e9, prepend=stamps[0] / 1e9)):
         moves = np.abs(rates[t]) >= 0.005
+        if t == 0:
+            slow = np.where(moves, 0.0, 0.03)
         slow = np.clip(slow + np.where(moves, -min(4.0 * step, 0.03), step), 0.0, 0.06)
         stands = slow >= 0.03 - 1e-9
         zones = 0.5 * (FRICTION + LOAD * np.abs(oracle.gravity_torque(q[t])))
