@@ -272,7 +272,8 @@ def _calibrate_rows(
         peaks=level.peaks,
         parts=parts,
     )
-    warnings = _warnings(result, alarm_time / duration)
+    longest = MAX_ALARM_TIME if upper is None else 1.0  # contact may be on for long
+    warnings = _warnings(result, alarm_time / duration, longest)
     if upper is None and (text := held_out.describe_largest()):
         warnings.append(text)
     ratios = np.where(limits < math.inf, limits, 0.0) / rows.values.max(axis=0, initial=1e-300)
@@ -378,7 +379,7 @@ def _detect(rows: Rows, names: Sequence[str], thresholds: Thresholds) -> Judged:
     return detector.judge(rows.stamps, r, torque, valid, rows.starts, rows.values)
 
 
-def _warnings(result: Calibration, alarm_time: float) -> list[str]:
+def _warnings(result: Calibration, alarm_time: float, longest: float) -> list[str]:
     """Return why the thresholds may be wrong."""
     warnings = []
     requested = format_rate(result.requested)
@@ -392,7 +393,7 @@ def _warnings(result: Calibration, alarm_time: float) -> list[str]:
         warnings.append(
             f"alarms overlap: thresholds are from {result.peaks} maxima of one second each"
         )
-    if result.rate_interval[0] > result.requested or alarm_time > MAX_ALARM_TIME:
+    if result.rate_interval[0] > result.requested or alarm_time > longest:
         warnings.append(
             f"parts of the recordings differ: {result.held_out} alarms by thresholds from the "
             f"other parts, {format_rate(result.rate)}, active {alarm_time:.0%} of the time"
