@@ -49,7 +49,7 @@ class ModelWarning(UserWarning):
 
 
 class InertiaWarning(ModelWarning):
-    """A link's inertia is not that of a rigid body, or estimated; the model uses it as it is."""
+    """A link's inertia is not that of a rigid body; the model uses it as it is."""
 
 
 class LoopWarning(ModelWarning):

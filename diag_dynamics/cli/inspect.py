@@ -4,14 +4,11 @@
 """`diag-dynamics inspect`: facts about a robot, and checks of its URDF."""
 
 import json
-import sys
 import textwrap
-from pathlib import Path
 
-from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
-from diag_dynamics.text import listed, plain, shortened
+from diag_dynamics.exceptions import DiagDynamicsError
+from diag_dynamics.text import listed, plain
 
 WIDTH = 80
 
@@ -22,34 +19,19 @@ EPILOG = (
     "A warning is very likely a mistake in the URDF. An error prevents results from being computed."
 )
 
-OUTPUTS = {"-o": "output"}
-
 
 def add_arguments(parser):
     """Declare the arguments."""
     common.add_robot(parser)
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--floating-base", action="store_true", help="the root link moves freely")
     parser.add_argument("--loops", metavar="FILE.yaml", help="closed loops of the robot")
-    text = (
-        "write a URDF in which links without an inertia have one from geometry "
-        "at this density [kg/m³]"
-    )
-    group.add_argument("--estimate-inertias", metavar="DENSITY", type=float, help=text)
-    parser.add_argument(
-        "-o", "--output", metavar="NEW.urdf", help="new file of --estimate-inertias"
-    )
 
 
 def run(chosen):
-    """Inspect a robot, or write its URDF with estimated inertias; return the exit status."""
+    """Inspect a robot; return the exit status."""
     try:
-        if (chosen.estimate_inertias is None) != (chosen.output is None):
-            raise InputError("--estimate-inertias DENSITY and -o NEW.urdf require each other.")
         robot = common.chosen_robot(chosen)
-        if chosen.output is not None:
-            return _estimate(robot, chosen.estimate_inertias, Path(chosen.output))
         from diag_dynamics.inspection import inspect_robot
 
         report = inspect_robot(robot, chosen.floating_base, loops=chosen.loops)
@@ -67,37 +49,6 @@ def run(chosen):
 
 def _print_json(document):
     print(json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False))
-
-
-# --- Estimated inertias
-
-
-def _estimate(robot, density, output):
-    """Write a URDF with estimated inertias; return the exit status."""
-    from diag_dynamics.description.geometry import estimated
-    from diag_dynamics.description.mjcf import is_mjcf
-    from diag_dynamics.description.text import folder_of, read_text
-
-    if output.exists():
-        raise InputError(f"-o is '{output}', which exists. Choose another name.")
-    if is_mjcf(robot):
-        raise InputError(
-            f"--estimate-inertias writes a URDF, but '{robot}' is an MJCF. "
-            "MuJoCo estimates its inertias."
-        )
-    result = estimated(read_text(robot), density, folder_of(robot).resolve())
-    for estimate in result.estimates:
-        mass = f"{estimate.body.mass:.4g} kg, estimated from {estimate.source}"
-        print(plain(f"{estimate.link}: {mass} at {density:g} kg/m³"))
-    for link, reason in result.failed.items():
-        print(shortened(f"{link}: not estimated: {reason}"), file=sys.stderr)
-    if not result.estimates:
-        why = "" if result.failed else ": no link without <inertial> has geometry"
-        print(f"No inertia was estimated{why}. No file was written.", file=sys.stderr)
-        return common.DOUBTFUL
-    write_text(output, f'<?xml version="1.0" encoding="utf-8"?>\n{result.text}\n')
-    common.report_written(output)
-    return common.DOUBTFUL if result.failed else common.DONE
 
 
 # --- Report

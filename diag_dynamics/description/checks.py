@@ -23,7 +23,7 @@ from diag_dynamics.text import short
 
 MAX_MISTAKES = 10  # mistakes that a warning lists
 
-ESTIMATE = "Give measured ones, or estimate them: --estimate-inertias DENSITY -o new.urdf."
+MEASURED = "Give measured ones, or those of CAD."
 SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
 UNITS = "Is it in kg m², about the centre of mass, and of this link?"
 RATIO = "radius of gyration over the distance of the farthest point"
@@ -76,9 +76,9 @@ LINKS = {
         "No effect on results. Give more digits, or remove the <inertial>.",
     ),
     "massless": Check(
-        "error", "", "no link has mass: no dynamics; links without <inertial>", ESTIMATE
+        "error", "", "no link has mass: no dynamics; links without <inertial>", MEASURED
     ),
-    "moving": Check("warning", "", "moving links with geometry but without <inertial>", ESTIMATE),
+    "moving": Check("warning", "", "moving links with geometry but without <inertial>", MEASURED),
     "lumped": Check(
         "note",
         "",
@@ -143,7 +143,7 @@ LINKS = {
         "warning",
         "m",
         "placeholder of 1 kg m² about all axes, that of a ball of diameter",
-        ESTIMATE,
+        MEASURED,
     ),
     "missing": Check(
         "warning",
@@ -219,9 +219,8 @@ JOINTS = {
         "error",
         "kg m², kg",
         "joints that move no inertia make the mass matrix singular; with D",
-        "Give their links inertia, measured or estimated (--estimate-inertias DENSITY -o "
-        "new.urdf), or lock the joints, as the other checks do (other commands: --set "
-        "massless=lock).",
+        "Give their links inertia, or lock the joints, as the other checks do (other commands: "
+        "--set massless=lock).",
     ),
     "mimic": Check(
         "error",

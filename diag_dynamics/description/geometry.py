@@ -1,24 +1,19 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Visual and collision geometry of links, its volume, and inertias estimated from it."""
+"""Visual and collision geometry of links, and its volume."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from lxml import etree
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import positive
 from diag_dynamics.description.elements import LARGEST, floats, placement_of
 from diag_dynamics.description.meshes import Meshes
-from diag_dynamics.description.urdf import parse_urdf
-from diag_dynamics.description.urdf_writer import insert_inertia
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.rigid_body import RigidBody
 
@@ -167,65 +162,3 @@ def moved(solid: Solid, placement: Array) -> Solid:
     """Return a solid in the axes in which its own ones have this placement (4x4)."""
     corners = solid.corners @ placement[:3, :3].T + placement[:3, 3]
     return solid._replace(body=solid.body.moved(placement), corners=corners)
-
-
-# --- Estimated inertias
-
-
-class Estimate(NamedTuple):
-    """Estimated body of a link in the link's axes, and the shapes behind it."""
-
-    link: str
-    body: RigidBody
-    source: str
-
-
-class Estimated(NamedTuple):
-    """Text of a URDF with estimated inertias, and failures by link."""
-
-    text: str
-    estimates: tuple[Estimate, ...]
-    failed: dict[str, str]
-
-
-def estimated(text: str, density: object, folder: Path | None) -> Estimated:
-    """Return the URDF with estimated inertias at a uniform density [kg/m³].
-
-    Every link that has geometry and lacks an inertia receives one. The collision geometry counts,
-    or the visual one if that cannot be measured. Primitives and watertight meshes are exact, other
-    meshes are replaced by their convex hull. Meshes begin from `folder`.
-    """
-    rho = positive("estimate_inertias", density, "[kg/m³]")
-    robot = parse_urdf(text, comments=True)
-    meshes = Meshes(folder)
-    estimates = []
-    failed = {}
-    for link in robot.findall("link"):
-        name = link.get("name", "")
-        if link.find("inertial") is not None or not (
-            link.findall("collision") or link.findall("visual")
-        ):
-            continue
-        try:
-            role, (volume, _, of) = _measured_link(link, meshes)
-        except UrdfError as error:
-            failed[name] = str(error)
-            continue
-        source = f"{role} {' + '.join(of)}"
-        body = RigidBody(rho * volume.mass, volume.centre, rho * volume.inertia)
-        insert_inertia(link, f"estimated by diag_dynamics from {source} at {rho:g} kg/m3", body)
-        estimates.append(Estimate(name, body, source))
-    text = etree.tostring(robot.getroottree(), encoding="unicode")
-    return Estimated(text, tuple(estimates), failed)
-
-
-def _measured_link(link: Any, meshes: Meshes) -> tuple[str, Solid]:
-    """Return the geometry of a link that counts, and its content."""
-    reason = None
-    for role in ("collision", "visual"):
-        try:
-            if shapes := shapes_of(link, role):
-                return role, united(solid_of(shape, meshes) for shape in shapes)
-        except UrdfError as error:
-            reason = reason or error
-    raise reason or UrdfError("its <collision> and <visual> have no shape")

@@ -15,7 +15,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
 from diag_dynamics.description import text as sources
-from diag_dynamics.description.geometry import estimated
+from diag_dynamics.description.urdf_writer import urdf_with
 from diag_dynamics.inspection import inspect_robot
 from robots import BOX, description, joint, link
 
@@ -116,10 +116,8 @@ def test_comments(comment):
     assert_same_model(text)
     assert_same_model(text.encode())
     assert_same_model(f"<!--{comment}-->\n{text}<!--{comment}-->")
-    shape = "<visual><geometry><sphere radius='1'/></geometry></visual>"
-    shaped = text.replace('<link name="base"/>', f'<link name="base">{shape}</link>')
-    estimates = estimated(sources.urdf_text(shaped), 1000.0, None)
-    assert dd.load_urdf(estimates.text).total_mass > 1000.0
+    heavy = urdf_with(sources.urdf_text(text), dd.Parameters(links={"base": dd.Payload(1000.0)}))
+    assert dd.load_urdf(heavy).total_mass > 1000.0
 
 
 def test_many_comments():

@@ -178,7 +178,6 @@ def test_a_process_without_ros(tmp_path):
 # --- Errors
 
 LATE = "--start 1000 --urdf"
-ESTIMATE = "--estimate-inertias 1000 -o {tmp}/new.urdf"
 
 REFUSED = [  # command line, message; the exit status is 2
     ("monitr", "there is no command 'monitr'. Is 'monitor' meant?"),
@@ -189,11 +188,6 @@ REFUSED = [  # command line, message; the exit status is 2
     ("inspect talos", "'talos' is neither a file nor an example robot"),
     (f"inspect {5000 * 'x'}", "x' is neither a file nor"),
     (f"analyse {5000 * 'x'} {5000 * 'y'} --urdf panda --quiet", "File name too long"),
-    ("inspect panda -o {tmp}/new.urdf", "require each other"),
-    ("inspect panda --estimate-inertias -5 -o {tmp}/new.urdf", "estimate_inertias is -5.0"),
-    (f"inspect arm.xml {ESTIMATE}", "is an MJCF. MuJoCo estimates"),
-    (f"inspect bare.urdf --json {ESTIMATE}", "not allowed with argument --json"),
-    ("inspect bare.urdf --estimate-inertias 1000 -o arm.xml", "which exists. Choose another name"),
     ("inspect arm.urdf.xacro", "Give side:=VALUE"),
     ("inspect arm.urdf.xacro side:=a side:=b", "'side' is 'a' and 'b'; expected one value"),
     (
@@ -334,27 +328,6 @@ def test_inspect_for_programs(run):
     ]
     document = json.loads(run("inspect nowhere.urdf --json")[1])
     assert document["status"] == 2 and "neither a file" in document["error"]
-
-
-def test_estimated_inertias(run, tmp_path):
-    """They go into a new file; links without an estimate are named."""
-    new = tmp_path / "new.urdf"
-    status, out, _ = run(f"inspect bare.urdf {ESTIMATE}")
-    assert status == 0 and "arm: 6 kg, estimated from collision box" in out
-    assert "<!-- estimated by diag_dynamics from collision box at 1000 kg/m3 -->" in new.read_text(
-        encoding="utf-8"
-    )
-    assert dd.load_urdf(new).total_mass == pytest.approx(6.0)
-    status, _, error = run(
-        ["inspect", new, "--estimate-inertias", 500, "-o", tmp_path / "none.urdf"]
-    )
-    assert status == 1 and "no link without <inertial> has geometry. No file was written" in error
-    assert not (tmp_path / "none.urdf").exists()
-    mesh = '<link name="base"><visual><geometry><mesh filename="x.stl"/></geometry></visual></link>'
-    (tmp_path / "mesh.urdf").write_text(BARE.replace('<link name="base"/>', mesh))
-    status, out, error = run("inspect {tmp}/mesh.urdf --estimate-inertias 1000 -o {tmp}/other.urdf")
-    assert status == 1 and "arm: 6 kg, estimated from collision box at 1000 kg/m³" in out
-    assert "base: not estimated: " in error and (tmp_path / "other.urdf").is_file()
 
 
 # --- identify

@@ -1,12 +1,9 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Inertias estimated from geometry: against closed forms, random points, and Pinocchio's reading of
-the written URDF.
-"""
+"""Geometry of links against closed forms and Pinocchio, and the files of meshes."""
 
 import struct
-import sys
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +11,7 @@ import pytest
 from lxml import etree
 
 import diag_dynamics as dd
-from diag_dynamics.description.geometry import Shape, estimated, shapes_of, solid_of, united
+from diag_dynamics.description.geometry import Shape, shapes_of, solid_of, united
 from diag_dynamics.description.meshes import Meshes, find_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
@@ -243,100 +240,3 @@ def test_paths_of_meshes(tmp_path, monkeypatch):
         with monkeypatch.context() as context:
             context.setenv(variable, str(tmp_path / path))
             assert find_mesh("package://arm/meshes/a.stl", None).resolve() == file
-
-
-# --- Robots without inertias
-
-BARE = """<robot name="bare">
-  <!-- of a catalogue -->
-  <link name="base"><visual><geometry><box size="1 1 0.1"/></geometry></visual></link>
-  <link name="upper">
-    <visual><geometry><sphere radius="9"/></geometry></visual>
-    <collision><origin xyz="0.2 0 0" rpy="0 1.5707963267948966 0"/>
-      <geometry><cylinder radius="0.05" length="0.4"/></geometry></collision>
-  </link>
-  <link name="lower">
-    <visual><origin xyz="0 0 -0.1"/><geometry><box size="0.1 0.2 0.3"/></geometry></visual>
-    <visual><geometry><mesh filename="b--ox.stl"/></geometry></visual>
-  </link>
-  <link name="given">
-    <inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
-      </inertial>
-    <collision><geometry><box size="1 1 1"/></geometry></collision>
-  </link>
-  <link name="frame"/>
-  <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
-    <limit effort="9" velocity="1"/></joint>
-  <joint name="b" type="revolute"><parent link="upper"/><child link="lower"/>
-    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
-    <limit effort="9" velocity="1"/></joint>
-  <joint name="c" type="fixed"><parent link="lower"/><child link="given"/><origin xyz="0 0 -0.3"/>
-    </joint>
-  <joint name="d" type="fixed"><parent link="given"/><child link="frame"/></joint>
-</robot>
-"""
-
-
-@pytest.fixture
-def bare(tmp_path):
-    stl(tmp_path / "b--ox.stl", BOX * (0.1, 0.1, 0.1), FACES)
-    path = tmp_path / "bare.urdf"
-    path.write_text(BARE)
-    return path
-
-
-def test_written_estimates(bare):
-    """The URDF with estimates loads to Pinocchio's mass matrix; its other elements stay."""
-    result = estimated(BARE, 500.0, bare.parent)
-    model = dd.load_urdf(result.text)
-    reference = pin.buildModelFromXML(result.text)
-    for q in np.random.default_rng(0).uniform(-3, 3, (5, 2)):
-        M = np.triu(pin.crba(reference, reference.createData(), q))
-        close(np.triu(dd.DiagonalDynamics(model).mass_matrix(q)), M, 1e-12)
-    assert "<!-- of a catalogue -->" in result.text
-    for source in ("collision cylinder", "visual box + b- -ox.stl"):
-        assert f"estimated by diag_dynamics from {source} at 500 kg/m3 -->" in result.text
-    tree = etree.fromstring(result.text)
-    before = etree.fromstring(BARE)
-    for link in tree.iter("link"):
-        inertial = link.find("inertial")
-        if inertial is not None and isinstance(inertial[0], etree._Comment):
-            link.remove(inertial)
-    assert [e.attrib for e in tree.iter(etree.Element)] == [
-        e.attrib for e in before.iter(etree.Element)
-    ]
-    again = estimated(result.text, 500.0, bare.parent)
-    assert again.estimates == () and again.text == result.text
-    for entry, twice in zip(
-        result.estimates, estimated(BARE, 1000.0, bare.parent).estimates, strict=True
-    ):
-        assert twice.body.mass == pytest.approx(2.0 * entry.body.mass)
-        np.testing.assert_allclose(twice.body.inertia, 2.0 * entry.body.inertia, rtol=1e-12)
-
-
-def test_lost_meshes(tmp_path):
-    """The visual stands in for a lost collision mesh; a link without any other geometry stays as it
-    is.
-    """
-    text = BARE.replace('<cylinder radius="0.05" length="0.4"/>', '<mesh filename="lost.stl"/>')
-    result = estimated(text, 500.0, tmp_path)
-    assert [(estimate.link, estimate.source) for estimate in result.estimates] == [
-        ("base", "visual box"),
-        ("upper", "visual sphere"),
-    ]
-    assert list(result.failed) == ["lower"] and "mesh 'b--ox" in result.failed["lower"]
-
-
-@pytest.mark.parametrize("density", [0.0, np.inf, "1000"])
-def test_bad_densities(density):
-    with pytest.raises(dd.InputError, match=r"^estimate_inertias"):
-        estimated(BARE, density, None)
-
-
-def test_without_trimesh(bare, monkeypatch):
-    """Primitives need no library."""
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(dd.InputError, match=r"b--ox\.stl' needs the package trimesh"):
-        estimated(BARE, 500.0, bare.parent)
-    text = BARE.replace('<mesh filename="b--ox.stl"/>', '<box size="0.1 0.1 0.1"/>')
-    assert len(estimated(text, 500.0, bare.parent).estimates) == 3
