@@ -24,13 +24,10 @@ from diag_dynamics.text import short
 MAX_MISTAKES = 10  # mistakes that a warning lists
 
 MEASURED = "Give measured ones, or those of CAD."
-SIZES = "Is the mass in kg, and are sizes and the meshes' scale in m? Open meshes count as hulls."
 UNITS = "Is it in kg m², about the centre of mass, and of this link?"
 RATIO = "radius of gyration over the distance of the farthest point"
 EXCESS = "excess of the largest principal moment over the sum of the others"
 GRAVITY = "gravity exceeds the effort limit in some poses, at most by the factor"
-CONDITION = "cond M up to {:.2g}: accelerations have {:.0f} digits; joints with the smallest D"
-LIGHT = "Give these links their inertia, or their joints a rotor's: armature."
 
 
 class Check(NamedTuple):
@@ -72,59 +69,20 @@ LINKS = {
     "rounded": Check(
         "note",
         "%",
-        f"inertias of negligible mass or few digits: {EXCESS}",
-        "No effect on results. Give more digits, or remove the <inertial>.",
+        f"inertias of negligible mass: {EXCESS}",
+        "No effect on results. Remove the <inertial>.",
     ),
     "massless": Check(
         "error", "", "no link has mass: no dynamics; links without <inertial>", MEASURED
     ),
     "moving": Check("warning", "", "moving links with geometry but without <inertial>", MEASURED),
-    "lumped": Check(
-        "note",
-        "",
-        "geometry without <inertial>, attached to links with mass",
-        "Fine if that mass includes theirs.",
-    ),
-    "base": Check(
-        "note",
-        "",
-        "the base has geometry but no <inertial>",
-        "Matters only if the base moves.",
-    ),
     "point": Check(
         "warning",
         "kg",
         "mass with an inertia of zero: a point mass, which rotates without effort",
         "Give the moments of inertia.",
     ),
-    "attached": Check(
-        "note",
-        "kg",
-        "mass with an inertia of zero, attached to links with inertia",
-        "Give the moments of inertia.",
-    ),
     "no mass": Check("warning", "", "inertia without mass, which is impossible", "Give the mass."),
-    "bodiless": Check(
-        "note",
-        "kg",
-        "mass without geometry: its density is unknown",
-        "Fine if intended.",
-    ),
-    "impossible": Check("warning", "kg/m³", "denser than any material", SIZES),
-    "dense": Check("note", "kg/m³", "denser than solid copper", SIZES),
-    "light": Check("note", "kg/m³", "lighter than foam", SIZES, True),
-    "steel": Check(
-        "warning",
-        "kg/m³",
-        "density of steel, the default of CAD: probably too heavy",
-        "Weigh the links, or set each part's material in CAD and export again.",
-    ),
-    "uniform": Check(
-        "note",
-        "kg/m³",
-        "one density of all links: masses are computed, not measured",
-        "Fine for first trials. Weigh the links, or identify them from a recording.",
-    ),
     "outside": Check(
         "warning",
         "m",
@@ -145,13 +103,12 @@ LINKS = {
         "placeholder of 1 kg m² about all axes, that of a ball of diameter",
         MEASURED,
     ),
-    "missing": Check(
+    "unreadable": Check(
         "warning",
         "",
-        "missing meshes: {}",
-        "Put them where the URDF says, or their package into ROS_PACKAGE_PATH.",
+        "unreadable geometry: {}",
+        "Put meshes where the URDF says, or their package into ROS_PACKAGE_PATH.",
     ),
-    "unmeasured": Check("note", "", "unmeasured geometry: {}", "Checks of geometry ignore it."),
 }
 
 JOINTS = {
@@ -182,12 +139,6 @@ JOINTS = {
     ),
     "wide": Check("warning", "rad", "limits beyond three turns", "Are they in degrees?"),
     "long": Check("note", "m", "limits beyond 10 m", "Are they in mm?"),
-    "continuous": Check(
-        "note",
-        "",
-        "position limits at a continuous joint: ignored",
-        "Make it revolute if they hold.",
-    ),
     "no limit": Check(
         "note", "", "no {} limit: treated as unlimited", "Give that of the data sheet."
     ),
@@ -208,12 +159,6 @@ JOINTS = {
         "rad/s, m/s",
         "velocity limit above that of any drive",
         "Placeholder or wrong unit?",
-    ),
-    "short": Check(
-        "note",
-        "rad, m",
-        "mimic joints with narrower limits than their source joint, by",
-        "Limit the source joint to the range of the mimic joint.",
     ),
     "singular": Check(
         "error",
@@ -244,15 +189,6 @@ JOINTS = {
         "Are masses in kg, and effort limits those of the joint, not of the motor?",
     ),
     "balanced": Check("note", "1", GRAVITY, "Fine with springs or counterweights."),
-    "few digits": Check("note", "kg m², kg", CONDITION, LIGHT, True),
-    "no digits": Check("warning", "kg m², kg", CONDITION, LIGHT, True),
-    "rapid": Check(
-        "warning",
-        "rad/s, m/s",
-        "at its velocity limits the robot's mass moves at {:.3g} m/s on average; limits with "
-        "the largest contribution",
-        "Is the limit in rad/s, and not in degrees or a placeholder?",
-    ),
 }
 
 WARNED = {  # mistakes of elements, of links, joints or the robot

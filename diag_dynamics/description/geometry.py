@@ -1,12 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Visual and collision geometry of links, and its volume."""
+"""Visual and collision geometry of links."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +13,6 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import LARGEST, floats, placement_of
 from diag_dynamics.description.meshes import Meshes
 from diag_dynamics.exceptions import UrdfError
-from diag_dynamics.rigid_body import RigidBody
 
 KINDS = {  # shapes that are known, and how many numbers each attribute has
     "box": {"size": 3},
@@ -40,17 +37,6 @@ class Shape(NamedTuple):
     numbers: tuple[float, ...]
     placement: Array
     file: str = ""
-
-
-class Solid(NamedTuple):
-    """Shapes as a body of density 1: mass [m³], centre [m] and inertia [m⁵].
-
-    The convex hull of `corners`, shape (number, 3) [m], holds all of it. `of` names the shapes.
-    """
-
-    body: RigidBody
-    corners: Array
-    of: tuple[str, ...]
 
 
 def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
@@ -92,73 +78,19 @@ def shape_of(element: Any, where: str) -> Shape | None:
     return Shape(shape.tag, tuple(numbers), placement, shape.get("filename", ""))
 
 
-def solid_of(shape: Shape, meshes: Meshes) -> Solid:
-    """Return the content of a shape, in the link's axes.
-
-    A mesh that is not watertight counts by its convex hull.
-    """
-    solid = _mesh(shape, meshes) if shape.kind == "mesh" else _primitive(shape.kind, *shape.numbers)
-    if not solid.body.mass > 0.0:
-        raise UrdfError(f"{solid.of[0]} encloses no volume.")
-    return moved(solid, shape.placement)
-
-
-def _primitive(kind: str, *numbers: float) -> Solid:
-    """Return the content of a shape in its own axes, from its second moments ∫x², ∫y², ∫z²."""
-    if kind == "box":
-        half = 0.5 * np.array(numbers)
-        volume = math.prod(numbers)
-        squares = volume / 12.0 * np.array(numbers) ** 2
-    elif kind == "cylinder":
-        r, length = numbers
-        half = np.array([r, r, 0.5 * length])
-        volume = math.pi * r**2 * length
-        squares = volume * np.array([r**2 / 4.0, r**2 / 4.0, length**2 / 12.0])
-    else:  # a sphere is a capsule without a cylinder between its halves
-        r, length = (*numbers, 0.0)[:2]
-        half = np.array([r, r, 0.5 * length + r])
-        cylinder = math.pi * r**2 * length
-        ball = 4.0 / 3.0 * math.pi * r**3
-        volume = cylinder + ball
-        across = cylinder * r**2 / 4.0 + ball * r**2 / 5.0
-        along = cylinder * length**2 / 12.0 + ball * (
-            r**2 / 5.0 + length**2 / 4.0 + 3.0 * length * r / 8.0
-        )
-        squares = np.array([across, across, along])
-    body = RigidBody(volume, np.zeros(3), np.diag(squares.sum() - squares))
-    return Solid(body, CUBE * half, (kind,))
-
-
-def _mesh(shape: Shape, meshes: Meshes) -> Solid:
-    mesh = meshes.mesh(shape.file).copy()
-    of = shape.file.rsplit("/", 1)[-1]
-    mesh.apply_transform(np.diag([*shape.numbers, 1.0]))
-    corners = CUBE * (0.5 * mesh.extents) + mesh.bounds.mean(axis=0)
-    with np.errstate(all="ignore"):  # of a flat mesh, which is rejected for its volume of zero
-        if not (mesh.is_watertight and mesh.is_winding_consistent):
-            try:
-                mesh = mesh.convex_hull
-                of = f"convex hull of {of}"
-            except (
-                ValueError,
-                RuntimeError,
-            ) as error:  # of points in a plane; Qhull's error is a RuntimeError
-                raise UrdfError(f"{of} encloses no volume.") from error
-        elif mesh.volume < 0.0:  # all faces look inward
-            mesh.invert()
-        properties = mesh.mass_properties
-    centre = np.array(properties.center_mass)
-    inertia = np.array(properties.inertia)
-    return Solid(RigidBody(float(properties.volume), centre, inertia), corners, (of,))
-
-
-def united(solids: Iterable[Solid]) -> Solid:
-    """Return several solids as one; where they overlap, the volume counts as often."""
-    bodies, corners, of = zip(*solids, strict=True)
-    return Solid(RigidBody.union(*bodies), np.concatenate(corners), sum(of, ()))
-
-
-def moved(solid: Solid, placement: Array) -> Solid:
-    """Return a solid in the axes in which its own ones have this placement (4x4)."""
-    corners = solid.corners @ placement[:3, :3].T + placement[:3, 3]
-    return solid._replace(body=solid.body.moved(placement), corners=corners)
+def corners_of(shape: Shape, meshes: Meshes) -> Array:
+    """Return the corners of a box around a shape, shape (8, 3), in the link's axes [m]."""
+    centre = np.zeros(3)
+    if shape.kind == "mesh":
+        low, high = meshes.mesh(shape.file).bounds * shape.numbers
+        centre = 0.5 * (low + high)
+        half: Array = 0.5 * (high - low)
+    elif shape.kind == "box":
+        half = 0.5 * np.array(shape.numbers)
+    else:
+        radius, length = (*shape.numbers, 0.0)[:2]
+        half = np.array([radius, radius, 0.5 * length])
+        if shape.kind != "cylinder":
+            half[2] += radius
+    placement = shape.placement
+    return (CUBE * half + centre) @ placement[:3, :3].T + placement[:3, 3]

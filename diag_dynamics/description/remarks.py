@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import floats
-from diag_dynamics.description.records import Remark
+from diag_dynamics.description.records import Link, Remark
 from diag_dynamics.rigid_body import not_physical
 from diag_dynamics.text import short
 
@@ -123,22 +122,16 @@ def _angle(element: Any) -> tuple[str, float]:
     return "offset", (offset or [0.0])[0]
 
 
-def unphysical(inertias: Iterable[tuple[str, float, Array, float]]) -> Iterator[Remark]:
-    """Find moments of inertia below zero or above the sum of the others, beyond rounding.
-
-    `inertias` has link, mass, inertia, and half a unit of the inertia's last digit.
-    """
-    rows = list(inertias)
-    negligible = NEGLIGIBLE * sum(mass for _, mass, _, _ in rows)
-    for name, mass, inertia, half_digit in rows:
+def unphysical(links: Iterable[Link]) -> Iterator[Remark]:
+    """Find moments of inertia below zero or above the sum of the others, beyond rounding."""
+    inertials = {link.name: link.inertial for link in links if link.inertial is not None}
+    negligible = NEGLIGIBLE * sum(inertial.mass for inertial in inertials.values())
+    for name, (mass, _, inertia) in inertials.items():
         if not_physical(inertia, mass) is None:
             continue
         first, second, third = np.linalg.eigvalsh(inertia)
-        rounding = 3.0 * half_digit  # norm of the matrix of errors bounds that of eigenvalues
-        excess = third - first - second
-        is_light = not mass or mass < negligible
-        if first < -rounding and not is_light:
-            yield Remark("negative", name, first)
-        else:
-            row = "rounded" if is_light or excess <= 3.0 * rounding else "triangle"
-            yield Remark(row, name, 100.0 * excess / max(abs(first), third))
+        row = "negative" if first < 0.0 else "triangle"
+        if not mass or mass < negligible:
+            row = "rounded"
+        excess = 100.0 * (third - first - second) / max(abs(first), third)
+        yield Remark(row, name, first if row == "negative" else excess)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Container, Iterable, Mapping
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -98,18 +97,6 @@ def describe_urdf(element: Any) -> Description:
     return Description(
         name, root, links, joints, loops, driven=driven_joints(element), remarks=remarks
     )
-
-
-def readable_parts(element: Any) -> tuple[dict[str, Link], dict[str, Joint]]:
-    """Return the links and joints of a <robot> element that can be read, even if others cannot."""
-    reduced = _Reduced()
-    for link in element.findall("link"):
-        with suppress(UrdfError):
-            reduced.add_link(link)
-    for joint in element.findall("joint"):
-        with suppress(UrdfError):
-            reduced.add_joint(joint)
-    return reduced.read({})
 
 
 def reject_large(kind: str, joint_count: int, link_count: int) -> None:

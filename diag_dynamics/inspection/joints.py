@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from diag_dynamics.inspection.urdf import Found, Urdf
+from diag_dynamics.inspection.robot import Found, Robot
 
 TURNS = (
     20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]
@@ -27,9 +27,9 @@ ONCE = {"link": ("inertial",), "inertial": OF_INERTIAL, "geometry": ("*",), "joi
 """Children that an element has once."""
 
 
-def elements(urdf: Urdf) -> Found:
+def elements(robot: Robot) -> Found:
     """Find repeated elements; readers differ in which one they read."""
-    for element in urdf.elements:
+    for element in robot.elements:
         name = element.get("name", "")
         for part in element.iter(*ONCE):
             for tag in ONCE[part.tag]:
@@ -38,34 +38,34 @@ def elements(urdf: Urdf) -> Found:
                     yield "repeated", name, 0.0, words, element.tag
 
 
-def attributes(urdf: Urdf) -> Found:
+def attributes(robot: Robot) -> Found:
     """Find unknown attributes, axes without xyz, angles in degrees, and forces that are omitted."""
-    return iter(urdf.remarks)
+    return iter(robot.description.remarks)
 
 
-def transmissions(urdf: Urdf) -> Found:
+def transmissions(robot: Robot) -> Found:
     """Find rotor inertias of transmissions."""
-    return (("rotor", name, inertia) for name, inertia in urdf.rotors.items())
+    if not robot.is_mjcf:
+        rotors = {joint.name: joint.armature for joint in robot.joints if joint.armature}
+        yield from (("rotor", name, inertia) for name, inertia in rotors.items())
 
 
-def axes(urdf: Urdf) -> Found:
+def axes(robot: Robot) -> Found:
     """Find axes that are not unit vectors; they scale positions and efforts in other readers."""
-    for joint in urdf.joints:
+    for joint in robot.joints:
         length = float(np.linalg.norm(joint.axis))
         if abs(length - 1.0) > UNIT and joint.type not in ("fixed", "floating"):
             yield "axis", joint.name, length
 
 
-def position_limits(urdf: Urdf) -> Found:
+def position_limits(robot: Robot) -> Found:
     """Find position limits that are missing, shut, or in other units."""
-    for joint in urdf.joints:
+    for joint in robot.joints:
         low = joint.lower
         high = joint.upper
         finite = [abs(x) for x in (low, high) if np.isfinite(x)]
         row, maximum = BEYOND.get(joint.type, ("", 0.0))
-        if joint.type == "continuous" and low < high and len(finite) == 2:
-            yield "continuous", joint.name, 0.0
-        elif row and not finite:
+        if row and not finite:
             yield "unlimited", joint.name, 0.0
         elif row and low == high:
             yield "shut", joint.name, low
@@ -73,40 +73,24 @@ def position_limits(urdf: Urdf) -> Found:
             yield row, joint.name, max(finite)
 
 
-def effort_limits(urdf: Urdf) -> Found:
+def effort_limits(robot: Robot) -> Found:
     """Find effort limits that are missing, zero or beyond any drive."""
-    return _find_limits(urdf, "effort", "strong", STRONG)
+    return _find_limits(robot, "effort", "strong", STRONG)
 
 
-def velocity_limits(urdf: Urdf) -> Found:
+def velocity_limits(robot: Robot) -> Found:
     """Find velocity limits that are missing, zero or beyond any drive."""
-    return _find_limits(urdf, "velocity", "fast", FAST)
+    return _find_limits(robot, "velocity", "fast", FAST)
 
 
-def _find_limits(urdf: Urdf, name: str, row: str, maximum: float) -> Found:
-    for joint in urdf.joints:
+def _find_limits(robot: Robot, name: str, row: str, maximum: float) -> Found:
+    for joint in robot.joints:
         limit = getattr(joint, name)
         if joint.type in ("fixed", "floating", "planar") or joint.mimic is not None:
             continue
         if limit <= 0.0:
             yield "zero", joint.name, 0.0, (name,)
-        elif limit == np.inf and not urdf.is_mjcf:  # which has none that could be missing
+        elif limit == np.inf and not robot.is_mjcf:  # which has none that could be missing
             yield "no limit", joint.name, 0.0, (name,)
         elif maximum < limit < np.inf:
             yield row, joint.name, limit
-
-
-def mimic_joints(urdf: Urdf) -> Found:
-    """Find mimic joints whose limits end before their source's."""
-    joints = {joint.name: joint for joint in urdf.joints}
-    for joint in joints.values():
-        mimic = joint.mimic
-        if mimic is None or mimic.leader not in joints:
-            continue
-        source = joints[mimic.leader]
-        ends = joint.lower, joint.upper, source.lower, source.upper
-        if np.isfinite(ends).all() and joint.type in BEYOND and source.type in BEYOND:
-            low, high = sorted(mimic.multiplier * x + mimic.offset for x in ends[2:])
-            beyond = max(joint.lower - low, high - joint.upper)
-            if beyond > 0.01 * (high - low):
-                yield "short", joint.name, beyond

@@ -18,12 +18,13 @@ from diag_dynamics import exceptions
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
-from diag_dynamics.description.records import Description, Remark
+from diag_dynamics.description.records import Remark
 from diag_dynamics.description.text import folder_of, read_text
+from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.inspection import joints, links, motion
 from diag_dynamics.inspection.motion import Motion
-from diag_dynamics.inspection.urdf import Found, Urdf
+from diag_dynamics.inspection.robot import Found, Robot
 from diag_dynamics.model import RobotModel, load_urdf
 
 SEVERITIES = ("ok", "note", "warning", "error")
@@ -31,17 +32,13 @@ SEVERITIES = ("ok", "note", "warning", "error")
 keeps results from being computed, in part or wholly."""
 
 # Skipped for an MJCF, whose geometry is not read
-OF_GEOMETRY = (
-    *(links.mass_without_geometry, links.density, links.uniform_density, links.centre_of_mass),
-    *(links.gyration, links.meshes),
-)
+OF_GEOMETRY = links.centre_of_mass, links.gyration, links.meshes
 OF_XML = (
-    *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY[:-1], links.placeholders),
-    *(links.meshes, joints.elements, joints.attributes, joints.transmissions),
-    *(joints.axes, joints.position_limits, joints.effort_limits, joints.velocity_limits),
-    joints.mimic_joints,
+    *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY, links.placeholders),
+    *(joints.elements, joints.attributes, joints.transmissions, joints.axes),
+    *(joints.position_limits, joints.effort_limits, joints.velocity_limits),
 )
-OF_MOTION = (motion.rotor_inertia, motion.gravity, motion.conditioning, motion.kinetic_energy)
+OF_MOTION = motion.rotor_inertia, motion.gravity
 
 CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))  # names of all checks
 
@@ -91,8 +88,8 @@ def inspect_robot(
 ) -> Report:
     """Report facts about a robot's model, and findings of the checks of its URDF.
 
-    An error of the library is a finding, and checks of the XML go on. Joints that move no inertia
-    are locked for the other checks.
+    An error of a robot that can be read is a finding. Joints that move no inertia are locked for
+    the other checks.
 
     Parameters
     ----------
@@ -112,28 +109,30 @@ def inspect_robot(
     Raises
     ------
     UrdfError
-        There is no such file, or it is no XML of a robot at all.
+        The robot cannot be read.
     """
     folder = folder_of(source)
     is_path = folder is not None and isinstance(source, (str, os.PathLike))
     options: dict[str, Any] = {} if loops is None else {"loops": loops}
+    element = None
     if is_mjcf(source) and not xacro_args:
-        robot: Description | str = read_mjcf(source)
+        description = read_mjcf(source)
     else:
-        robot = read_text(source, xacro_args)
-    urdf = Urdf(robot, folder)
-    load = partial(load_urdf, robot, floating_base=floating_base)
+        element = parse_urdf(read_text(source, xacro_args))
+        description = describe_urdf(element)
+    robot = Robot(description, element, folder)
+    load = partial(load_urdf, description, floating_base=floating_base)
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
         model, poses, rows = _load(load, options)
-        urdf.stands = model is not None and not model.floating_base
+        robot.stands = model is not None and not model.floating_base
         rows_of = {"loading": iter(rows)}
         for check in OF_XML:
-            if not urdf.is_mjcf or check not in OF_GEOMETRY:
-                rows_of[check.__name__] = check(urdf)
+            if not robot.is_mjcf or check not in OF_GEOMETRY:
+                rows_of[check.__name__] = check(robot)
         if poses:
             rows_of |= {check.__name__: check(poses) for check in OF_MOTION}
         findings = [finding for name, rows in rows_of.items() for finding in _findings(name, rows)]
-        facts = _facts(urdf, model, poses)
+        facts = _facts(robot, model, poses)
     findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
     checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(rows_of, "ok")
     checks |= {finding.check: finding.severity for finding in reversed(findings)}
@@ -178,18 +177,18 @@ def _load(
     return model, None, rows
 
 
-def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
-    moving = [joint for joint in urdf.joints if joint.type != "fixed"]
-    bare = [link for link in urdf.links.values() if not link.has_inertial]
+def _facts(robot: Robot, model: RobotModel | None, poses: Motion | None) -> dict[str, Any]:
+    moving = [joint for joint in robot.joints if joint.type != "fixed"]
+    bare = [link for link in robot.links.values() if not link.has_inertial]
     return {
-        "name": urdf.name,
-        "links": len(urdf.links),
-        "joints": len(urdf.joints),
+        "name": robot.description.name,
+        "links": len(robot.links),
+        "joints": len(robot.joints),
         "moving_joints": len(moving),
         "degrees_of_freedom": model.nv if model else None,
         "floating_base": model.floating_base if model else None,
         "root_link": model.root_link if model else None,
-        "total_mass": urdf.total_mass,
+        "total_mass": robot.total_mass,
         "mimic_joints": [joint.name for joint in moving if joint.mimic is not None],
         "coupled_groups": [list(group) for group in model.coupled_groups] if model else None,
         "locked_joints": sorted(model.locked_joints) if model else None,
@@ -198,7 +197,7 @@ def _facts(urdf: Urdf, model: RobotModel | None, poses: Motion | None) -> dict[s
         "poses": motion.POSES if poses else 0,
         "condition_of_mass_matrix": _range(poses.condition) if poses else None,
         "kinetic_energy_at_velocity_limits": _range(poses.energy_at_limits) if poses else None,
-        "tips": {tip: _range(poses.reflected_mass(tip)) if poses else None for tip in _tips(urdf)},
+        "tips": {tip: _range(poses.reflected_mass(tip)) if poses else None for tip in _tips(robot)},
     }
 
 
@@ -210,8 +209,8 @@ def _finite(values: Mapping[str, Any]) -> dict[str, float | None]:
     return {name: float(x) if math.isfinite(x) else None for name, x in values.items()}
 
 
-def _tips(urdf: Urdf) -> list[str]:
+def _tips(robot: Robot) -> list[str]:
     """Return the farthest link of every moving body that carries no other."""
-    parents = {joint.parent for joint in urdf.joints if joint.type != "fixed"}
-    placements = [x.placements for x in urdf.bodies if x.joint and not parents & set(x.placements)]
+    parents = {joint.parent for joint in robot.joints if joint.type != "fixed"}
+    placements = [x.placements for x in robot.bodies if x.joint and not parents & set(x.placements)]
     return [max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)) for X in placements]

@@ -151,12 +151,8 @@ def load_urdf(
 def _warn_of_mistakes(description: Description, additional: Parameters | None) -> None:
     """Warn of probable mistakes and of inertias, but for links that a payload lightens."""
     lighter = [] if additional is None else additional.lighter_links
-    inertias = [
-        (link.name, link.inertial.mass, link.inertial.inertia, 0.0)
-        for link in description.links.values()
-        if link.inertial is not None and link.name not in lighter
-    ]
-    warn_of(description.name, [*description.remarks, *unphysical(inertias)])
+    links = [link for link in description.links.values() if link.name not in lighter]
+    warn_of(description.name, [*description.remarks, *unphysical(links)])
 
 
 def _warn_of_balls(model: RobotModel) -> None:

@@ -48,9 +48,8 @@ ARM = f"""<robot name="arm">
 UPPER, LOWER = 'ixx="0.0042" iyy="0.0448" izz="0.0448"', 'ixx="0.0006" iyy="0.0093" izz="0.0093"'
 BASE = 'ixx="0.1" iyy="0.1" izz="0.1"'
 LIMIT = '<limit lower="-2.5" upper="2.5" effort="20" velocity="3"/>'
-BOX, MASS, TOOL = '<box size="0.4 0.09 0.09"/>', '<mass value="3.2"/>', '<link name="tool"/>'
-VOLUME = 0.4 * 0.09**2
-REACH_UPPER, REACH_LOWER = np.hypot(0.2, 0.045 * np.sqrt(2)), np.hypot(0.15, 0.03 * np.sqrt(2))
+BOX, TOOL = '<box size="0.4 0.09 0.09"/>', '<link name="tool"/>'
+REACH_LOWER = np.hypot(0.15, 0.03 * np.sqrt(2))
 
 
 def arm(*changes):
@@ -63,16 +62,6 @@ def arm(*changes):
 
 def moments(old, *new):
     return arm(old, 'ixx="{}" iyy="{}" izz="{}"'.format(*new))
-
-
-def masses(*values):
-    return arm(
-        *(
-            f'mass value="{entry}"'
-            for pair in zip((10, 3.2, 1.2), values, strict=True)
-            for entry in pair
-        )
-    )
 
 
 def more(elements):
@@ -114,12 +103,7 @@ ROTOR = (
     '<drake:rotor_inertia value="2e-6"/>'
     '<drake:gear_ratio value="100"/></actuator></transmission>'
 )
-SEEN_TOOL = '<link name="tool"><visual><geometry><sphere radius="0.01"/></geometry></visual></link>'
-SHAPELESS = re.sub(r"<collision>.{1,90}box size=\"0.4.*?</collision>", "", ARM)
-HEAVY = arm(MASS, '<mass value="3200"/>')
 ELBOW = 'elbow" type="revolute"'
-ALL = "base left_upper left_lower"
-LIGHT = arm(LOWER, 'ixx="0" iyy="1e-11" izz="1e-11"', '"1.2"', '"1e-9"')
 
 # check, severity, links or joints, number of the first (None: there is none), the arm with the
 # mistake
@@ -133,20 +117,9 @@ MISTAKES = (
     ),
     ("possible_inertias", "warning", "left_lower", -0.01, moments(LOWER, -0.01, 0.0093, 0.0093)),
     ("possible_inertias", "note", "dot", 100 / 3, more(welded("dot", 1e-6, 1e-9, 0.1, 3e-9))),
-    ("possible_inertias", "note", "left_upper", 20.0, moments(UPPER, 0.02, 0.02, 0.05)),
-    ("missing_inertias", "note", "tool", None, arm(TOOL, SEEN_TOOL)),
-    ("missing_inertias", "note", "base", None, bare("base")),
     ("missing_inertias", "warning", "left_lower", None, bare("left_lower")),
     ("missing_inertias", "warning", "left_lower", 1.2, moments(LOWER, 0, 0, 0)),
-    ("missing_inertias", "note", "point", 3.0, more(welded("point", 3.0, 0, 0.1))),
     ("missing_inertias", "warning", "left_lower", None, arm('"1.2"', '"0"')),
-    ("mass_without_geometry", "note", "left_upper", 3.2, SHAPELESS),
-    ("density", "warning", "left_upper", 3200 / VOLUME, HEAVY),
-    ("density", "note", "left_upper", 39 / VOLUME, arm(MASS, '<mass value="39"/>')),
-    ("density", "note", "left_upper", 0.1 / VOLUME, arm(MASS, '<mass value="0.1"/>')),
-    ("uniform_density", "warning", ALL, 7850.0, masses(70.7, 25.4, 6.66)),
-    ("uniform_density", "warning", ALL, 7200.0, masses(64.8, 25.9, 6.62)),
-    ("uniform_density", "note", ALL, 1000.0, masses(9, 3.24, 0.848)),
     ("centre_of_mass", "warning", "left_upper", 0.2, arm('"0.2 0 0"/><mass', '"0.6 0 0"/><mass')),
     (
         "gyration",
@@ -155,7 +128,6 @@ MISTAKES = (
         np.sqrt(9300 / 1.2) / REACH_LOWER,
         moments(LOWER, 600, 9300, 9300),
     ),
-    ("gyration", "note", "left_upper", 0.5 / REACH_UPPER, moments(UPPER, 0.8, 0.0448, 0.8)),
     (
         "gyration",
         "note",
@@ -166,8 +138,7 @@ MISTAKES = (
     ("gyration", "note", "base", 0.9**0.5 / np.hypot(0.15 * 2**0.5, 0.05), moments(BASE, 9, 9, 9)),
     ("placeholders", "warning", "left_upper", 2 * np.sqrt(2.5 / 3.2), moments(UPPER, 1, 1, 1)),
     ("meshes", "warning", "left_upper", None, arm(BOX, '<mesh filename="package://no/a.stl"/>')),
-    ("meshes", "note", "left_upper", None, arm(BOX, "<cone/>")),
-    ("meshes", "note", "left_upper", None, arm(BOX, '<box size="0.4 0 0.09"/>')),
+    ("meshes", "warning", "left_upper", None, arm(BOX, "<cone/>")),
     ("elements", "warning", "elbow", None, arm(LIMIT, LIMIT * 2)),
     ("attributes", "warning", "elbow", None, arm('lower="-2.5"', 'Lower="-2.5"')),
     ("attributes", "warning", "flange", 90.0, arm('"0.3 0 0"', '"0.3 0 0" rpy="0 90 0"')),
@@ -189,17 +160,13 @@ MISTAKES = (
         300.0,
         arm('"-2.5"', '"-300"', ELBOW, 'elbow" type="prismatic"'),
     ),
-    ("position_limits", "note", "elbow", None, arm(ELBOW, 'elbow" type="continuous"')),
     ("effort_limits", "warning", "elbow", None, arm('effort="20"', 'effort="0"')),
     ("effort_limits", "note", "elbow", 1e6, arm('effort="20"', 'effort="1e6"')),
     ("velocity_limits", "note", "elbow", None, arm('velocity="3"', "")),
     ("velocity_limits", "warning", "elbow", None, arm('velocity="3"', 'velocity="0"')),
-    ("mimic_joints", "note", "follows", 0.5, mimic('multiplier="-2" offset="0.5"', -4.5, 5.0, 9)),
     ("rotor_inertia", "note", "elbow", 1e3 * 0.0363 * 3 / 200, arm('effort="20"', 'effort="200"')),
     ("gravity", "note", "shoulder", None, arm('effort="24"', 'effort="12"')),
     ("gravity", "warning", "shoulder", None, arm('effort="24"', 'effort="2"')),
-    ("conditioning", "note", "elbow shoulder", None, LIGHT),
-    ("kinetic_energy", "warning", "elbow shoulder", None, arm('velocity="2"', 'velocity="1000"')),
 )
 
 
@@ -221,10 +188,10 @@ def test_arm_without_mistakes():
 def test_attached_links_are_one_body():
     """Geometry at a link that a fixed joint attaches is compared with the mass of the other one."""
     shape = changed('"0.15 0 0"', '"-0.15 0 0"', LOWER_SHAPE)
-    (finding,) = inspect_robot(
-        arm(LOWER_SHAPE, "", TOOL, f'<link name="tool">{shape}</link>')
-    ).findings
-    assert (finding.severity, finding.links) == ("note", ("tool",)) and "<inertial>" in finding.what
+    moved = arm(LOWER_SHAPE, "", TOOL, f'<link name="tool">{shape}</link>')
+    assert inspect_robot(moved).findings == ()
+    (finding,) = inspect_robot(moved.replace('"-0.15 0 0"', '"0.6 0 0"')).findings
+    assert (finding.check, finding.links) == ("centre_of_mass", ("left_lower",))
 
 
 @pytest.mark.parametrize(
@@ -239,7 +206,7 @@ def test_mistakes(mistake):
     if number is not None:
         assert finding.values[where.split()[0]] == pytest.approx(number, rel=2e-3) and finding.unit
     numbers = list(finding.values.values())
-    assert numbers == sorted(numbers, key=abs, reverse=check != "conditioning")  # the worst first
+    assert numbers == sorted(numbers, key=abs, reverse=True)  # the worst first
     assert finding.what and finding.remedy
     worst = {*report.checks.values(), "note"} - {"skipped"}
     assert report.checks[check] in worst and report.status == max(map(SEVERITIES.index, worst)) - 1
@@ -286,16 +253,6 @@ def test_facts_against_pinocchio():
 # --- Robots that do not load
 
 
-def test_rejected_robot_has_a_report():
-    """It has the error of the loader and the findings of checks that need no model."""
-    report = inspect_robot(HEAVY.replace('type="fixed"', 'type="screw"'))
-    (finding,) = findings_of(report, "loading", "error")
-    assert "joint 'flange': unknown type 'screw'" in finding.what
-    assert findings_of(report, "density", "warning") and report.status == 2
-    assert report.checks["gravity"] == "skipped" and report.facts["degrees_of_freedom"] is None
-    assert report.facts["links"] == 4 and report.facts["total_mass"] == pytest.approx(3211.2)
-
-
 def test_rejected_joints_are_left_out():
     """Massless joints are locked and mimic joints without their source free for the checks that
     follow.
@@ -315,39 +272,28 @@ def test_rejected_joints_are_left_out():
     assert report.facts["degrees_of_freedom"] == 3
 
 
-@pytest.mark.parametrize(
-    ("number", "unreadable"),
-    [
-        ('lower="-2.5"', 'lower="x"'),
-        ('<axis xyz="0 1 0"/><limit', '<axis xyz="0 1"/><limit'),
-        ('<origin xyz="0.4 0 0"/>', '<origin xyz="0.4 ${y} 0"/>'),
-    ],
-)
-def test_an_unreadable_joint_is_left_out(number, unreadable):
-    report = inspect_robot(arm(number, unreadable))
-    (finding,) = findings_of(report, "loading", "error")
-    assert "elbow" in finding.what
-    assert report.facts["joints"] == inspect_robot(ARM).facts["joints"] - 1
-
-
 def test_sources_that_are_hardly_a_robot():
-    huge = "<link><visual><geometry><sphere radius='1e200'/></geometry></visual></link>"
-    assert inspect_robot(f"<robot>{huge}</robot>").checks["meshes"] == "note"
-    for text in ("<robot/>", "<robot><link/></robot>", '<robot><link name="a"/><joint/></robot>'):
-        assert inspect_robot(text).checks["loading"] == "error"
-    for source in ("nowhere.urdf", "<robot", "<sdf/>", ""):
+    huge = "<link name='a'><visual><geometry><sphere radius='1e200'/></geometry></visual></link>"
+    assert inspect_robot(f"<robot>{huge}</robot>").checks["meshes"] == "warning"
+    sources = ("nowhere.urdf", "<robot", "<sdf/>", "", "<robot/>", arm('lower="-2.5"', 'lower="x"'))
+    for source in sources:
         with pytest.raises(dd.UrdfError):
             inspect_robot(source)
 
 
 def test_missing_and_broken_attributes():
-    """An inspection without an attribute or element, or with nonsense in it, is a report."""
+    """An inspection without an attribute or element, or with nonsense in it, is a report or the
+    loader's error.
+    """
     elements = r"<(?:origin|axis|limit|mass|inertia|parent|child)\b[^>]*/>"
     pieces = [*re.finditer(r' \w+="[^"]*"', ARM), *re.finditer(elements, ARM)]
     assert len(pieces) > 80
     for piece in some_of(pieces, 4):
         for other in ("", re.sub('"[^"]*"', '"x 1e999"', piece[0])):
-            report = inspect_robot(ARM[: piece.start()] + other + ARM[piece.end() :])
+            try:
+                report = inspect_robot(ARM[: piece.start()] + other + ARM[piece.end() :])
+            except dd.UrdfError:
+                continue
             json.dumps(report.to_dict(), allow_nan=False)
             assert max(map(len, report_lines(report))) <= 80
 
@@ -372,11 +318,10 @@ ILL_MADE = {
     "ur5": {"centre_of_mass": "wrist_1_link", "gyration": "wrist_3_link"},
     "simple_humanoid": {"placeholders": "torso", "gravity": "WAIST_P"},
     "pr2": {"possible_inertias": "double_stereo_link", "gyration": "sensor_mount_link"},
-    "bolt": {"kinetic_energy": "FL_HAA"},
     "iris": {"effort_limits": "iris__rotor_0_joint"},
     "double_pendulum_simple": {"placeholders": "base_link", "position_limits": "joint1"},
     "icub": {"missing_inertias": "neck_1", "centre_of_mass": "l_upper_leg"},
-    "tiago": {"density": "hand_thumb_link", "gyration": "hand_thumb_link"},
+    "tiago": {"gyration": "hand_thumb_link"},
 }
 
 

@@ -102,7 +102,7 @@ def test_random_positions(tmp_path):
     path = tmp_path / "loops.yaml"
     path.write_text(yaml.safe_dump({"loops": [FIVE_BAR]}))
     report = inspect_robot(five_bar(), loops=str(path))
-    assert report.facts["degrees_of_freedom"] == 3 and report.checks["conditioning"] != "skipped"
+    assert report.facts["degrees_of_freedom"] == 3 and report.checks["gravity"] != "skipped"
 
 
 # --- Errors and warnings
