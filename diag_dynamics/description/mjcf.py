@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -28,12 +28,6 @@ from diag_dynamics.description.records import (
 from diag_dynamics.description.urdf import checked_joint, reject_large
 from diag_dynamics.exceptions import InputError, UnsupportedError, UrdfError
 from diag_dynamics.optional import require
-
-# MuJoCo's flags that disable a thing beside the flag of its name; those of passive forces depend on
-# the version
-FLAGS = {"spring": "PASSIVE", "damper": "PASSIVE"} | dict.fromkeys(
-    ("equality", "frictionloss", "limit"), "CONSTRAINT"
-)
 
 
 def is_mjcf(source: object) -> TypeGuard[str | os.PathLike[str]]:
@@ -60,18 +54,17 @@ def read_mjcf(source: str | os.PathLike[str]) -> Description:
     top = [b for b in c.bodies if c.m.body_parentid[b] == 0 and not c.is_marker(b)]
     floating = len(c.free) == 1 and len(top) == 1
     reader = _Reader(c, floating)
-    root = reader.root
     omitted = tuple(_omitted(c))
     return Description(
         name=c.m.names[: c.m.names.index(b"\0")].decode() or "mjcf",
-        root=root,
+        root=next(iter(reader.links)),
         links=reader.links,
         joints=reader.joints,
         loops=tuple(reader.loop(e) for e in c.equalities if c.equality_kinds[e] != "joint"),
         curves=reader.curves,
         driven=tuple(c.name("joint", j) for j in c.actuated.values()),
         floating_base=floating,
-        gravity=np.zeros(3) if c.is_disabled("gravity") else c.m.opt.gravity.copy(),
+        gravity=np.zeros(3) if c.is_disabled("GRAVITY") else c.m.opt.gravity.copy(),
         locked=c.locked_joints(),
         omitted=omitted,
         balls=tuple(c.name("joint", j) for j in c.balls),
@@ -102,17 +95,19 @@ class _Compiled:
         ends = {a: int(m.actuator_trnid[a, 0]) for a in at_joint}
         # The hinge or slide of an actuator
         self.actuated = {a: j for a, j in ends.items() if j in self.single}
+        self.springs_act = not self.is_disabled("SPRING", "PASSIVE")
+        self.dampers_act = not self.is_disabled("DAMPER", "PASSIVE")
         self.equality_kinds = self.kinds("mjtEq", "eq_type")
-        self.equalities = (
-            [] if self.is_disabled("equality") else list(filter(self._holds, range(m.neq)))
-        )
-        self.limited = (
-            np.zeros(m.njnt, bool) if self.is_disabled("limit") else m.jnt_limited.astype(bool)
-        )
-        self.friction = np.zeros(m.nv) if self.is_disabled("frictionloss") else m.dof_frictionloss
-        self.damping = (
-            np.zeros(m.nv) if self.is_disabled("damper") else self._with_actuators("damping")
-        )
+        has_equalities = not self.is_disabled("EQUALITY", "CONSTRAINT")
+        self.equalities = list(filter(self._holds, range(m.neq))) if has_equalities else []
+        # The first equality of each joint
+        of_joints = [e for e in reversed(self.equalities) if self.equality_kinds[e] == "joint"]
+        self.coupled = {int(m.eq_obj1id[e]): e for e in of_joints}
+        has_limits = not self.is_disabled("LIMIT", "CONSTRAINT")
+        self.limited = m.jnt_limited.astype(bool) & has_limits
+        has_friction = not self.is_disabled("FRICTIONLOSS", "CONSTRAINT")
+        self.friction = m.dof_frictionloss * has_friction
+        self.damping = self._with_actuators("damping") * self.dampers_act
         self.armature = self._with_actuators("armature")
 
     def _with_actuators(self, name: str) -> Array:
@@ -138,8 +133,8 @@ class _Compiled:
             kind(int(value)).name.partition("_")[2].lower() for value in getattr(self.m, attribute)
         ]
 
-    def is_disabled(self, thing: str) -> bool:
-        flags = (thing.upper(), FLAGS.get(thing, ""))
+    def is_disabled(self, *flags: str) -> bool:
+        """Return whether one of the flags, whose names depend on MuJoCo's version, is set."""
         bits = (getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{flag}", 0) for flag in flags)
         return any(self.m.opt.disableflags & int(bit) for bit in bits)
 
@@ -159,10 +154,6 @@ class _Compiled:
         ]
         return [k for k in objects if any(np.any(x[k]) for x in by_object)]
 
-    def moves(self, b: int) -> bool:
-        """Return whether a body moves against the world."""
-        return bool(self.m.body_dofnum[self.m.body_weldid[b]] > 0)
-
     def is_marker(self, b: int) -> bool:
         """Return whether a body is a mocap body, or on one, that carries no joint."""
         root = self.m.body_rootid[b]
@@ -176,11 +167,10 @@ class _Compiled:
 
     def locked_joints(self) -> dict[str, float]:
         """Return positions, by name, of joints that equalities without joint2 lock."""
-        equalities = [e for e in self.equalities if self.equality_kinds[e] == "joint"]
-        locked = [(e, self.m.eq_obj1id[e]) for e in equalities if self.m.eq_obj2id[e] < 0]
         return {
             self.name("joint", j): self.reference(j) + float(self.m.eq_data[e, 0])
-            for e, j in locked
+            for j, e in self.coupled.items()
+            if self.m.eq_obj2id[e] < 0
         }
 
     def rotation(self, quaternion: Array) -> Array:
@@ -196,8 +186,8 @@ class _Compiled:
     def ends(self, e: int) -> list[tuple[int, Array, Array]]:
         """Return body, position and rotation in it of both frames of a connect or weld."""
         m = self.m
-        of = (int(self.m.eq_obj1id[e]), int(self.m.eq_obj2id[e]))
-        if hasattr(m, "eq_objtype") and m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
+        of = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+        if m.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
             return [
                 (int(m.site_bodyid[s]), m.site_pos[s], self.rotation(m.site_quat[s])) for s in of
             ]
@@ -209,12 +199,13 @@ class _Compiled:
         return [(of[0], first, turn), (of[1], second, np.eye(3))]
 
     def _holds(self, e: int) -> bool:
-        """Return whether an equality is active and its bodies can move against each other."""
+        """Return whether an equality is active and one of its bodies can move."""
         m = self.m
-        if not m.eq_active0[e] or self.equality_kinds[e] not in ("connect", "weld"):
-            return bool(m.eq_active0[e])
-        ends = [b for b, _, _ in self.ends(e)]
-        return m.body_weldid[ends[0]] != m.body_weldid[ends[1]] and any(map(self.moves, ends))
+        is_active = bool(m.eq_active0[e])
+        if self.equality_kinds[e] in ("connect", "weld"):
+            bodies = m.body_weldid[[b for b, _, _ in self.ends(e)]]
+            return is_active and m.body_dofnum[bodies].any()
+        return is_active
 
 
 def _compile(source: object) -> tuple[Any, Any]:
@@ -247,87 +238,79 @@ def _reject_unsupported(c: _Compiled) -> None:
                 f"{kind} '{c.name(kind, objects[0])}' {reason}, which is not supported. "
                 "Set its armature to zero in the file."
             )
-    coupled = set[int]()
     for e in c.equalities:
         kind = c.equality_kinds[e]
-        joint = int(c.m.eq_obj1id[e])
+        is_supported = e in c.coupled.values()
         if kind in ("connect", "weld"):
-            if all(c.m.body_mocapid[c.m.body_rootid[b]] < 0 for b, _, _ in c.ends(e)):
-                continue
-        elif kind == "joint" and joint not in coupled:
-            coupled.add(joint)
-            continue
-        raise UnsupportedError(
-            f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of bodies "
-            "of the robot nor the one "
-            'equality of a joint, and is not supported. A model without it (active="false") has '
-            "more degrees of freedom."
-        )
+            is_supported = all(c.m.body_mocapid[c.m.body_rootid[b]] < 0 for b, _, _ in c.ends(e))
+        if not is_supported:
+            raise UnsupportedError(
+                f"equality '{c.name('equality', e)}' ({kind}) is neither a connect or weld of "
+                "bodies of the robot nor the one equality of a joint, and is not supported. A "
+                'model without it (active="false") has more degrees of freedom.'
+            )
 
 
 def _omitted(c: _Compiled) -> Iterator[str]:
     """Yield the texts of `RobotModel.omitted`, one for each kind of object."""
-    for text, objects in _omitted_objects(c):
-        if objects:
-            kind = "flex" if text == "flexible body" else text.split()[-1]
-            yield f"{text} {', '.join(repr(c.name(kind, k)) for k in objects)}"
-    opt = c.m.opt
-    if (opt.density or opt.viscosity) and not (c.is_disabled("spring") and c.is_disabled("damper")):
-        yield f"fluid (density {opt.density:g}, viscosity {opt.viscosity:g})"
-
-
-def _omitted_objects(c: _Compiled) -> Iterator[tuple[str, Iterable[int]]]:
-    """Yield texts that end with a kind of object, and the objects whose forces are omitted."""
     m = c.m
-    spring = not c.is_disabled("spring")
-    damper = not c.is_disabled("damper")
-    if spring:
-        yield "spring of joint", c.nonzero(c.joints, "jnt_stiffness", "jnt_stiffnesspoly")
-    if damper:
-        elsewhere = [a for a in c.actuators if a not in c.actuated]
-        yield "damping of joint", c.nonzero([*c.free, *c.balls], "dof_damping")
-        yield "nonlinear damping of joint", c.nonzero(c.joints, "dof_dampingpoly")
-        yield "damping of actuator", c.nonzero(elsewhere, "actuator_damping")
-        yield "nonlinear damping of actuator", c.nonzero(c.actuators, "actuator_dampingpoly")
-    if not c.is_disabled("frictionloss"):
-        yield "friction loss of joint", c.nonzero([*c.free, *c.balls], "dof_frictionloss")
-    if spring or damper:
-        if np.any(m.opt.gravity) and not c.is_disabled("gravity"):
-            carried = c.nonzero(c.nonzero(c.bodies, "body_gravcomp"), "body_mass")
-            yield "gravity compensation of body", [b for b in carried if c.moves(b)]
-        yield "plugin of body", [b for b in c.bodies if m.body_plugin[b] >= 0]
-        yield "flexible body", range(getattr(m, "nflex", 0))
-    yield "limit of ball joint", [j for j in c.balls if c.limited[j]]
-    yield "mocap body", [b for b in c.bodies if m.body_mocapid[b] >= 0]
-    yield "tendon", c.tendons
+    spinning = [*c.free, *c.balls]
+    elsewhere = [a for a in c.actuators if a not in c.actuated]
+    rows: list[tuple[str, Sequence[int]]] = []  # each text ends with the kind of the objects
+    if c.springs_act:
+        rows = [("spring of joint", c.nonzero(c.joints, "jnt_stiffness", "jnt_stiffnesspoly"))]
+    if c.dampers_act:
+        rows += [
+            ("damping of joint", c.nonzero(spinning, "dof_damping")),
+            ("nonlinear damping of joint", c.nonzero(c.joints, "dof_dampingpoly")),
+            ("damping of actuator", c.nonzero(elsewhere, "actuator_damping")),
+            ("nonlinear damping of actuator", c.nonzero(c.actuators, "actuator_dampingpoly")),
+        ]
+    if c.friction.any():
+        rows.append(("friction loss of joint", c.nonzero(spinning, "dof_frictionloss")))
+    if c.springs_act or c.dampers_act:
+        rows += [
+            ("gravity compensation of body", c.nonzero(c.bodies, "body_gravcomp")),
+            ("plugin of body", [b for b in c.bodies if m.body_plugin[b] >= 0]),
+            ("flex", range(m.nflex)),
+        ]
+    rows += [
+        ("limit of ball joint", [j for j in c.balls if c.limited[j]]),
+        ("mocap body", [b for b in c.bodies if m.body_mocapid[b] >= 0]),
+        ("tendon", c.tendons),
+    ]
+    for text, objects in rows:
+        if objects:
+            kind = text.split()[-1]
+            yield f"{text} {', '.join(repr(c.name(kind, k)) for k in objects)}"
+    if (m.opt.density or m.opt.viscosity) and (c.springs_act or c.dampers_act):
+        yield f"fluid (density {m.opt.density:g}, viscosity {m.opt.viscosity:g})"
 
 
 def _effort_limits(c: _Compiled) -> Array:
     """Return the effort limit of each joint [N m, N], infinite where there is none."""
-    sums: dict[int, float] = {}
-    for a, j in c.actuated.items():
-        gear = abs(c.gear(a))
-        sums[j] = sums.get(j, 0.0) + (gear * _largest_force(c, a) if gear else 0.0)
-    limits = np.array([sums.get(j, np.inf) for j in c.joints])
-    of_joint = np.where(
-        c.m.jnt_actfrclimited, np.abs(c.m.jnt_actfrcrange).max(axis=1, initial=0.0), np.inf
-    )
-    smallest: Array = np.minimum(limits, of_joint)
-    return smallest
-
-
-def _largest_force(c: _Compiled, a: int) -> float:
     m = c.m
+    sums = dict.fromkeys(c.actuated.values(), 0.0)
+    for a, j in c.actuated.items():
+        if gear := abs(c.gear(a)):
+            sums[j] += gear * _largest_force(m, a)
+    limits: Array = np.abs(m.jnt_actfrcrange).max(axis=1, initial=0.0)
+    limits[m.jnt_actfrclimited == 0] = np.inf
+    for j, effort in sums.items():
+        limits[j] = min(limits[j], effort)
+    return limits
+
+
+def _largest_force(m: Any, a: int) -> float:
+    """Return the largest force of an actuator, which only a motor has from its control range."""
     force = float(np.abs(m.actuator_forcerange[a]).max()) if m.actuator_forcelimited[a] else np.inf
     control = m.actuator_ctrladr[a] if hasattr(m, "actuator_ctrladr") else a
-    kinds = [
-        c.kinds(f"mjt{part}", f"actuator_{part.lower()}type")[a] for part in ("Gain", "Bias", "Dyn")
-    ]
-    is_motor = kinds == ["fixed", "none", "none"] and m.actuator_plugin[a] < 0
+    # The first of each of MuJoCo's types is that of a motor.
+    other_types = m.actuator_gaintype[a], m.actuator_biastype[a], m.actuator_dyntype[a]
+    is_motor = not any(other_types) and m.actuator_plugin[a] < 0
     if is_motor and m.actuator_ctrllimited[control]:
-        force = min(
-            force, float(np.abs(m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]).max())
-        )
+        forces = m.actuator_gainprm[a, 0] * m.actuator_ctrlrange[control]
+        force = min(force, float(np.abs(forces).max()))
     return force
 
 
@@ -336,13 +319,8 @@ class _Reader:
 
     def __init__(self, c: _Compiled, floating: bool) -> None:
         self._c = c
-        self._m = c.m
         self._floating = floating
         self._effort = _effort_limits(c)
-        self._coupled: dict[int, int] = {}  # equality of each joint that depends on another
-        for e in c.equalities:
-            if c.equality_kinds[e] == "joint" and c.m.eq_obj2id[e] >= 0:
-                self._coupled[int(c.m.eq_obj1id[e])] = e
         self.links: dict[str, Link] = {}
         self.joints: dict[str, Joint] = {}
         self.curves: dict[str, Curve] = {}
@@ -352,15 +330,10 @@ class _Reader:
             if not c.is_marker(b):
                 self._add_body(b)
 
-    @property
-    def root(self) -> str:
-        """The first link: the world, or the one body that floats."""
-        return next(iter(self.links))
-
     def loop(self, e: int) -> Loop:
         """Return a connect or weld; its joints begin where the file has them."""
         c = self._c
-        kind = {"connect": "point", "weld": "weld"}[self._c.equality_kinds[e]]
+        kind = {"connect": "point", "weld": "weld"}[c.equality_kinds[e]]
         first, second = (
             LoopEnd(c.name("body", b), tuple(place.tolist()), rotations.to_rpy(turn))
             for b, place, turn in c.ends(e)
@@ -382,8 +355,8 @@ class _Reader:
         self.joints[name] = checked_joint(Joint(name, kind, parent, child, origin, **fields))
 
     def _add_body(self, b: int) -> None:
-        m = self._m
         c = self._c
+        m = c.m
         name = c.name("body", b)
         parent = c.name("body", int(m.body_parentid[b]))
         inertial = None
@@ -403,41 +376,39 @@ class _Reader:
         turn = c.rotation(m.body_quat[b])
         anchor = np.zeros(3)
         for j in joints:
-            joint = c.name("joint", j)
             place = place + turn @ (m.jnt_pos[j] - anchor)
             anchor = m.jnt_pos[j]
-            if j in c.balls:  # three hinges at one point
-                for letter, axis in zip("xyz", np.eye(3), strict=True):
-                    child = f"{name}/{joint}_{letter}"
-                    hinge = f"{joint}_{letter}"
-                    self._add_link(child)
-                    origin = rotations.pose(place, turn)
-                    self._add_joint(hinge, "continuous", parent, child, origin, axis=axis)
-                    parent = child
-                    place = np.zeros(3)
-                    turn = np.eye(3)
-                continue
-            child = f"{name}/{joint}"
-            slides = c.joint_kinds[j] == "slide"
-            self._add_link(child)
-            if slides:  # at the reference the body is where the file has it
+            if c.joint_kinds[j] == "slide":  # at the reference the body is where the file has it
                 place = place - c.reference(j) * (turn @ m.jnt_axis[j])
-            else:
+            elif c.joint_kinds[j] == "hinge":
                 turn = turn @ rotations.about_axis(m.jnt_axis[j], -c.reference(j))
-            kind = "prismatic" if slides else "revolute" if c.limited[j] else "continuous"
-            origin = rotations.pose(place, turn)
-            self._add_joint(joint, kind, parent, child, origin, **self._fields(j))
-            parent = child
-            place = np.zeros(3)
-            turn = np.eye(3)
+            for joint, kind, fields in self._freedoms(j):
+                child = f"{name}/{joint}"
+                self._add_link(child)
+                self._add_joint(joint, kind, parent, child, rotations.pose(place, turn), **fields)
+                parent = child
+                place = np.zeros(3)
+                turn = np.eye(3)
         origin = rotations.pose(place - turn @ anchor, turn)
         self._add_joint(f"{name}/fixed", "fixed", parent, name, origin)
 
+    def _freedoms(self, j: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
+        """Yield name, type and numbers of a hinge or slide, or of the three hinges of a ball."""
+        c = self._c
+        name = c.name("joint", j)
+        if j in c.balls:
+            for letter, axis in zip("xyz", np.eye(3), strict=True):
+                yield f"{name}_{letter}", "continuous", {"axis": axis}
+        elif c.joint_kinds[j] == "slide":
+            yield name, "prismatic", self._fields(j)
+        else:
+            yield name, "revolute" if c.limited[j] else "continuous", self._fields(j)
+
     def _fields(self, j: int) -> dict[str, Any]:
         """Return axis, friction, limits and coupling of a hinge or slide."""
-        m = self._m
         c = self._c
-        dof = self._m.jnt_dofadr[j]
+        m = c.m
+        dof = m.jnt_dofadr[j]
         fields: dict[str, Any] = {
             "axis": m.jnt_axis[j].copy(),
             "damping": float(c.damping[dof]),
@@ -447,9 +418,9 @@ class _Reader:
         }
         if c.limited[j]:
             fields["lower"], fields["upper"] = map(float, m.jnt_range[j])
-        if j in self._coupled:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
-            e = self._coupled[j]
-            source = int(m.eq_obj2id[e])
+        e = c.coupled.get(j, -1)
+        source = int(m.eq_obj2id[e]) if e >= 0 else -1
+        if source >= 0:  # q_1 − ref_1 = offset + multiplier (q_2 − ref_2), or a polynomial
             multiplier = float(m.eq_data[e, 1])
             offset = float(m.eq_data[e, 0]) + c.reference(j) - multiplier * c.reference(source)
             leader = c.name("joint", source)

@@ -599,7 +599,7 @@ def test_flexible_bodies(mujoco):
     )
     arm = changed('<default><joint armature="0.02" damping="0.5"/></default>', "")
     text = changed("</worldbody>", flex, arm)
-    assert quiet(text).omitted == ("flexible body 'sheet'",)
+    assert quiet(text).omitted == ("flex 'sheet'",)
     compare(mujoco, text, omits=True)
     with pytest.raises(dd.UnsupportedError, match="equality 'equality0'"):
         dd.load_mjcf(changed(inside, '<edge equality="true"/>', text))
@@ -619,11 +619,10 @@ def test_markers_beside_a_floating_robot(mujoco):
     ("flags", "old", "new"),
     [
         (["spring"], OTHER, '<joint name="other" stiffness="3"/>'),
-        (["gravity"], '<body name="c"', '<body name="c" gravcomp="1"'),
         (["spring", "damper"], '<body name="c"', '<body name="c" gravcomp="1"'),
         (["spring", "damper"], "<option gravity", '<option density="1.2" gravity'),
     ],
-    ids=["spring", "gravity", "compensation", "fluid"],
+    ids=["spring", "compensation", "fluid"],
 )
 def test_disabled_forces_are_not_omitted(mujoco, flags, old, new):
     """The model omits no force that MuJoCo does not compute either."""
