@@ -27,7 +27,7 @@ from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
 from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.remarks import unphysical
-from diag_dynamics.description.text import read_text
+from diag_dynamics.description.text import expanded, urdf_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
@@ -111,8 +111,9 @@ def load_urdf(
         The URDF has probable mistakes. InertiaWarning: a link's inertia is not that of any rigid
         body.
     """
+    source = expanded(source, xacro_args)
     if not isinstance(source, Description):
-        source = describe_urdf(parse_urdf(read_text(source, xacro_args)))
+        source = describe_urdf(parse_urdf(urdf_text(source)))
     choice("mimic", mimic, ("embed", "free", "lock"))
     choice("massless", massless, ("error", "lock"))
     description = source
@@ -196,9 +197,9 @@ def load_robot(name: str, **options: Any) -> RobotModel:
 def load_mjcf(source: str | os.PathLike[str], **options: Any) -> RobotModel:
     """Build a model from an MJCF; `mujoco` has to be installed.
 
-    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf`. `gravity`
-    and `armature` have precedence over the file. Its single free body is a floating base with any
-    `floating_base`, and `xacro_args` have no effect.
+    `source` is the path of a file, or XML text. Options are those of :func:`load_urdf` without
+    `xacro_args`. `gravity` and `armature` have precedence over the file. Its single free body is a
+    floating base with any `floating_base`.
 
     Joints that an equality couples are mimic joints; one without joint2 locks its joint at
     polycoef[0], unless locked_joints has another position. Connect and weld are rigid closed

@@ -148,6 +148,8 @@ def test_xacro_errors(xacro_file, monkeypatch):
     assert_error(dd.UrdfError, "no such file", "nowhere.xacro")
     assert_error(dd.InputError, "xacro_args has mass", UR5, xacro_args={"mass": 1})
     assert_error(dd.InputError, "xacro_args is 3", xacro_file, xacro_args=3)
+    with pytest.raises(dd.InputError, match="xacro_args has mass"):
+        dd.load_mjcf(ARM, xacro_args={"mass": 1})
     macros = XACRO[: XACRO.index('<link name="base"/>')] + "</robot>"
     xacro_file.write_text(macros)
     assert_error(dd.UrdfError, "arm.urdf.xacro.*defines macros and calls none", xacro_file)
