@@ -262,12 +262,6 @@ INTERFACES = {
             "std_srvs/Trigger",
             "add the estimated load to the payload of `load.link`",
         ),
-        Interface(
-            SERVICE,
-            "~/reset_payload",
-            "std_srvs/Trigger",
-            "restore the payload before `~/accept_payload`",
-        ),
     ),
     "simulator": (
         Interface(

@@ -99,8 +99,8 @@ def test_an_unknown_effort_with_a_load(monitor):
         assert messages[-1].valid and np.isnan(messages[-1].external_torque[1])
 
 
-def test_accept_and_reset(monitor):
-    """Accepted twice, less is put down, and reset returns to the payload before."""
+def test_accept(monitor):
+    """Accepted twice, less is put down."""
     response = call(monitor, "accept_payload")
     assert not response.success and "unknown" in response.message
     request = SetPayload.Request(link=HAND)
@@ -120,17 +120,6 @@ def test_accept_and_reset(monitor):
     assert load.payload.m == payload(monitor).mass
     assert "Put down: load -0." in monitor.process.output
     assert "Picked up: load -" not in monitor.process.output
-    assert call(monitor, "reset_payload").success and payload(monitor).mass == 0.4
-
-
-def test_reset_returns_to_a_payload_set_after_a_load(monitor):
-    request = SetPayload.Request(link=HAND)
-    feed(monitor, map(LOADED, range(900)))
-    assert call(monitor, "accept_payload").success
-    request.inertia.m = payload(monitor).mass
-    request.inertia.com.z = 0.3  # another payload of the same mass
-    assert monitor.call(SetPayload, "set_payload", request).success
-    assert call(monitor, "reset_payload").success and payload(monitor).com[2] == 0.3
 
 
 def test_parameters_name_what_is_missing(peer):

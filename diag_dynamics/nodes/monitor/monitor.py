@@ -24,7 +24,7 @@ from diag_dynamics.nodes.monitor.monitored_robot import (
 )
 from diag_dynamics.nodes.monitor.outputs import Outputs
 from diag_dynamics.nodes.monitor.reaction import Reaction
-from diag_dynamics.nodes.monitor.services import DynamicsServices, PayloadServices
+from diag_dynamics.nodes.monitor.services import Services
 from diag_dynamics.nodes.monitor.watch import Moment
 from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
@@ -74,8 +74,7 @@ class MonitorNode(TableNode, Node):
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._robot and self._robot.model
         )
-        DynamicsServices(self, self._in_force, self._set_payload)
-        PayloadServices(self, lambda: self._robot, self._set_payload)
+        Services(self, lambda: self._robot, self._set_payload)
         self._loader = RobotLoader(self, self._make_robot, self._take_robot)
         self._gravity = GravitySource(self, lambda: self._robot)
         self._subscribe()
@@ -157,11 +156,6 @@ class MonitorNode(TableNode, Node):
         size = f"{robot.model.nv} degrees of freedom, {robot.model.total_mass:.6g} kg"
         topic = self.resolve_topic_name("joint_states")
         self.log_info(f"Ready: robot '{robot.model.name}', {size}; subscribed to {topic}.")
-
-    def _in_force(self):
-        """Return what the services need of the robot in force."""
-        robot = self._robot
-        return (robot.dynamics, robot.maker, robot.assembler.followers) if robot else None
 
     def _set_payload(self, link, payload):
         """Change one payload by the parameter `payloads`; return the model with it."""

@@ -13,39 +13,44 @@ from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import offer
 from diag_dynamics.nodes.support.messages import doubles
 from diag_dynamics.nodes.support.requests import read_acceleration, read_state, read_wrenches
-from diag_dynamics.parameters.shared import NO_PAYLOAD
 from diag_dynamics.srv import Diagonalize, ForwardDynamics, InverseDynamics, SetPayload
 
 
-def _required(current):
-    if current is None:
-        raise InputError("There is no robot yet. The node waits for a valid robot_description.")
-    return current
+class Services:
+    """Services of a monitor.
 
+    `robot` returns the MonitoredRobot or None; `set_payload` changes one payload and returns the
+    model with it.
+    """
 
-class DynamicsServices:
-    """Services of a node; `current` returns dynamics, MessageMaker and Followers, or None."""
-
-    def __init__(self, node, current, set_payload):
-        self._current = current
+    def __init__(self, node, robot, set_payload):
+        self._robot = robot
         self._attach = set_payload
         for kind, name, answer in (
             (ForwardDynamics, "forward_dynamics", self._forward_dynamics),
             (InverseDynamics, "inverse_dynamics", self._inverse_dynamics),
             (Diagonalize, "diagonalize", self._diagonalize),
             (SetPayload, "set_payload", self._set_payload),
+            (Trigger, "accept_payload", self._accept_payload),
         ):
             offer(node, kind, name, answer)
 
+    def _required(self):
+        robot = self._robot()
+        if robot is None:
+            raise InputError("There is no robot yet. The node waits for a valid robot_description.")
+        return robot
+
     def _read(self, request):
         """Return the dynamics, MessageMaker, state and options of a request."""
-        dynamics, maker, followers = _required(self._current())
+        robot = self._required()
+        dynamics = robot.dynamics
         if request.override_gravity:
             g = request.gravity
             dynamics = DiagonalDynamics(dynamics.model.with_gravity((g.x, g.y, g.z)))
-        state = read_state(dynamics.model, request, followers)
+        state = read_state(dynamics.model, request, robot.assembler.followers)
         options = read_wrenches(dynamics.model, request) | {"friction": request.include_friction}
-        return dynamics, maker, state, options
+        return dynamics, robot.maker, state, options
 
     def _forward_dynamics(self, request, response):
         dynamics, _, (q, qd, tau, _), options = self._read(request)
@@ -75,41 +80,17 @@ class DynamicsServices:
 
     def _set_payload(self, request, response):
         payload = payload_of(request.inertia)
-        _required(self._current())[0].model.with_payload(
-            request.link, *payload
-        )  # raises InputError
+        self._required().model.with_payload(request.link, *payload)  # raises InputError
         response.total_mass = self._attach(request.link, payload).total_mass
 
-
-class PayloadServices:
-    """The services ~/accept_payload and ~/reset_payload.
-
-    `current` returns the MonitoredRobot or None; `attach` changes one payload.
-    """
-
-    def __init__(self, node, current, attach):
-        self._current = current
-        self._attach = attach
-        self._accepted = None  # link, its payload before the first acceptance, and the accepted one
-        offer(node, Trigger, "accept_payload", self._accept)
-        offer(node, Trigger, "reset_payload", self._reset)
-
-    def _model(self):
-        return _required(self._current()).model
-
-    def _watch(self):
-        load = _required(self._current()).load
+    def _accept_payload(self, *_):
+        """Add the load to the payload of its link; return a message."""
+        load = self._required().load
         if not load.estimator:
             raise InputError(
                 "parameter 'load.link' is ''; expected a link. Set it to have loads estimated."
             )
-        return load
-
-    def _accept(self, *_):
-        """Add the load to the payload of its link; return a message."""
-        watch = self._watch()
-        link = watch.link
-        estimate = watch.estimate
+        estimate = load.estimate
         if not estimate.is_load:
             value = (
                 f"{estimate.mass:.3g} ± {estimate.mass_deviation:.2g} kg"
@@ -117,41 +98,15 @@ class PayloadServices:
                 else f"unknown: {estimate.reason}"
             )
             raise InputError(
-                f"load on link '{link}' is {value}; expected a recognized load. "
+                f"load on link '{load.link}' is {value}; expected a recognized load. "
                 "Move the arm with the load."
             )
-        before = self._before(link)
-        payload = watch.estimator.payload()
-        self._accepted = link, before, self._attach(link, payload).payloads.get(link, NO_PAYLOAD)
-        return f"The payload of '{link}' is {payload.mass:.3g} kg."
-
-    def _before(self, link):
-        """Return the payload of a link before the acceptances that are in force."""
-        now = self._model().payloads.get(link, NO_PAYLOAD)
-        if (
-            self._accepted
-            and self._accepted[0] == link
-            and _numbers(self._accepted[2]) == _numbers(now)
-        ):
-            return self._accepted[1]
-        return now
-
-    def _reset(self, *_):
-        watch = self._watch()
-        before = self._before(watch.link)
-        self._attach(watch.link, before)
-        self._accepted = None
-        watch.forget()
-        return f"The payload of '{watch.link}' is {before.mass:.3g} kg, as before accept_payload."
+        payload = load.estimator.payload()
+        self._attach(load.link, payload)
+        return f"The payload of '{load.link}' is {payload.mass:.3g} kg."
 
 
 def payload_of(i):
     """Return the Payload of a geometry_msgs/Inertia."""
     inertia = ((i.ixx, i.ixy, i.ixz), (i.ixy, i.iyy, i.iyz), (i.ixz, i.iyz, i.izz))
     return Payload(i.m, (i.com.x, i.com.y, i.com.z), inertia)
-
-
-def _numbers(payload):
-    """Return mass, centre and inertia as plain numbers; those of a mass of 0 do not matter."""
-    rows = [list(map(float, row)) for row in payload.inertia]
-    return (payload.mass, list(map(float, payload.com)), rows) if payload.mass else ()
