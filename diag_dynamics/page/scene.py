@@ -33,26 +33,19 @@ MIN_SIZE = 0.02
 class LinkGeometry(NamedTuple):
     """The geometry of one link, in the link's axes.
 
-    `shapes` are visual ones, or the collision shapes of a link with mass that has no others; `mass`
-    [kg] is with payload; `ellipsoid` (4x4, or None) maps the unit sphere to what stands for a link
-    without shapes: the solid ellipsoid of its inertia, scaled into the link; `bones` are the
+    `mass` [kg] is with payload; `ellipsoid` (4x4, or None) maps the unit sphere to what stands for
+    a link without shapes: the solid ellipsoid of its inertia, scaled into the link; `bones` are the
     origins of the joints that it carries and its ends of loops [m].
     """
 
     name: str
-    shapes: tuple
     mass: float
     ellipsoid: Any
     bones: tuple
 
 
-def links_of(model, source, missing=None):
-    """Return the LinkGeometry of each link of a RobotModel, by its URDF, xacro or MJCF.
-
-    The dict `missing` receives the errors of shapes that are left out, by link.
-    """
-    missing = {} if missing is None else missing
-    elements = link_elements(source)
+def links_of(model):
+    """Return the LinkGeometry of each link of a RobotModel."""
     origins = {}
     bones = {name: [] for name in model.link_names}
     for joint in model.description.joints.values():
@@ -71,11 +64,7 @@ def links_of(model, source, missing=None):
             placement = model.placement_in_body(name)[1]
             origin = origins.get(name, np.zeros(3))
             ellipsoid = _ellipsoid(records[name], placement, bones[name], origin)
-        element = elements.get(name, ())
-        shapes = _shapes(element, "visual", missing)
-        if not shapes and ellipsoid is not None:
-            shapes = _shapes(element, "collision", missing)
-        links.append(LinkGeometry(name, shapes, mass, ellipsoid, tuple(bones[name])))
+        links.append(LinkGeometry(name, mass, ellipsoid, tuple(bones[name])))
     return links
 
 
@@ -131,15 +120,23 @@ def scene_of(model, source, meshes=None):
 
     ``links``, in the order of ``model.link_names``: name, mass [kg], visuals, and what stands for a
     link without them: ellipsoid (4x4, row by row; or null) and bones (ends in the link's axes [m]).
+    Visuals are the visual shapes, or the collision shapes of a link with mass that has no others.
     ``rest``: positions next to the start within their limits. ``missing``: reasons why shapes are
-    missing, by name. `model` and `source` are those of :func:`links_of`; the MeshLibrary loads and
-    keeps meshes. Without one the scene has none.
+    missing, by name. `source` is the URDF, xacro or MJCF of the RobotModel; the MeshLibrary loads
+    and keeps meshes. Without one the scene has none.
     """
     missing = {}
-    geometry = links_of(model, source, missing)
-    shapeless = not missing and not any(link.shapes for link in geometry)
+    elements = link_elements(source)
+    geometry = []
+    for link in links_of(model):
+        element = elements.get(link.name, ())
+        shapes = _shapes(element, "visual", missing)
+        if not shapes and link.ellipsoid is not None:
+            shapes = _shapes(element, "collision", missing)
+        geometry.append((shapes, link))
+    shapeless = not missing and not any(shapes for shapes, _ in geometry)
     links = []
-    for name, shapes, mass, ellipsoid, bones in geometry:
+    for shapes, (name, mass, ellipsoid, bones) in geometry:
         visuals = [visual for shape in shapes if (visual := _visual(shape, meshes)) is not None]
         bones = [bone.tolist() for bone in bones] if ellipsoid is not None or shapeless else []
         ellipsoid = None if ellipsoid is None else ellipsoid.ravel().tolist()

@@ -245,9 +245,6 @@ PARAMETERS = {
     "publish_inverse_factor": Spec(
         False, "Whether mass_matrix_factors contains l, the inverse of m."
     ),
-    "markers.link": Spec(
-        "", "Link of velocity and ellipsoid in ~/markers; empty: the end-effector link."
-    ),
     "publish_friction": Spec(False, "Whether state and coriolis contain damping and friction."),
     "max_rate": Spec(
         ["*=0", *(f"{topic}={rate:g}" for topic, rate in RATES.items() if rate)],

@@ -150,7 +150,6 @@ NOT_OBSERVED = {
     "publish_inverse_factor",
     "energy.warn",
     "energy.error",
-    "markers.link",
     "publish_friction",
 }
 """Parameters that choose the robot, clocks or outputs: other tests compare these."""

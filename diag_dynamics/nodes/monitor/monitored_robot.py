@@ -11,7 +11,7 @@ import numpy as np
 from diag_dynamics.description.text import folder_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import assignments
-from diag_dynamics.exceptions import DiagDynamicsError, InputError
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
@@ -139,11 +139,6 @@ class MonitoredRobot:
             The settings name a joint that this robot has not; nothing has changed then.
         """
         self.assembler.check_options(settings.inputs)
-        link = settings.values["markers.link"]
-        if link and link not in model.link_names:
-            raise InputError(
-                f"parameter 'markers.link' is '{link}', expected a link of robot '{model.name}'."
-            )
         is_new = self.dynamics is None or model is not self.model
         dynamics = DiagonalDynamics(model) if is_new else self.dynamics
         self._configure_watches(dynamics, settings)
@@ -322,9 +317,7 @@ class MonitoredRobot:
     def markers(self, s):
         """Markers of the last state, of which `s` is the evaluation, or what stands for it."""
         if self._markers is None:
-            self._markers = MarkerMaker(
-                self.dynamics, self.source, self.settings.values["markers.link"]
-            )
+            self._markers = MarkerMaker(self.dynamics)
         return self._markers.message(s, self.state, self.torque)
 
     def messages(self, topics, s):

@@ -7,11 +7,9 @@ from importlib import import_module
 
 from rclpy.qos import QoSProfile
 
-from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.messages import ORDER
 from diag_dynamics.nodes.support.publishing import RateLimit, connected
 from diag_dynamics.nodes.support.topics import TOPICS
-from diag_dynamics.text import shortened
 
 
 def _type(name):
@@ -40,7 +38,6 @@ class Outputs:
     """
 
     def __init__(self, node):
-        self._node = node
         self._steady = node.time.steady
         self._limits = {}
         self._publishers = {
@@ -76,11 +73,8 @@ class Outputs:
             topics = tuple(topic for topic in topics if self._due(topic, stamp))
         for topic, message in zip(topics, robot.messages(topics, s), strict=True):
             self._publishers[topic].publish(message)
-        if "markers" in self._heard:  # whose meshes may be unreadable
-            _, fault = attempt(self.publish_beside, "markers", stamp, lambda: robot.markers(s))
-            if fault:
-                log = self._node.get_logger()
-                log.warning(shortened(f"Markers: {fault.reason}"), throttle_duration_sec=5.0)
+        if "markers" in self._heard:
+            self.publish_beside("markers", stamp, lambda: robot.markers(s))
 
     def publish_beside(self, topic, stamp, make):
         """Publish another topic; `make` returns its message about a state stamped `stamp` [ns]."""

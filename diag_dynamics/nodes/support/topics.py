@@ -77,8 +77,7 @@ TOPICS = (
     Topic(
         "markers",
         "visualization_msgs/MarkerArray",
-        "for RViz and Foxglove: "
-        "links coloured by energy share, ellipsoid of JM⁻¹Jᵀ, velocity, text, collision",
+        "for RViz and Foxglove: links coloured by energy share or collision, and text",
     ),
 )
 """All topics of the monitor."""
