@@ -229,7 +229,7 @@ INTERFACES = {
             OUT,
             "/diagnostics",
             "diagnostic_msgs/DiagnosticArray",
-            "inputs, model, numerical health, energy, external torque, contact limits: once a second, and immediately on a "
+            "inputs, model, energy, external torque, contact limits: once a second, and immediately on a "
             "threshold, a collision or an exceeded contact limit",
         ),
         Interface(

@@ -26,7 +26,6 @@ from diag_dynamics.nodes.monitor.outputs import Outputs
 from diag_dynamics.nodes.monitor.reaction import Reaction
 from diag_dynamics.nodes.monitor.services import Services
 from diag_dynamics.nodes.monitor.watch import Moment
-from diag_dynamics.nodes.monitor.watches import numerical_health
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader, load_robot, subscribe_description
@@ -308,7 +307,6 @@ class MonitorNode(TableNode, Node):
             states,
             *self._joint_reports(),
             model_status(robot, self._revision, self._refused, self._loader.loading),
-            numerical_health(*((robot.dynamics, robot.state) if robot else (None, None))),
         ]
         return (
             statuses

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kinetic energy of the monitor's states: thresholds, power balance, numerical health, loops."""
+"""Kinetic energy of the monitor's states: thresholds, power balance, loops."""
 
 from collections import deque
 
@@ -15,7 +15,6 @@ from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.watch import Watch
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status, problem_status
-from diag_dynamics.page.frames import coriolis_work
 from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.monitor import TOTAL
 from diag_dynamics.recordings.balance import MIN_POWER, MIN_WINDOWS, WINDOW, explained_share
@@ -135,7 +134,6 @@ class ContactLimitsWatch(Watch):
 MAX_INTERVAL = 0.5  # between two states that the power balance integrates over [s]
 MINUTE = 60_000_000_000  # [ns]
 NOTHING = 0.0, 0.0, 0.0  # length of a window [s], change of K [J], and its unexplained part [J]
-MAX_ROUNDING = 1e-9  # relative error of exact laws
 
 
 class EnergyWatch(Watch):
@@ -243,30 +241,6 @@ class EnergyWatch(Watch):
         self._reported = self._level
         message = self._alarm or "within thresholds"
         return Status("energy", self._reported, message, values)
-
-
-def numerical_health(dynamics, state):
-    """Return the status of a RobotState: errors of exact laws, and the smallest D."""
-    if dynamics is None or state is None:
-        return Status("numerical health", STALE, "no state")
-    q = state.position
-    qd = state.velocity
-    s = dynamics.evaluate(q, qd)
-    work = (
-        np.nan_to_num(coriolis_work(s.nu, s.coriolis, qd))
-        if np.isfinite(s.coriolis).all()
-        else np.nan
-    )
-    K = 0.5 * qd @ dynamics.mass_matrix(q) @ qd
-    error = abs(s.kinetic_energy - K) / K if K > 0.0 else 0.0
-    values = {"|nu.C| / (|nu| |C|)": f"{work:.1e}", "|K - qd.M.qd / 2| / K": f"{error:.1e}"}
-    if dynamics.model.nv:
-        k = int(np.argmin(s.articulated_inertia))
-        values["smallest D [kg m^2, kg]"] = f"{s.articulated_inertia[k]:.6g}"
-        values["joint of the smallest D"] = dynamics.model.dof_names[k]
-    if not (work <= MAX_ROUNDING and error <= MAX_ROUNDING):
-        return Status("numerical health", WARN, f"errors > {MAX_ROUNDING:g}", values)
-    return Status("numerical health", OK, "errors within rounding", values)
 
 
 class LoopWatch(Watch):
