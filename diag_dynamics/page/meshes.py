@@ -5,7 +5,6 @@
 
 import gzip
 import hashlib
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,10 +18,15 @@ MAX_FILE_SIZE = 64 * 1024 * 1024
 """Maximum size of a file [bytes]."""
 
 
-class MeshLibrary:
-    """Meshes of one robot as bytes, little-endian.
+def mesh_bytes(vertices, triangles):
+    """Return counts of both (u32), positions (float32) and indices (u32), little-endian."""
+    sizes = np.array([len(vertices), len(triangles)], dtype="<u4")
+    parts = sizes, vertices.astype("<f4"), triangles.astype("<u4")
+    return b"".join(part.tobytes() for part in parts)
 
-    They are u32 vertices, u32 triangles, float32 positions and u32 indices.
+
+class MeshLibrary:
+    """Meshes of one robot as :func:`mesh_bytes`.
 
     Parameters
     ----------
@@ -76,10 +80,7 @@ class MeshLibrary:
         triangles = np.asarray(mesh.faces)
         if np.prod(scale) < 0.0:  # a mirror turns faces inside out
             triangles = triangles[:, ::-1]
-        sizes = np.array([len(vertices), len(triangles)], dtype="<u4")
-        data = (
-            sizes.tobytes() + vertices.astype("<f4").tobytes() + triangles.astype("<u4").tobytes()
-        )
+        data = mesh_bytes(vertices, triangles)
         sha = hashlib.sha256(data).hexdigest()
         self.meshes[sha] = data
         return sha
@@ -87,69 +88,19 @@ class MeshLibrary:
 
 # --- Compressed numbers and meshes of a report
 
-LEVELS = 65_000
-"""Maximum number of different values of a column."""
-
-PER_DIFFERENCE = 1.4826 / np.sqrt(6.0)
-"""Standard deviation of white noise per median magnitude of its second differences."""
-
 CELLS = 96
 """Cells along the longest side of a mesh in a report: vertices in one cell become one."""
 
 
-class Packed(NamedTuple):
-    """Columns as bytes; of each the value of 1, and the step. 0 is unknown."""
+def pack(t, numbers):
+    """Pack times (T) [s], and numbers (T, k) to 16 significant bits.
 
-    columns: list
-    data: bytes
-
-
-def pack(numbers, levels=LEVELS, of_noise=0.0):
-    """Pack a matrix, shape (T, k), column by column. Numbers that are not finite are unknown.
-
-    A column is rounded to `levels` values between its minimum and maximum, or to steps of the
-    fraction `of_noise` of the standard deviation of its noise, where these are coarser. Columns of
-    integers that span less are exact.
+    They are float64 times, and the float32 columns without their lowest bytes: of each column all
+    second bytes, then all third and all highest ones.
     """
-    columns = []
-    planes = []
-    for column in np.asarray(numbers, dtype=float).T:
-        finite = np.isfinite(column)
-        low, step = _scale(column[finite], levels, of_noise)
-        whole = np.zeros(len(column), dtype="<u2")
-        whole[finite] = np.rint((column[finite] - low) / step) + 1
-        columns.append([low, step])
-        planes.append(_difference_planes(whole))
-    return Packed(columns, _compress(b"".join(planes)))
-
-
-def _scale(finite, levels, of_noise):
-    """Return the smallest number and the step from one value to the next."""
-    if not len(finite):
-        return 0.0, 1.0
-    low = float(finite.min())
-    high = float(finite.max())
-    if high - low < levels and (finite == np.rint(finite)).all():
-        return low, 1.0
-    noise = (
-        float(np.median(np.abs(np.diff(finite, 2)))) * PER_DIFFERENCE if len(finite) > 2 else 0.0
-    )
-    return low, max((high - low) / levels, of_noise * noise, np.finfo(float).tiny)
-
-
-def pack_times(t):
-    """Pack times [s] that do not decrease, to the microsecond."""
-    return _compress(
-        _difference_planes(np.maximum.accumulate(np.rint(np.asarray(t) * 1e6)).astype("<u8"))
-    )
-
-
-def _difference_planes(whole):
-    """Return byte planes of first differences, lowest bytes first, signs in lowest bits."""
-    bits = 8 * whole.itemsize - 1
-    differences = np.diff(whole, prepend=np.zeros(1, whole.dtype))  # they wrap around
-    zigzag = (differences << 1) ^ (np.zeros_like(whole) - (differences >> bits))
-    return zigzag.view(np.uint8).reshape(-1, whole.itemsize).T.tobytes()
+    bits = np.ascontiguousarray(np.transpose(numbers), dtype="<f4").view("<u4") + 0x80  # rounds
+    planes = bits.view(np.uint8).reshape(*bits.shape, 4).swapaxes(1, 2)[:, 1:]
+    return _compress(np.asarray(t, dtype="<f8").tobytes() + planes.tobytes())
 
 
 def _compress(data):
@@ -157,25 +108,16 @@ def _compress(data):
 
 
 def pack_mesh(data):
-    """Pack a mesh of a :class:`MeshLibrary`, with one vertex, their mean, for those of one cell."""
+    """Pack a mesh of a :class:`MeshLibrary`, with one vertex for all those of one cell."""
     vertices, triangles = map(int, np.frombuffer(data, "<u4", 2))
     points = np.frombuffer(data, "<f4", 3 * vertices, 8).reshape(-1, 3)
     faces = np.frombuffer(data, "<u4", 3 * triangles, 8 + 12 * vertices).reshape(-1, 3)
-    low = points.min(axis=0)
     span = max(float(np.ptp(points, axis=0).max()), 1e-9)
-    places = np.floor((points - low) * (CELLS / span)).astype(np.int64)
-    _, cell = np.unique(places, axis=0, return_inverse=True)
-    cell = cell.ravel()
-    sums = np.stack([np.bincount(cell, axis) for axis in points.T], axis=1)
-    points = sums / np.bincount(cell)[:, None]
-    a, b, c = cell[faces].T
-    faces = np.unique(cell[faces][(a != b) & (b != c) & (c != a)], axis=0)
-    order, index = np.unique(faces, return_inverse=True)  # vertices without a face are left out
-    whole = np.rint((points[order] - low) / span * 65535.0).astype("<u2")
-    sizes = np.array([len(order), len(faces)], dtype="<u4")
-    scale = np.array([*low, span], dtype="<f4")
-    planes = _difference_planes(whole.T.ravel()) + _difference_planes(index.ravel().astype("<u4"))
-    return _compress(sizes.tobytes() + scale.tobytes() + planes)
+    cells = np.floor((points - points.min(axis=0)) * (CELLS / span))
+    _, first, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    faces = cell.ravel()[faces]
+    is_flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    return _compress(mesh_bytes(points[first], faces[~is_flat]))
 
 
 def pack_meshes(meshes, most):

@@ -21,8 +21,7 @@ import diag_dynamics as dd
 from coupling import mimicking
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import tree_of
-from diag_dynamics.page.meshes import pack, pack_mesh, pack_times
-from diag_dynamics.page.report import full_rate, overview
+from diag_dynamics.page.meshes import pack
 from diag_dynamics.page.scene import scene_of
 from diag_dynamics.page.stream import Received, RobotStream
 from robots import BOX, description, joint, link, random_tree
@@ -84,9 +83,6 @@ def content():
     return {
         "layout": json.loads(stream.layout()),
         "frames": [_text(frame) for frame in frames],
-        "columns": _columns(),
-        "times": _text(pack_times(np.array([0.0, 0.25, 0.25, 4000.0, 4000.000001, 10_000.0, 9e8]))),
-        "mesh": _text(pack_mesh(_tetrahedron())),
         "tracks": _tracks(dyn),
         "kinematics": _kinematics(),
     }
@@ -117,49 +113,25 @@ def _kinematics():
     return result
 
 
-def _columns():
-    """Return a packed ramp, a parabola, a constant, and numbers with gaps."""
-    k = np.arange(6.0)
-    packed = pack(
-        np.stack(
-            [
-                k - 3.0,
-                0.5 * k * k,
-                np.full(6, 2.5),
-                [math.nan, 1.0, math.inf, -math.inf, -1.0, 0.5],
-            ],
-            axis=1,
-        )
-    )
-    return {"rows": len(k), "columns": packed.columns, "data": _text(packed.data)}
-
-
-def _tetrahedron():
-    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 4]], dtype="<f4")
-    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype="<u4")
-    return np.array([4, 4], dtype="<u4").tobytes() + points.tobytes() + faces.tobytes()
-
-
 def _tracks(dyn):
     """Return an overview, a state per second, and 0.2 s at 100 Hz.
 
-    K is 10 t, the energy of each link t, and coriolis_work, whose logarithm is packed, 1 + t. All
-    other numbers are those of one state.
+    K is 10 t, the energy of each link t, and D is infinite. All other numbers are those of one
+    state.
     """
     maker = FrameMaker(dyn, POINTS)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)
     row = maker.frames(state)["numbers"][0].astype(float)
     blocks = []
-    tracks = []
-    for make, t in ((overview, np.arange(6.0)), (full_rate, 2.5 + 0.01 * np.arange(21))):
+    counts = []
+    for t in (np.arange(6.0), 2.5 + 0.01 * np.arange(21)):
         numbers = np.tile(row, (len(t), 1))
         numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]
         numbers[:, maker.layout.places["link_energy"]] = t[:, None]
-        numbers[:, maker.layout.places["coriolis_work"]] = 1.0 + t[:, None]
-        track = make(maker.layout, t, numbers)
-        tracks.append(track.about | {"blocks": [len(blocks) + k for k in range(len(track.blocks))]})
-        blocks += track.blocks
-    return {"about": json.loads(json.dumps(tracks)), "blocks": [_text(block) for block in blocks]}
+        numbers[:, maker.layout.places["D"]] = math.inf
+        counts.append(len(t))
+        blocks.append(_text(pack(t, numbers)))
+    return {"about": counts, "blocks": blocks}
 
 
 def _text(data):

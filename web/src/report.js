@@ -6,7 +6,7 @@
 import { Layout } from "./layout.js";
 import { Rows } from "./rows.js";
 import { chapters, collisionNotes } from "./chapters.js";
-import { bytesOf, meshOf, rowsOf } from "./tracks.js";
+import { bytesOf, rowsOf } from "./tracks.js";
 
 export class Report {
   constructor(app, block) {
@@ -41,7 +41,7 @@ export class Report {
   mesh(sha) {
     const place = this.content.meshes[sha];
     if (place === undefined) return Promise.reject(new Error(`mesh ${sha} is not in this file`));
-    return bytesOf(place).then(meshOf);
+    return bytesOf(place).then((bytes) => bytes.buffer);
   }
 
   // Plays from the moment shown in real time; at the end, from the start.

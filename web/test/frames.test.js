@@ -7,19 +7,17 @@
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
-import { gunzipSync } from "node:zlib";
-import { barLength, columnsOf as tableColumns, largestOf } from "../src/joints.js";
+import { barLength, columnsOf, largestOf } from "../src/joints.js";
 import { csv, FLAGS, Layout, shortFields } from "../src/layout.js";
 import { clicked, Legend } from "../src/legend.js";
 import { chosenLines, COLOURINGS, othersLine, plotsOf, roundUp } from "../src/quantities.js";
 import { exchange, K, massAlong, noiseOf, ofLimit, placeOf, share, thresholdsOf, valueAt } from "../src/quantities.js";
 import { Rows } from "../src/rows.js";
 import { Tree } from "../src/tree.js";
-import { columnsOf, meshOf, rowsOf, timesOf } from "../src/tracks.js";
+import { rowsOf } from "../src/tracks.js";
 
 const fixture = JSON.parse(readFileSync(new URL("fixture.json", import.meta.url), "utf8"));
 const bytes = (text) => new Uint8Array(Buffer.from(text, "base64"));
-const unzipped = (text) => new Uint8Array(gunzipSync(Buffer.from(text, "base64")));
 const layout = new Layout(fixture.layout);
 const [known, unknown] = fixture.frames.map((text) => new Float32Array(bytes(text).slice(8).buffer));
 const time = (text) => new DataView(bytes(text).buffer).getFloat64(0, true);
@@ -109,7 +107,7 @@ test("external torque is a fraction of the threshold where one is set", () => {
 test("bars of external torque: of a joint's threshold, or of that of a norm; noise below it stays small", () => {
   const bars = (thresholds) => {
     const one = new Layout({ ...fixture.layout, thresholds });
-    return [0, 1].map((k) => tableColumns(one).find(({ id }) => id === "external").bar?.(k)(known, 0));
+    return [0, 1].map((k) => columnsOf(one).find(({ id }) => id === "external").bar?.(k)(known, 0));
   };
   const r = known[layout.at("norm")];
   const [norm, torque] = [10 * r, 10 * Math.hypot(0.5, 0.25)];
@@ -210,21 +208,6 @@ test("placements of links are the library's, for all kinds of joints, a floating
   }
 });
 
-test("packed columns, times and meshes come back", () => {
-  const { rows, columns, data } = fixture.columns;
-  const [ramp, parabola, constant, gaps] = columnsOf(unzipped(data), rows, columns);
-  near([...ramp, ...constant], [-3, -2, -1, 0, 1, 2, ...Array(6).fill(2.5)], 0);
-  near([...parabola], [0, 0.5, 2, 4.5, 8, 12.5], 1e-4);
-  assert.deepEqual([...gaps].map(Number.isFinite), [false, true, false, false, true, true]);
-  near([gaps[1], gaps[4], gaps[5]], [1, -1, 0.5], 1e-4);
-  near([...timesOf(unzipped(fixture.times), 7)], [0, 0.25, 0.25, 4000, 4000.000001, 10000, 9e8], 1e-12);
-  assert.deepEqual(columnsOf(new Uint8Array(0), 0, []), []);
-  const mesh = meshOf(unzipped(fixture.mesh));
-  assert.deepEqual([...new Uint32Array(mesh, 0, 2)], [4, 4]);
-  assert.deepEqual([...new Uint32Array(mesh, 8 + 48)], [0, 1, 2, 0, 2, 3, 0, 3, 1, 3, 2, 1]);
-  near([...new Float32Array(mesh, 8, 12)], [0, 0, 0, 0, 0, 4, 0, 2, 0, 1, 0, 0], 1e-4);
-});
-
 test("a report's states: the overview, and all of those around a contact, in order", async () => {
   const { blocks } = fixture.tracks;
   globalThis.document = { getElementById: (id) => ({ textContent: blocks[Number(id.replace("block-", ""))] }) };
@@ -235,9 +218,9 @@ test("a report's states: the overview, and all of those around a contact, in ord
   times.forEach((t, i) => {
     const row = rows.data.subarray(rows.base(i), rows.base(i + 1) || undefined);
     near(field(row, "K"), 10 * t, 1e-3, `K at ${t}`);
-    near(field(row, "coriolis_work"), 1 + t, 1e-3, `work at ${t}`); // by its logarithm
-    near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`); // kept of every 20th state
-    for (const name of ["q", "nu", "D", "contact_limits_speed", "contact_limits_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
+    near(field(row, "link_energy"), [t, t, t], 1e-3, `energy at ${t}`);
+    assert.ok(field(row, "D").every(Number.isNaN));
+    for (const name of ["q", "nu", "contact_limits_speed", "contact_limits_position"]) near(field(row, name), field(rows.data, name), 1e-4, `${name} at ${t}`);
   });
 });
 

@@ -13,8 +13,8 @@ from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
-from diag_dynamics.page.meshes import MeshLibrary, pack_meshes
-from diag_dynamics.page.report import EVERY, as_text, full_rate, overview, page_of, write_report
+from diag_dynamics.page.meshes import MeshLibrary, pack, pack_meshes
+from diag_dynamics.page.report import as_text, page_of, write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.downsampling import (
@@ -43,11 +43,11 @@ class ReportOutput:
             reading.settings.observation, reading.settings.values, reading.model
         )
         self._maker = FrameMaker(self._dynamics, points, forces)
-        self._overview = Overview(max(200, MAX_OVERVIEW // (2 * self._maker.layout.size)))
+        self._overview = Overview(max(200, MAX_OVERVIEW // (3 * self._maker.layout.size)))
         self._contacts = ContactRuns()
         self._count = 0
         self._first = None
-        self._runs = []  # (largest |r|, start, Track) of each one at full rate
+        self._runs = []  # (largest |r|, start, track) of each one at full rate
         self._dropped = 0
 
     def write(self, piece):
@@ -59,9 +59,9 @@ class ReportOutput:
     def close(self, summary):
         """Complete the file, with the summary of the analysis, and give it its name."""
         self._add_runs(self._contacts.finish())
-        whole = self._track(overview, self._overview.states())
+        whole = self._track(self._overview.states())
         scene, meshes = self._scene()
-        size = whole.size + sum(map(len, meshes.values()))
+        size = len(whole[1]) + sum(map(len, meshes.values()))
         self._fit(MAX_REPORT - sum(len(part.encode()) for part in page_of()) - as_text(size))
         data = {
             "layout": self._maker.layout.to_json(scene, self._thresholds(), self._left_out),
@@ -109,8 +109,8 @@ class ReportOutput:
         self._count += len(t)
         return make_records(columns)
 
-    def _track(self, pack, states, every=1):
-        """Return a Track; only every so many states have the numbers of the end-effector link."""
+    def _track(self, states):
+        """Return the number of states, and their frames as packed numbers."""
         columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
         evaluated = States(
             **{name: column for name, column in columns.items() if name in States._fields}
@@ -124,19 +124,19 @@ class ReportOutput:
         for name, power in zip(POWERS, states["powers"].T, strict=True):
             numbers[:, layout.places[name].start] = power
         link = end_effector_link(self._reading.model)
-        for k in range(0, len(numbers), every):
-            numbers[k, layout.common :] = self._maker.chosen(evaluated.q[k], evaluated.nu[k], link)
-        return pack(layout, evaluated.t, numbers)
+        for row, q, nu in zip(numbers, evaluated.q, evaluated.nu, strict=True):
+            row[layout.common :] = self._maker.chosen(q, nu, link)
+        return len(states), pack(evaluated.t, numbers)
 
     def _add_runs(self, runs):
         for states in runs:
             norm = float(np.nanmax(states["norm"], initial=0.0))
-            self._runs.append((norm, states["t"][0], self._track(full_rate, states, EVERY)))
+            self._runs.append((norm, states["t"][0], self._track(states)))
             self._fit(MAX_REPORT)
 
     def _fit(self, size):
         """Drop the weakest contacts until the others take no more bytes of text than that."""
-        while self._runs and as_text(sum(track.size for *_, track in self._runs)) > size:
+        while self._runs and as_text(sum(len(data) for *_, (_, data) in self._runs)) > size:
             del self._runs[int(np.argmin([norm for norm, *_ in self._runs]))]
             self._dropped += 1
 
