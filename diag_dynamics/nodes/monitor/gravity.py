@@ -7,7 +7,6 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu
 
-from diag_dynamics.checks import unit
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.guard import attempt
@@ -18,12 +17,8 @@ from diag_dynamics.rotations import from_quaternion
 PERIOD = 0.019
 """Minimum time between two changes of the model's gravity [s]: at 50 Hz each message counts."""
 
-TIMEOUT, FILTER_TIME = 1.0, 0.5
-"""Age of the direction above which states are rejected, and time constant of the low-pass of an
-IMU's specific force [s]."""
-
-MIN_FORCE, MAX_FORCE = 0.5, 2.0
-"""Bounds of a specific force that shows the direction of gravity, as multiples of gravity."""
+TIMEOUT = 1.0
+"""Age of the direction above which states are rejected [s]."""
 
 
 class GravitySource:
@@ -68,23 +63,20 @@ class GravitySource:
         self._accept(self._read_imu, message)
 
     def _accept(self, read, *arguments):
-        """Use the vector that `read` returns, up in the root link's axes, and its filter time."""
+        """Use the vector that `read` returns, up in the root link's axes."""
         robot = self._current()
         if robot is None:
             return
         if robot is not self._robot:
             self._robot = robot
             self._up = None
-            self._received = 0.0
             self._changed = -np.inf
-        direction, fault = attempt(read, robot, *arguments)
+        up, fault = attempt(read, robot, *arguments)
         self._fault = fault.reason if fault else ""
         if fault:
             return
-        (up, filter_time), now = direction, self._time.steady()
-        if self._up is not None and filter_time:
-            up = self._up - np.expm1(-(now - self._received) / filter_time) * (up - self._up)
-        self._up = unit("direction of gravity", up)
+        now = self._time.steady()
+        self._up = up
         self._received = now
         if now - self._changed >= PERIOD:
             self._changed = now
@@ -92,36 +84,22 @@ class GravitySource:
 
     def _read_imu(self, robot, message):
         imu = deserialize_message(message, Imu)
-        model = robot.model
+        if imu.orientation_covariance[0] == -1.0:
+            raise InputError(
+                "the Imu has no orientation; expected one, as of the package imu_filter_madgwick"
+            )
         link = imu.header.frame_id
-        body, placement = model.placement_in_body(link)
+        body, placement = robot.model.placement_in_body(link)
         if body:
             if robot.position is None:
                 raise InputError(f"no joint state yet, which places link '{link}' of the IMU")
             placement = robot.dynamics.placement(robot.position, link)
-        o = imu.orientation
-        a = imu.linear_acceleration
-        if imu.orientation_covariance[0] != -1.0:
-            up = from_quaternion(*unit_quaternion(o))[2]  # the world's z in its axes
-            filter_time = 0.0
-        else:
-            up = np.array([a.x, a.y, a.z])
-            filter_time = FILTER_TIME
-            size = np.linalg.norm(up)
-            g = np.linalg.norm(robot.settings.values["gravity"])
-            if (
-                imu.linear_acceleration_covariance[0] == -1.0
-                or not MIN_FORCE * g < size < MAX_FORCE * g
-            ):
-                raise InputError(
-                    f"linear_acceleration is {size:.3g} m/s²; expected about {g:.3g} m/s² at rest"
-                )
-            up /= size
-        return placement[:3, :3] @ up, filter_time
+        up = from_quaternion(*unit_quaternion(imu.orientation))[2]  # the world's z in its axes
+        return placement[:3, :3] @ up
 
     def _read_frame(self, robot):
         _, axes = self._transforms.find(robot.model.root_link, self._frame, TIMEOUT)
-        return axes[:, 2], 0.0
+        return axes[:, 2]
 
     def report(self):
         """Return the status of the direction in a list; empty without a source."""
@@ -131,6 +109,4 @@ class GravitySource:
         values = {}
         if self._robot is not None and self._up is not None:
             values["up in the axes of the root link"] = " ".join(f"{x:.4f}" for x in self._up)
-        if self._fault:
-            values["fault"] = self._fault
         return [problem_status("gravity", [problem] * bool(problem), "direction is known", values)]
