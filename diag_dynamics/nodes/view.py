@@ -31,7 +31,6 @@ from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import latched, newest
 from diag_dynamics.nodes.support.statuses import WARN, Status, problem_status
 from diag_dynamics.nodes.support.topics import NODES
-from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
@@ -55,9 +54,7 @@ KIND, STATE = "diag_dynamics/msg/DiagonalizedState", "/state"
 one."""
 
 OBSERVED = [
-    name
-    for name in MONITOR
-    if name.startswith(("external_torque.", "external_wrench.", "collision.", "contact."))
+    name for name in MONITOR if name.startswith(("external_torque.", "collision.", "contact."))
 ]
 """Parameters of a monitor's observer."""
 
@@ -307,9 +304,9 @@ class RobotSubscription:
             self._loader.load(description, self._values)
 
     def _load_robot(self, description, values):
-        """Return dynamics, scene, meshes, ForceOptions and the difference from the monitor's robot.
+        """Return dynamics, scene, meshes, covariance of the external torque, and the difference.
 
-        It is called in a thread.
+        The difference is that from the monitor's robot. It is called in a thread.
         """
         source = (
             description if values["robot_description"] else description.encode(errors="replace")
@@ -328,9 +325,10 @@ class RobotSubscription:
             [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
         )
         dynamics = DiagonalDynamics(model)
-        forces = ForceOptions.of(observation_of(values), values, model)
-        compile_frames(dynamics, forces)
-        return dynamics, scene_of(model, text, meshes), meshes, forces, shortened(difference)
+        observation = observation_of(values)
+        covariance = observation.covariance_of(model.dof_names) if observation else None
+        compile_frames(dynamics, covariance)
+        return dynamics, scene_of(model, text, meshes), meshes, covariance, shortened(difference)
 
     def _take_robot(self, loaded, *_):
         if self._try("robot", self._show_robot, loaded) is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.links import wrenches_at
-from diag_dynamics.page.forces import NO_FORCES, UPPER, Forces
+from diag_dynamics.page.forces import Forces
 from diag_dynamics.page.layout import CAUSES, Layout, with_followers
 from diag_dynamics.sweeps import evaluation, factorization
 
@@ -19,6 +19,9 @@ GAP = 0.5
 MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
 """Delay above which a state is flagged `late` [s]; relative difference between K and the sum of
 link energies above which the monitor has another model."""
+
+UPPER = np.triu_indices(3)
+"""Entries of a symmetric matrix that a frame has, row by row."""
 
 ROUNDING = 1e-12
 """Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for
@@ -103,20 +106,20 @@ class FrameMaker:
         Used by one thread at a time.
     points : iterable of (str, str)
         Name and link of each point of contact.
-    forces : ForceOptions
+    covariance : ndarray, shape (nv, nv), optional
+        Of the external torque; without it forces are unknown.
 
     Attributes
     ----------
     layout : Layout
     """
 
-    def __init__(self, dynamics, points=(), forces=NO_FORCES):
+    def __init__(self, dynamics, points=(), covariance=None):
         model = dynamics.model
-        links = () if forces.covariance is None else forces.links
         self._dynamics = dynamics
         self._model = model
-        self.layout = Layout(model, points, links)
-        self._forces = Forces(dynamics, forces)
+        self.layout = Layout(model, points)
+        self._forces = Forces(dynamics, covariance)
         self._before = np.nan, np.nan  # time and K of the last state
         self._workspace = model.new_workspace()
         self._wrenches = {}

@@ -123,8 +123,6 @@ FIELDS = (
     ("", 3, "", "touched_link touched_probability"),
     ("", 2, "N", "touch_interval"),
     ("", 3, "N", "touch_force"),
-    ("", 6, "N", "touch_root"),
-    ("frames", 6, "N, N m", "wrench wrench_deviation"),
     ("", 1, "kg", "load_mass load_deviation"),
     ("", 6, "1/kg^0.5", "mobility_root"),
     ("", 3, "m/s", "link_velocity"),
@@ -149,8 +147,6 @@ class Layout:
     model : RobotModel
     points : iterable of (str, str)
         Name and link of each point of contact.
-    frames : iterable of str
-        Links with a wrench.
 
     Attributes
     ----------
@@ -164,10 +160,9 @@ class Layout:
         padding.
     """
 
-    def __init__(self, model, points=(), frames=()):
+    def __init__(self, model, points=()):
         self._model = model
         self.points = tuple(points)
-        self.frames = tuple(frames)
         counts = {
             "": 1,
             "coordinates": model.nq + len(model.followers),
@@ -175,7 +170,6 @@ class Layout:
             "links": len(model.link_names),
             "points": len(self.points),
             "contact_limits": min(1, len(self.points)),
-            "frames": len(self.frames),
         }
         self.places = {}
         self.size = 0
@@ -215,7 +209,6 @@ class Layout:
             "limits": {"effort": finite(model.effort_limit)},
             "thresholds": thresholds or thresholds_of(unlimited),
             "causes": CAUSES,
-            "frames": list(self.frames),
             "tree": tree_of(model),
             "scene": scene,
             "end_effector": end_effector_link(model),

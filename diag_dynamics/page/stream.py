@@ -13,7 +13,6 @@ import numpy as np
 
 from diag_dynamics.exceptions import SingularMassMatrixError
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.page.forces import NO_FORCES
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import links_of_dofs, thresholds_of
 
@@ -53,12 +52,12 @@ class Newest(NamedTuple):
     frame: bytes
 
 
-def compile_frames(dynamics, forces):
+def compile_frames(dynamics, covariance):
     """Compile what frames of a robot need, or load it from the cache."""
     model = dynamics.model
     q = model.start
     zero = np.zeros(model.nv)
-    maker = FrameMaker(dynamics, (), forces)
+    maker = FrameMaker(dynamics, (), covariance)
     with suppress(SingularMassMatrixError):  # at the start alone: other states can be shown
         states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
         pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
@@ -96,7 +95,7 @@ class RobotStream:
         self._notifies = notifies
         self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
-        self._forces = NO_FORCES
+        self._covariance = None
         self._layout = (0, "")
         self._diagnostics = (0, "[]")
         self._number = 0
@@ -113,14 +112,14 @@ class RobotStream:
         for listener in tuple(self.listeners):
             listener()
 
-    def set_robot(self, dynamics, scene=None, meshes=None, forces=NO_FORCES, difference=""):
+    def set_robot(self, dynamics, scene=None, meshes=None, covariance=None, difference=""):
         """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on.
 
         `difference` is why it differs from the monitor's robot, if it does.
         """
         with self._lock:
             self._dynamics = dynamics
-            self._forces = forces
+            self._covariance = covariance
             self._scene = scene
             self._meshes = meshes
             self._end_effector = end_effector_link(dynamics.model)
@@ -194,7 +193,7 @@ class RobotStream:
         """Start a new layout."""
         self._limits = limits
         self._points = points
-        self._maker = FrameMaker(self._dynamics, points, self._forces)
+        self._maker = FrameMaker(self._dynamics, points, self._covariance)
         layout = self._maker.layout.to_json(self._scene, thresholds_of(limits) if limits else None)
         self._layout = (self._layout[0] + 1, json.dumps(layout, allow_nan=False))
         self._frames = {}

@@ -17,7 +17,6 @@ import trimesh
 
 import diag_dynamics as dd
 import page_fixture
-from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import GAP, FrameMaker, States
 from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of
 from diag_dynamics.page.meshes import MeshLibrary
@@ -110,7 +109,7 @@ def value(frame, layout, name):
     return frame["numbers"][..., layout.places[name]]
 
 
-FORCES = "touch_interval", "touch_force", "touch_root", "wrench", "wrench_deviation"
+FORCES = "touch_interval", "touch_force"
 """Fields of test_page_forces.py."""
 
 
@@ -339,20 +338,20 @@ def test_example_robots_are_shown(id):
     path = robot_path(id)
     model = dd.load_urdf(path, mimic="free", massless="lock")
     dyn = dd.DiagonalDynamics(model)
-    forces = ForceOptions(np.eye(model.nv))
-    compile_frames(dyn, forces)
+    covariance = np.eye(model.nv)
+    compile_frames(dyn, covariance)
     q, qd, tau = (rows[0] for rows in some(model))
     s = dyn.evaluate(q, qd, tau)
     observed = {"external_torque": tau[None], "norm": np.ones(1), "collision": True}
     stream = RobotStream("/robot", lambda _: Received(States.of(1.0, q, qd, tau, s, **observed), 0))
-    stream.set_robot(dyn, scene_of(model, path), forces=forces)
+    stream.set_robot(dyn, scene_of(model, path), covariance=covariance)
     newest = stream.newest()
     layout = Layout(model)
     frame = np.frombuffer(newest.frame, layout.dtype)[0]
     np.testing.assert_allclose(value(frame, layout, "K"), s.kinetic_energy, rtol=FLOAT)
     touched = int(value(frame, layout, "touched_link")[0])
     if touched >= 0:
-        assert np.isfinite(value(frame, layout, "touch_force")).all()
+        assert np.isfinite(value(frame, layout, "touch_interval")).all()
         assert json.loads(newest.layout[1])["tree"]["links"][touched]["dofs"]
 
 

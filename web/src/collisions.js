@@ -16,14 +16,14 @@ const WIDE = 3.0; // ratio of the ends of an interval above which its upper end 
 const PERIOD = 1e-3; // [s]: events nearer than this to the moment shown are not next or previous
 
 // Links that may be touched at a state, the most probable one first, with their probabilities, the 68 % interval of the force
-// on any link, and the force at the centre of mass of the first one [N] with the root of its covariance, NaN where a direction
-// of it is not observed; null where no link is known.
+// on any link, and the force at the centre of mass of the first one [N], NaN where a direction of it is not observed; null
+// where no link is known.
 function touchAt(layout, d, b) {
   const numbers = (name) => [...d.subarray(b + layout.at(name), b + layout.at(name) + layout.size(name))];
   const links = numbers("touched_link").map((place) => layout.links[place]).filter(Boolean);
   if (!links.length) return null;
   const [probabilities, interval, force] = ["touched_probability", "touch_interval", "touch_force"].map(numbers);
-  return { links, probabilities, interval, force, root: symmetric(numbers("touch_root")) };
+  return { links, probabilities, interval, force };
 }
 
 export const symmetric = ([xx, xy, xz, yy, yz, zz]) => [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];

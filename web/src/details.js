@@ -51,23 +51,12 @@ export class Details {
       const mass = layout.scene.links[k]?.mass;
       if (mass > 0) add("mass", () => mass, "kg");
       const origin = (d, b) => layout.placements(d, b)?.[k].slice(12, 15) ?? [NaN, NaN, NaN];
-      this.#addWrench(link, add);
       add("x, y, z", origin, "m", (xyz) => xyz.map((x) => metres(x)).join(", "));
     }
     this.lines = lines;
     const joints = dof >= 0 && layout.dofs[dof] !== link ? `${layout.dofs[dof]} · ` : "";
     say(this.title, joints + link);
     this.list.replaceChildren(...lines.map((line) => el("div", {}, el("dt", { text: line.label }), el("dd", {}, line.cell, line.unit ? ` ${line.unit}` : ""))));
-  }
-
-  // The external wrench at a link's origin in its axes, with standard deviations.
-  #addWrench(link, add) {
-    const n = (this.layout.json.frames ?? []).indexOf(link);
-    if (n < 0) return;
-    ["fx", "fy", "fz", "mx", "my", "mz"].forEach((name, k) => {
-      const [value, deviation] = ["wrench", "wrench_deviation"].map((of) => field(this.layout, of, 6 * n + k));
-      add(`external ${name}`, (d, b) => [value(d, b), deviation(d, b)], k < 3 ? "N" : "N m", ([x, sigma]) => `${number(x)} ± ${number(sigma, 2)}`);
-    });
   }
 
   draw(rows, i) {

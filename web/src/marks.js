@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// An ellipsoid and an arrow in the same scale: J M⁻¹ Jᵀ at a link and its velocity, or a force and its deviation at its tip.
+// An ellipsoid and an arrow in the same scale, J M⁻¹ Jᵀ at a link and its velocity; or a force alone.
 
 import {
   BufferGeometry, ConeGeometry, CylinderGeometry, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshStandardMaterial,
@@ -13,19 +13,20 @@ const SIZE = 0.38; // of the ellipsoid, in parts of the robot's
 const [SMALLEST, BIGGEST] = [0.17, 0.7]; // between which the scale stays as it is
 
 export class Marks extends Group {
-  constructor(atTip = false) {
+  constructor(isForce = false) {
     super();
-    this.atTip = atTip;
-    const glass = { transparent: true, depthWrite: false, depthTest: !atTip, fog: false };
+    this.isForce = isForce;
+    const glass = { transparent: true, depthWrite: false, fog: false };
     this.ellipsoid = new Mesh(new SphereGeometry(1, 48, 32), new MeshStandardMaterial({ ...glass, opacity: 0.3, roughness: 0.4 }));
     this.rings = new LineSegments(greatCircles(), new LineBasicMaterial({ ...glass, opacity: 0.55 }));
     for (const one of [this.ellipsoid, this.rings]) one.matrixAutoUpdate = false;
-    this.solid = new MeshStandardMaterial({ fog: false, roughness: 0.5, transparent: atTip, depthTest: !atTip }); // a force is seen through the robot
+    this.solid = new MeshStandardMaterial({ fog: false, roughness: 0.5, transparent: isForce, depthTest: !isForce }); // a force is seen through the robot
     this.arrow = new Group();
     this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20), this.solid);
     this.head = new Mesh(new ConeGeometry(1, 1, 24), this.solid);
     this.arrow.add(this.shaft, this.head);
-    this.add(this.ellipsoid, this.rings, this.arrow);
+    this.add(this.arrow);
+    if (!isForce) this.add(this.ellipsoid, this.rings);
     this.forget();
   }
 
@@ -39,14 +40,14 @@ export class Marks extends Group {
     this.solid.color.set(arrow);
   }
 
-  // at: the arrow's beginning; root: symmetric, maps the unit sphere to the ellipsoid [m/s, N]; size: the robot's [m]. Forces
+  // at: the arrow's beginning; root: symmetric, maps the unit sphere to the ellipsoid [m/s], null of a force; size: the robot's [m]. Forces
   // are drawn in the scale of the largest one yet.
   place(at, root, vector, size) {
-    const longest = (this.atTip ? Math.hypot(...vector) : Math.hypot(...root.flat())) || 1;
+    const longest = (this.isForce ? Math.hypot(...vector) : Math.hypot(...root.flat())) || 1;
     const drawn = this.ratio * longest;
-    const isSmall = drawn <= SMALLEST * size && !this.atTip;
+    const isSmall = drawn <= SMALLEST * size && !this.isForce;
     if (!this.ratio || isSmall || !(drawn < BIGGEST * size)) this.ratio = (SIZE * size) / longest;
-    this.#ellipsoid(this.atTip ? new Vector3(...vector).multiplyScalar(this.ratio).add(at) : at, root, size);
+    if (root) this.#ellipsoid(at, root, size);
     this.#arrow(at, vector, size);
   }
 

@@ -267,10 +267,10 @@ export class Scene3D {
   // The force at the centre of mass of the touched link, see touchAt; null hides it.
   showForce(touch) {
     const group = this.robot?.byName.get(touch?.links[0]);
-    const visible = Boolean(group) && Number.isFinite(touch.root[0][0]);
+    const visible = Boolean(group) && Number.isFinite(touch.force[0]);
     this.dirty ||= visible || this.force.visible;
     this.force.visible = visible;
-    if (visible) this.force.place(new Vector3(...this.layout.centerOf(touch.links[0])).applyMatrix4(group.matrixWorld), touch.root, touch.force, this.own);
+    if (visible) this.force.place(new Vector3(...this.layout.centerOf(touch.links[0])).applyMatrix4(group.matrixWorld), null, touch.force, this.own);
   }
 
   // The contact point with the smallest margin; null hides it.

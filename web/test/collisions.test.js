@@ -11,7 +11,7 @@ import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
 
 const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 3], ["touched_probability", 3]];
-const TOUCH = [["touch_interval", 2], ["touch_force", 3], ["touch_root", 6], ["load_mass", 1], ["load_deviation", 1], ["load_link", 1]];
+const TOUCH = [["touch_interval", 2], ["touch_force", 3], ["load_mass", 1], ["load_deviation", 1], ["load_link", 1]];
 const layout = new Layout({
   ...{ dofs: ["turn", "slide"], links: ["base", "upper", "hand"], angular: [true, false], tree: { bodies: [], links: [] } },
   fields: [...FIELDS, ...TOUCH].map(([name, size]) => ({ name, size, of: "" })),
@@ -20,7 +20,7 @@ const { contact, collision } = FLAGS;
 
 function stored(states) {
   const rows = new Rows(layout.width, 1000);
-  states.forEach(({ flags = 0, norm = 0, touch = Array(17).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
+  states.forEach(({ flags = 0, norm = 0, touch = Array(11).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
   return rows;
 }
 
@@ -49,7 +49,7 @@ test("times and texts of a summary replace the runs that they overlap", () => {
 });
 
 test("links that may be touched and the interval of the force", () => {
-  const touch = (first, second, ...interval) => ({ flags: contact, norm: 1, touch: [first, second, NaN, 0.523, 0.31, NaN, ...interval, 0, 3, 4, 2, 0, 0, 1, 0, 0.5] });
+  const touch = (first, second, ...interval) => ({ flags: contact, norm: 1, touch: [first, second, NaN, 0.523, 0.31, NaN, ...interval, 0, 3, 4] });
   const texts = (...of) => eventsOf(stored([touch(...of)]), layout).map(eventText);
   assert.deepEqual(texts(2, 1, 12.4, 24.8), ["contact: hand\u00a052\u00a0% or upper\u00a031\u00a0%, 12 to 25\u00a0N"]);
   assert.deepEqual(texts(2, 1, 4.2, 12.7), ["contact: hand\u00a052\u00a0% or upper\u00a031\u00a0%, ≥ 4.2\u00a0N"]);
@@ -57,7 +57,7 @@ test("links that may be touched and the interval of the force", () => {
 });
 
 test("the link of a summary is that of the event", () => {
-  const touch = (link, force) => [link, NaN, NaN, 0.6, NaN, NaN, force, force, ...Array(9).fill(NaN)];
+  const touch = (link, force) => [link, NaN, NaN, 0.6, NaN, NaN, force, force, ...Array(3).fill(NaN)];
   const rows = stored([{ flags: collision, norm: 9, touch: touch(1, 7) }, { flags: collision, norm: 5, touch: touch(2, 4) }]);
   const texts = (link) => eventsOf(rows, layout, [{ kind: "collision", start: 0, end: 0.1, link }]).map(eventText);
   assert.deepEqual(texts(), ["collision: upper\u00a060\u00a0%, 7.0 to 7.0\u00a0N"]);

@@ -10,7 +10,6 @@ from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.page.forces import ForceOptions
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
 from diag_dynamics.page.meshes import MeshLibrary, pack, pack_meshes
@@ -39,10 +38,10 @@ class ReportOutput:
         self._dynamics = DiagonalDynamics(reading.model)
         self._points, self._left_out = self._contact_points()
         points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
-        forces = ForceOptions.of(
-            reading.settings.observation, reading.settings.values, reading.model
-        )
-        self._maker = FrameMaker(self._dynamics, points, forces)
+        observation = reading.settings.observation
+        names = reading.model.dof_names
+        covariance = observation.covariance_of(names) if observation else None
+        self._maker = FrameMaker(self._dynamics, points, covariance)
         self._overview = Overview(max(200, MAX_OVERVIEW // (3 * self._maker.layout.size)))
         self._contacts = ContactRuns()
         self._count = 0
