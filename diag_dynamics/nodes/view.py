@@ -21,7 +21,7 @@ from diag_dynamics.description.checks import handle_warnings
 from diag_dynamics.description.text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque, Load
+from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge
 from diag_dynamics.nodes.support.descriptions import RobotLoader
@@ -63,8 +63,7 @@ REQUESTED = ("use_sim_time", "robot_description", *SHARED, *OBSERVED)
 simulated time."""
 
 MAX_DIFFERENCE = 0.1
-"""Largest difference between the stamps of a state and of its external torque, contact or load
-[s]."""
+"""Largest difference between the stamps of a state and of its external torque or contact [s]."""
 
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
@@ -101,7 +100,6 @@ KINDS = {
     "state": DiagonalizedState,
     "external_torque": ExternalTorque,
     "contact_limits": ContactLimits,
-    "load": Load,
 }
 """Types of a monitor's messages by topic."""
 
@@ -138,7 +136,7 @@ class RobotSubscription:
         self.stream = RobotStream(name, self._read, notifies=True)
         self._subscriptions = {}
         self._added_at = node.time.steady()
-        for topic in ("state", "external_torque", "load"):
+        for topic in ("state", "external_torque"):
             self._subscribe(topic)
         self._topic = f"{self.namespace.rstrip('/')}/robot_description"
         self._subscriptions["robot_description"] = node.create_subscription(
@@ -397,7 +395,6 @@ class RobotSubscription:
             latency=self._latency(t, received),
             **torque,
             **contact,
-            **self._read_load(t, model),
         )
         return Received(states, received, count, limits, self._points)
 
@@ -441,20 +438,6 @@ class RobotSubscription:
             position = message.positions[3 * message.worst :][:3]
             fields["contact_limits_position"] = row_of(position)
         return fields
-
-    def _read_load(self, t, model):
-        """Return the fields of a load at a time; none without a recognized load."""
-        message = self._newest_message("load")
-        link = message.header.frame_id
-        if not (message.valid and message.is_load and link in model.link_names):
-            return {}
-        if abs(stamp_of(message) - t) > MAX_DIFFERENCE:
-            return {}
-        return {
-            "load_link": model.link_names.index(link),
-            "load_mass": message.mass,
-            "load_deviation": message.mass_deviation,
-        }
 
 
 def row_of(values):

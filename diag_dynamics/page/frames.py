@@ -63,10 +63,6 @@ class States(NamedTuple):
     """Indices of links that may be touched, the most probable one first, −1 for none; NaN where it
     is unknown."""
     touched_probability: Any = np.nan
-    load_link: Any = np.nan
-    """Index of the link with a load."""
-    load_mass: Any = np.nan
-    load_deviation: Any = np.nan
 
     @classmethod
     def of(cls, t, q, qd, effort, s, **others):

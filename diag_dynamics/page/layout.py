@@ -119,11 +119,9 @@ FIELDS = (
     ("points", 1, "m/s", "contact_limits_speed contact_limits_allowed"),
     ("points", 1, "kg", "contact_limits_mass"),
     ("points", 1, "J", "contact_limits_energy"),
-    ("", 1, "", "load_link"),
     ("", 3, "", "touched_link touched_probability"),
     ("", 2, "N", "touch_interval"),
     ("", 3, "N", "touch_force"),
-    ("", 1, "kg", "load_mass load_deviation"),
     ("", 6, "1/kg^0.5", "mobility_root"),
     ("", 3, "m/s", "link_velocity"),
 )

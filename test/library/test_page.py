@@ -163,9 +163,6 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
     observed |= {
         "touched_link": links,
         "touched_probability": links / 2.0,
-        "load_link": 2,
-        "load_mass": 2.0,
-        "load_deviation": 0.5,
     }
     states = States.of(
         1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0
@@ -203,9 +200,6 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "contact_limits_allowed": contact.allowed_speed,
         "touched_link": links,
         "touched_probability": links / 2.0,
-        "load_link": 2,
-        "load_mass": 2.0,
-        "load_deviation": 0.5,
     }
     scale = np.linalg.norm(s.nu) * sum(map(np.linalg.norm, (s.epsilon, s.gravity, r)))
     for name, wanted in expected.items():

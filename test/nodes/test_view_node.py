@@ -7,13 +7,12 @@ machine.
 
 import numpy as np
 import pytest
-from diag_dynamics.msg import ContactLimits, DiagonalizedState, Load
+from diag_dynamics.msg import ContactLimits, DiagonalizedState
 from diag_dynamics.srv import SetPayload
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.nodes.support.messages import to_time
 from nodes import LATCHED, PANDA, UR5, Monitor, S, nanoseconds, robot
 from streams import DIAGNOSTICS, FRAME, HEARTBEAT, LAYOUT, Stream, get_json
 
@@ -354,33 +353,6 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
     assert worst == message.worst
     place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
     np.testing.assert_array_equal(frame["contact_limits_position"], place)
-
-
-def test_a_load_is_shown(peer, monitor, view, panda):
-    """The load of a state's own time is in its frame; one of another time or link, or what is no
-    load, is not.
-    """
-    publisher = peer.publisher(Load, f"{monitor.name}/load")
-    expected = ["panda_hand", 1.25, 0.0625]
-    load = Load(valid=True, is_load=True, mass=1.25, mass_deviation=0.0625)
-    with stream_of(view) as stream:
-        for link, is_load, age in (
-            ("panda_hand", True, 0),
-            ("panda_hand", False, 0),
-            ("hook", True, 0),
-            ("panda_hand", True, S),
-        ):
-            load.header.frame_id = link
-            load.is_load = is_load
-            load.header.stamp = to_time(monitor.now + S - age)
-            publisher.publish(load)
-            monitor.serves(panda)
-            frame = frame_of(stream, monitor.now)
-            result = [float(frame[name]) for name in ("load_link", "load_mass", "load_deviation")]
-            if (link, is_load, age) == ("panda_hand", True, 0):
-                assert [stream.layout["links"][int(result[0])], *result[1:]] == expected
-            else:
-                assert np.isnan(result).all()
 
 
 def test_foreign_time(peer, view, panda):

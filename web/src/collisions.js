@@ -39,12 +39,6 @@ function forceText({ interval: [low, high] }) {
 // "collision: hand 52 % or fore 31 %, 12 to 25 N": the event wherever it is shown.
 export const eventText = ({ kind, place, number }) => `${kind}: ${[place, number].filter(Boolean).join(", ")}`;
 
-// "load 1.20 ± 0.08 kg at tool0"; empty without one.
-export function loadText(layout, d, b) {
-  const [mass, deviation, link] = ["load_mass", "load_deviation", "load_link"].map((name) => d[b + layout.at(name)]);
-  return Number.isFinite(mass) ? `load ${number(mass)} ±\u00a0${quantity(deviation, "kg", 2)} at ${layout.links[link]}` : "";
-}
-
 // Collisions, and contacts without one, in the order of time. Known ones are those of a summary, whose times are exact, and
 // those that diagnostics report; others are runs of states that are flagged.
 export function eventsOf(rows, layout, known = []) {

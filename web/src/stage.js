@@ -3,7 +3,7 @@
 
 // The robot, the legend of its colours, and numbers of the chosen link.
 
-import { eventText, loadText, symmetric } from "./collisions.js";
+import { eventText, symmetric } from "./collisions.js";
 import { COLOURINGS, K, linkValues, massAlong, noiseOf, placeOf, roundUp, valueAt } from "./quantities.js";
 import { hex, ramp, rampGradient, store, stored } from "./colours.js";
 import { el, say, toggle } from "./dom.js";
@@ -41,9 +41,8 @@ export class Stage {
     this.energy = el("b");
     this.marksNote = el("div", { class: "marks" });
     this.forceNote = el("div", { class: "marks force" });
-    this.loadNote = el("div", { class: "marks" });
     this.missing = el("div", { class: "marks missing" });
-    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "kinetic energy K" }), this.energy), this.marksNote, this.forceNote, this.loadNote, this.missing);
+    this.head = el("div", { class: "headline" }, el("div", {}, el("small", { text: "kinetic energy K" }), this.energy), this.marksNote, this.forceNote, this.missing);
     this.banner = el("div", { class: "banner", hidden: true }, (this.state = el("div")), (this.why = el("p")));
     this.hint = el("div", { class: "hint", hidden: true });
     this.node = el("div", { class: "stage" }, this.head, this.legend, this.banner, this.hint);
@@ -182,13 +181,12 @@ export class Stage {
     this.#force(data, base);
   }
 
-  // The force of the collision or contact, and the load.
+  // The force of the collision or contact.
   #force(data, base) {
     const event = this.app.cards.collisions.at(this.time);
     this.scene?.showForce(event?.touch ?? null);
     say(this.forceNote, event ? eventText(event) : "");
-    this.forceNote.title = "68 % interval of the force, over all links and points. Arrow: the force at the centre of mass of the most probable link, if all its directions are observed. Ellipsoid: one standard deviation of the calibrated noise.";
-    say(this.loadNote, loadText(this.layout, data, base));
+    this.forceNote.title = "68 % interval of the force, over all links and points. Arrow: the force at the centre of mass of the most probable link, if all its directions are observed.";
   }
 
   #paint(data, base) {

@@ -6,12 +6,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { collisionNotes } from "../src/chapters.js";
-import { CollisionList, eventText, eventsOf, loadText } from "../src/collisions.js";
+import { CollisionList, eventText, eventsOf } from "../src/collisions.js";
 import { FLAGS, Layout } from "../src/layout.js";
 import { Rows } from "../src/rows.js";
 
 const FIELDS = [["norm", 1], ["flags", 1], ["external_torque", 2], ["touched_link", 3], ["touched_probability", 3]];
-const TOUCH = [["touch_interval", 2], ["touch_force", 3], ["load_mass", 1], ["load_deviation", 1], ["load_link", 1]];
+const TOUCH = [["touch_interval", 2], ["touch_force", 3]];
 const layout = new Layout({
   ...{ dofs: ["turn", "slide"], links: ["base", "upper", "hand"], angular: [true, false], tree: { bodies: [], links: [] } },
   fields: [...FIELDS, ...TOUCH].map(([name, size]) => ({ name, size, of: "" })),
@@ -20,7 +20,7 @@ const { contact, collision } = FLAGS;
 
 function stored(states) {
   const rows = new Rows(layout.width, 1000);
-  states.forEach(({ flags = 0, norm = 0, touch = Array(11).fill(NaN), load = [NaN, NaN, NaN] }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch, ...load]));
+  states.forEach(({ flags = 0, norm = 0, touch = Array(11).fill(NaN) }, k) => rows.push(k / 10, [norm, flags, 3, -5, ...touch]));
   return rows;
 }
 
@@ -70,11 +70,6 @@ test("a reported collision is an event unless states near it are flagged", () =>
   assert.deepEqual(texts(quiet(20)), ["collision: upper (0.53): |m r| 5 > 3"]);
   assert.deepEqual(texts([...quiet(12), { flags: collision }, ...quiet(5)]), ["collision: slide, 5.00\u00a0N"]);
   assert.deepEqual(texts([...quiet(9), { flags: contact }, { flags: contact }]), ["collision: upper (0.53): |m r| 5 > 3"]);
-});
-
-test("a load with its deviation and link", () => {
-  const rows = stored([{ load: [1.2, 0.08, 2] }, {}]);
-  assert.deepEqual([0, 1].map((i) => loadText(layout, rows.data, rows.base(i))), ["load 1.20 ±\u00a00.080\u00a0kg at hand", ""]);
 });
 
 test("next and previous are those of the moment shown", () => {
