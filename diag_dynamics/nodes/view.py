@@ -58,9 +58,8 @@ OBSERVED = [
 ]
 """Parameters of a monitor's observer."""
 
-REQUESTED = ("use_sim_time", "robot_description", *SHARED, *OBSERVED)
-"""Parameters of a monitor that make its model and its observer, and whether its stamps are of
-simulated time."""
+REQUESTED = ("robot_description", *SHARED, *OBSERVED)
+"""Parameters of a monitor that make its model and its observer."""
 
 MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque or contact [s]."""
@@ -151,7 +150,6 @@ class RobotSubscription:
         self._is_outdated = True
         self._published_at = time.monotonic()
         self._revision = None
-        self._differs_in_time = False
         self._points = ()
         self._diagnostics = {}
         self._faults = {}
@@ -280,9 +278,6 @@ class RobotSubscription:
         received = {
             name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None
         }
-        self._differs_in_time = (
-            bool(received.pop("use_sim_time", False)) != self._node.get_clock().ros_time_is_active
-        )
         defaults = {name: MONITOR[name].default for name in (*SHARED, *OBSERVED)}
         self._values = defaults | {"robot_description": ""} | received
         self._load()
@@ -392,19 +387,10 @@ class RobotSubscription:
             np.array([message.kinetic_energy]),
             velocity_estimated=message.velocity_estimated,
             receive_time=message.stamp_is_receive_time,
-            latency=self._latency(t, received),
             **torque,
             **contact,
         )
         return Received(states, received, count, limits, self._points)
-
-    def _latency(self, t, received):
-        """Return the age of a state at its reception [s]; NaN for a stamp of another clock."""
-        if self._differs_in_time:
-            return np.nan
-        clock = self._node.get_clock()  # of rclpy: ten times as slow as the system's
-        now = clock.now().nanoseconds * 1e-9 if clock.ros_time_is_active else time.time()
-        return now - (time.monotonic() - received) - t
 
     def _newest_message(self, topic):
         """Return the newest message of a topic; an empty one before the first."""

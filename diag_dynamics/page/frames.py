@@ -16,9 +16,9 @@ from diag_dynamics.sweeps import evaluation, factorization
 GAP = 0.5
 """Largest time between two states over which dK/dt is a difference [s]."""
 
-MAX_DELAY, MODEL_TOLERANCE = 1.0, 1e-6
-"""Delay above which a state is flagged `late` [s]; relative difference between K and the sum of
-link energies above which the monitor has another model."""
+MODEL_TOLERANCE = 1e-6
+"""Relative difference between K and the sum of link energies above which the monitor has another
+model."""
 
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""
@@ -48,8 +48,6 @@ class States(NamedTuple):
     collision: Any = False
     velocity_estimated: Any = False
     receive_time: Any = False
-    latency: Any = np.nan
-    rate: Any = np.nan
     contact_limits_worst: Any = np.nan
     """Index of the worst point, −1 for none; `contact_limits_position` is that point's, in the
     root link's axes."""
@@ -219,7 +217,6 @@ def _flags(states, same_model):
         "effort_missing": np.isnan(states.effort).any(axis=-1),
         "no_external_torque": np.isnan(states.norm),
         "collision": states.collision,
-        "late": np.greater(states.latency, MAX_DELAY),
         "receive_time": states.receive_time,
         "other_model": ~same_model,
         "contact": states.contact,

@@ -89,11 +89,10 @@ def _link(model, name):
 
 CAUSES = {
     **{"velocity_estimated": 1, "effort_missing": 2, "no_external_torque": 4, "collision": 8},
-    **{"late": 16, "receive_time": 32, "other_model": 64, "contact": 128},
+    **{"receive_time": 16, "other_model": 32, "contact": 64},
 }
-"""Bits of the field `flags`. late: the stamp is more than 1 s behind the clock. receive_time: the
-source sent no stamp. other_model: the monitor has another model than this process, so that values
-of links are not the monitor's."""
+"""Bits of the field `flags`. receive_time: the source sent no stamp. other_model: the monitor has
+another model than this process, so that values of links are not the monitor's."""
 
 CHOSEN = ("mobility_root", "link_velocity")
 """Fields of the link that a page has chosen. They are the last ones: all others are the same for
@@ -112,8 +111,6 @@ FIELDS = (
     ("", 1, "J^0.5/s", "norm"),
     ("", 1, "N m", "torque_norm"),
     ("", 1, "", "coriolis_work flags"),
-    ("", 1, "s", "latency"),
-    ("", 1, "1/s", "rate"),
     ("contact_limits", 1, "", "contact_limits_worst"),
     ("contact_limits", 3, "m", "contact_limits_position"),
     ("points", 1, "m/s", "contact_limits_speed contact_limits_allowed"),

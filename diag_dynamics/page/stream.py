@@ -222,7 +222,7 @@ class RobotStream:
         states = self._last.states
         maker = self._maker
         if "" not in self._frames:
-            frame = maker.frames(states._replace(rate=self._rate)).tobytes()
+            frame = maker.frames(states).tobytes()
             self._frames[""] = frame[: 8 + 4 * maker.layout.common]
         chosen = maker.chosen(states.q[0], states.nu[0], link).tobytes()
         self._frames[link] = self._frames[""] + chosen

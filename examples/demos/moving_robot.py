@@ -80,7 +80,7 @@ class MovingRobot:
             "norm": np.array([norm]),
         }
         state = self._first_stamp + t, q, qd, tau, dynamics.evaluate(q, qd, tau)
-        states = States.of(*state, **observed, collision=collision, latency=now - t)
+        states = States.of(*state, **observed, collision=collision)
         return Received(states, self._first_clock + t, count, self._limits)
 
 

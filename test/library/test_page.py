@@ -164,9 +164,7 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "touched_link": links,
         "touched_probability": links / 2.0,
     }
-    states = States.of(
-        1.5, q, qd, tau, s, **observed, latency=0.003, rate=500.0
-    ).with_contact_limits(contact)
+    states = States.of(1.5, q, qd, tau, s, **observed).with_contact_limits(contact)
     (frame,) = maker.frames(states)
     assert len(frame.tobytes()) == 8 + 4 * maker.layout.size
     expected = {
@@ -185,8 +183,6 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
         "external_torque": torque,
         "norm": norm,
         "torque_norm": np.linalg.norm(torque),
-        "latency": 0.003,
-        "rate": 500.0,
         "p_effort": s.nu @ s.epsilon,
         "p_gravity": -s.nu @ s.gravity,
         "p_friction": -s.nu @ s.friction,
@@ -225,16 +221,12 @@ def test_frames_have_the_numbers_of_the_evaluation(one):
 
 
 def test_unknown_values_are_nan_and_flagged(panda):
-    """A state without efforts, of a receive time and with an estimated velocity; its stamp is
-    late.
-    """
+    """A state without efforts, of a receive time and with an estimated velocity."""
     q, qd, _ = (rows[0] for rows in some(panda))
     maker = FrameMaker(dd.DiagonalDynamics(panda), [("tool", "panda_hand")])
     evaluation = dd.DiagonalDynamics(panda).evaluate(q, qd)
     (frame,) = maker.frames(
-        States.of(
-            1.0, q, qd, None, evaluation, velocity_estimated=True, receive_time=True, latency=2.0
-        )
+        States.of(1.0, q, qd, None, evaluation, velocity_estimated=True, receive_time=True)
     )
     for name in (
         "effort",
@@ -252,7 +244,6 @@ def test_unknown_values_are_nan_and_flagged(panda):
         "velocity_estimated",
         "effort_missing",
         "no_external_torque",
-        "late",
         "receive_time",
     }
     assert {name for name, bit in CAUSES.items() if flags & bit} == expected

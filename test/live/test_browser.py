@@ -296,9 +296,9 @@ def test_six_cards_at_first_with_readable_letters(chromium, panda):
                 assert tab.ask(LETTERS) >= pixels, (width, cards)
         tab.page.locator("button", has_text="Cards").click()
         tab.page.locator(".menu button", has_text="contact").click()
-        tab.page.locator(".menu input[name=latency]").check()
+        tab.page.locator(".menu input[name=power]").check()
         tab.until("location.hash.includes('cards=limits,contact-limits')")
-        assert "plot-latency" in tab.ask(f"{VISIBLE}.map((one) => one.id)")
+        assert "plot-power" in tab.ask(f"{VISIBLE}.map((one) => one.id)")
         tab.page.locator(".menu button", has_text="monitoring").click()
         assert tab.ask(f"{VISIBLE}.map((one) => one.id || one.className)") == expected
         assert tab.said == []

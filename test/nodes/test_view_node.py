@@ -76,7 +76,7 @@ def test_numbers_are_those_of_the_messages(monitor, view, panda):
                     frame[name], np.array(getattr(message, field), dtype=np.float32)
                 )
             assert frame["K"] == np.float32(message.kinetic_energy)
-            assert frame.flags <= {"no_external_torque", "late"}
+            assert frame.flags <= {"no_external_torque"}
 
 
 def test_external_torque(peer, monitor, view, panda, monkeypatch):
@@ -353,17 +353,6 @@ def test_contact_is_shown_where_limits_are_judged(peer, monitor, view, panda, tm
     assert worst == message.worst
     place = np.array(message.positions[3 * worst : 3 * worst + 3], dtype=np.float32)
     np.testing.assert_array_equal(frame["contact_limits_position"], place)
-
-
-def test_foreign_time(peer, view, panda):
-    """Latency to a monitor with use_sim_time is unknown to a view without it."""
-    with (
-        start_monitor(peer, PANDA, "/simulated", use_sim_time=True) as monitor,
-        stream_of(view, "/simulated") as stream,
-    ):
-        monitor.serves(panda)
-        frame = frame_of(stream, monitor.now)
-    assert np.isnan(frame["latency"]) and "late" not in frame.flags
 
 
 XACRO = """<robot name="expanded" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>

@@ -71,9 +71,8 @@ def content():
         **observed,
         **CONTACT,
         collision=True,
-        latency=0.003,
     )
-    flags = {"velocity_estimated": True, "receive_time": True, "latency": 2.0}
+    flags = {"velocity_estimated": True, "receive_time": True}
     unknown = States.of(T + 0.1, Q, QD, None, dyn.evaluate(Q, QD), **flags)
     limits = (12.0, math.inf, math.inf, 8.0)
     received = [Received(state, 0.0, 1, limits, POINTS) for state in (state, unknown)]

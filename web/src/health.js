@@ -66,7 +66,7 @@ export class Health {
       const says = this.heart?.waiting || (this.robots?.length === 0 ? "no robot found" : "no state received yet");
       return { level: "warn", word: "Waiting", says, notes: [], dim: true };
     }
-    const stale = (flags & FLAGS.late) !== 0 || this.silence > OLD;
+    const stale = this.silence > OLD;
     if (stale) return { level: "bad", word: "Stale", says: `the last state is ${span(this.silence)} old`, notes, dim: !paused, stale };
     if (paused) return { level: "paused", word: "Paused", says: "", notes };
     const level = notes.some((note) => note.level === "warn") ? "warn" : "good";

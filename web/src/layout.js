@@ -12,10 +12,9 @@ export const FLAGS = {
   effortMissing: 2,
   observerInvalid: 4,
   collision: 8,
-  late: 16,
-  receiveTime: 32,
-  otherModel: 64,
-  contact: 128,
+  receiveTime: 16,
+  otherModel: 32,
+  contact: 64,
 };
 
 export class Layout {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The state of the page as the fragment of its address: #robot=/arm&t=12.5&joint=elbow&cards=contact,latency
+// The state of the page as the fragment of its address: #robot=/arm&t=12.5&joint=elbow&cards=contact,power
 
 import { cardsOf } from "./presets.js";
 

@@ -11,9 +11,9 @@ export const PRESETS = {
   dynamics: ["energy", "power", "exchange", "torque", "inertia", "work"],
 };
 export const DEFAULT = "monitoring";
-export const CARDS = [...new Set([...Object.values(PRESETS).flat(), "latency", "parameters"])];
+export const CARDS = [...new Set([...Object.values(PRESETS).flat(), "parameters"])];
 
-// The cards of a text such as "contact,latency"; null where a name is neither a preset nor a card.
+// The cards of a text such as "contact,power"; null where a name is neither a preset nor a card.
 export function cardsOf(text) {
   const names = text.split(",");
   const isKnown = names.every((name) => Object.hasOwn(PRESETS, name) || CARDS.includes(name));

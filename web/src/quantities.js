@@ -191,19 +191,6 @@ export function plotsOf(layout) {
       help: "Zero within rounding (Lemma 7.1).",
     },
   ];
-  if (!layout.json.report) {
-    plots.push({
-      id: "latency",
-      title: "Latency and rate",
-      unit: "ms",
-      right: "Hz",
-      lines: [
-        single(layout, "latency", "latency", "#edc948", { factor: 1000 }),
-        single(layout, "rate", "state rate", "#76b7b2", { scale: "right" }),
-      ],
-      help: "Age of each state at reception (left), and states per second (right).",
-    });
-  }
   return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));
 }
 

@@ -37,7 +37,7 @@ test("a frame has the numbers of the state", () => {
   const expected = {
     ...{ q: [0.3, Math.PI / 2], qd: [2, -1], effort: [5, 1], nu: NU, D: [3, 1], K: 6.5, link_energy: [0, 4, 2.5] },
     ...{ p_effort: 9, p_gravity: 0, p_friction: 0, p_external: 1.25, gravity_torque: [0, 0] },
-    ...{ external_torque: [0.5, -0.25], latency: 0.003, flags: FLAGS.collision, torque_norm: Math.hypot(0.5, 0.25) },
+    ...{ external_torque: [0.5, -0.25], flags: FLAGS.collision, torque_norm: Math.hypot(0.5, 0.25) },
   };
   for (const [name, numbers] of Object.entries(expected)) near(field(known, name), numbers, 1e-6, name);
   near(layout.placements(known, 0)[2].slice(12), [Math.cos(0.3), Math.sin(0.3), 0, 1]);
@@ -45,8 +45,8 @@ test("a frame has the numbers of the state", () => {
 });
 
 test("what is unknown is NaN, flagged, and nowhere a number", () => {
-  const { estimated, effortMissing, observerInvalid, late, receiveTime } = FLAGS;
-  assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + late + receiveTime);
+  const { estimated, effortMissing, observerInvalid, receiveTime } = FLAGS;
+  assert.equal(unknown[layout.at("flags")], estimated + effortMissing + observerInvalid + receiveTime);
   for (const name of ["effort", "p_effort", "external_torque", "norm", "contact_limits_worst", "contact_limits_speed"]) {
     assert.ok(field(unknown, name).every(Number.isNaN), name);
   }
@@ -141,7 +141,6 @@ test("plots: a line for each joint, thresholds, and none of what a report lacks"
   assert.equal(plots.norm.lines.find(({ name }) => name === "|r|").threshold, 8);
   near(plots.energy.lines.map(({ get }) => get(known, 0)), [6, 0.5]);
   near(plots.power.lines.map(({ get }) => get(known, 0)).slice(0, 4), [9, 0, 0, 1.25]);
-  assert.ok(!plotsOf(new Layout({ ...fixture.layout, report: true })).some(({ id }) => id === "latency"));
 });
 
 test("units: once per axis, of joints that turn, slide, or both", () => {
@@ -160,7 +159,7 @@ test("noise: by the moving mass; none where it is unknown", () => {
   const { J, "N m": torque, "m/s": speed } = noiseOf(layout);
   near([J, torque, speed], [0.015, 0.15, 0.1]); // of 1.5 kg
   assert.deepEqual([undefined, 0, null].map((half) => noiseOf(new Layout({ ...fixture.layout, contact_limits: { half } })).J), Array(3).fill(undefined));
-  assert.deepEqual(plotsOf(layout).filter(({ unit, log }) => !log && !(noiseOf(layout)[unit] > 0)).map(({ id }) => id), ["latency"]);
+  assert.deepEqual(plotsOf(layout).filter(({ unit, log }) => !log && !(noiseOf(layout)[unit] > 0)).map(({ id }) => id), []);
 });
 
 test("colours say what they mean", () => {

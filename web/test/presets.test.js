@@ -22,9 +22,9 @@ test("each card has a name, and is in a preset or in the menu", () => {
 
 test("names of presets and cards, and back", () => {
   for (const preset of Object.keys(PRESETS)) assert.equal(textOf(cardsOf(preset)), preset);
-  assert.deepEqual(cardsOf("power,latency"), ["power", "latency"]);
-  assert.deepEqual(cardsOf("dynamics,power,latency"), [...PRESETS.dynamics, "latency"]);
-  assert.equal(textOf(["latency", "power"]), "latency,power");
+  assert.deepEqual(cardsOf("power,parameters"), ["power", "parameters"]);
+  assert.deepEqual(cardsOf("dynamics,power,parameters"), [...PRESETS.dynamics, "parameters"]);
+  assert.equal(textOf(["parameters", "power"]), "parameters,power");
   assert.equal(textOf([...PRESETS.contact].reverse()), "contact");
   for (const text of ["", "all", "power,", "constructor"]) assert.equal(cardsOf(text), null, text);
 });
