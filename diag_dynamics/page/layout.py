@@ -99,39 +99,28 @@ CHOSEN = ("mobility_root", "link_velocity")
 all pages."""
 
 FIELDS = (
-    ("coordinates", 1, "rad, m", "q"),
-    ("dofs", 1, "rad/s, m/s", "qd"),
-    ("dofs", 1, "N m, N", "effort gravity_torque external_torque"),
-    ("dofs", 1, "J^0.5", "nu"),
-    ("dofs", 1, "J^0.5/s", "epsilon coriolis gravity residual"),
-    ("dofs", 1, "kg m^2, kg", "D"),
-    ("links", 1, "J", "link_energy"),
-    ("", 1, "J", "K"),
-    ("", 1, "W", "p_effort p_gravity p_friction p_external dK"),
-    ("", 1, "J^0.5/s", "norm"),
-    ("", 1, "N m", "torque_norm"),
-    ("", 1, "", "coriolis_work flags"),
-    ("contact_limits", 1, "", "contact_limits_worst"),
-    ("contact_limits", 3, "m", "contact_limits_position"),
-    ("points", 1, "m/s", "contact_limits_speed contact_limits_allowed"),
-    ("points", 1, "kg", "contact_limits_mass"),
-    ("points", 1, "J", "contact_limits_energy"),
-    ("", 3, "", "touched_link touched_probability"),
-    ("", 2, "N", "touch_interval"),
-    ("", 3, "N", "touch_force"),
-    ("", 6, "1/kg^0.5", "mobility_root"),
-    ("", 3, "m/s", "link_velocity"),
+    ("coordinates", 1, "q"),
+    ("dofs", 1, "qd effort gravity_torque external_torque nu epsilon coriolis gravity residual D"),
+    ("links", 1, "link_energy"),
+    ("", 1, "K p_effort p_gravity p_friction p_external dK norm torque_norm coriolis_work flags"),
+    ("contact_limits", 1, "contact_limits_worst"),
+    ("contact_limits", 3, "contact_limits_position"),
+    ("points", 1, "contact_limits_speed contact_limits_allowed contact_limits_mass"),
+    ("points", 1, "contact_limits_energy"),
+    ("", 3, "touched_link touched_probability touch_force"),
+    ("", 2, "touch_interval"),
+    ("", 6, "mobility_root"),
+    ("", 3, "link_velocity"),
 )
-"""Fields in their order: what they have entries of, numbers per entry, unit, names."""
+"""Fields in their order, in SI units: what they have entries of, numbers per entry, names."""
 
 
 class Field(NamedTuple):
-    """A field: how many numbers it has, of what (empty for a single entry), and their unit."""
+    """A field: how many numbers it has, and of what; empty for a single entry."""
 
     name: str
     size: int
     of: str
-    unit: str
 
 
 class Layout:
@@ -169,22 +158,21 @@ class Layout:
         self.places = {}
         self.size = 0
         fields = []
-        for of, each, unit, names in FIELDS:
+        for of, each, names in FIELDS:
             size = each * counts[of]
             for name in names.split():
-                fields.append(Field(name, size, of, unit))
+                fields.append(Field(name, size, of))
                 self.places[name] = slice(self.size, self.size + size)
                 self.size += size
         self.fields = tuple(fields)
         self.common = self.places[CHOSEN[0]].start
         self.dtype = np.dtype([("t", "<f8"), ("numbers", "<f4", (self.size,))])
 
-    def to_json(self, scene=None, thresholds=None, frames_only=0):
+    def to_json(self, scene=None, thresholds=None):
         """Return all that a page needs before the first frame, as JSON.
 
         `scene` is of :func:`~diag_dynamics.page.scene.scene_of`, `thresholds` of
-        :func:`thresholds_of`. `frames_only` counts the links without a usable shape, of which
-        contact is known at their frames only.
+        :func:`thresholds_of`.
         """
         model = self._model
         unlimited = [math.inf] * (self._model.nv + 2)
@@ -207,11 +195,7 @@ class Layout:
             "tree": tree_of(model),
             "scene": scene,
             "end_effector": end_effector_link(model),
-            "contact_limits": {
-                "points": points,
-                "half": half_mass(model),
-                "frames_only": frames_only,
-            },
+            "contact_limits": {"points": points},
         }
 
 
@@ -219,18 +203,6 @@ def thresholds_of(limits):
     """Return thresholds of each |(m r)_k| [N m, N], of ‖m r‖ [N m] and of |r| [J^½/s] as JSON."""
     *joints, torque_norm, norm = finite(limits)
     return {"external_torque": joints, "external_torque_norm": torque_norm, "norm": norm}
-
-
-def half_mass(model):
-    """Return M/2 + m_L [kg] of all moving links and their payloads, as in ISO/TS 15066."""
-    total = carried = 0.0
-    for link in model.links:
-        name = model.link_names[link["index"]]
-        # Body 0 is the root link's, which a fixed base does not move.
-        if model.floating_base or model.placement_in_body(name)[0] > 0:
-            total += float(link["mass"])
-            carried += float(model.payloads[name].mass) if name in model.payloads else 0.0
-    return 0.5 * (total - carried) + carried
 
 
 def finite(values):

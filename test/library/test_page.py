@@ -18,7 +18,7 @@ import trimesh
 import diag_dynamics as dd
 import page_fixture
 from diag_dynamics.page.frames import GAP, FrameMaker, States
-from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, half_mass, tree_of
+from diag_dynamics.page.layout import CAUSES, CHOSEN, Layout, tree_of
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.stream import Received, RobotStream, compile_frames
@@ -272,15 +272,6 @@ def test_many_states_are_as_one_by_one(panda):
     assert np.isnan(rate[[0, 20]]).all()
     np.testing.assert_allclose(rate[1:20], np.diff(K[:20]) / 0.01, rtol=1e-5)
     assert np.isfinite(rate[21:]).all()
-
-
-def test_half_mass():
-    """Half of the moving mass, and the whole payload; what a fixed base carries does not move."""
-    model = dd.load_urdf(page_fixture.ARM)
-    place = (0.0, 0.0, 0.1)
-    assert half_mass(model) == pytest.approx(1.5)
-    assert half_mass(model.with_payload("lower", 1.5, place)) == pytest.approx(3.0)
-    assert half_mass(model.with_payload("base", 1.5, place)) == pytest.approx(1.5)
 
 
 # --- Streams ---

@@ -61,8 +61,7 @@ export function collisionNotes({ summary: { observer }, without_full_rate: witho
 }
 
 // Contact limits: how long they were exceeded, and the worst moments.
-function contactLimits({ summary, begin, layout }, act) {
-  const { half } = layout.contact_limits;
+function contactLimits({ summary, begin }, act) {
   const { contact_limits: contact } = summary;
   const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
   const moments = contact.worst.map((one) =>
@@ -70,7 +69,7 @@ function contactLimits({ summary, begin, layout }, act) {
       at(one.at - begin, act),
       ...breakable(one.point),
       ` at ${percent(one.usage)} of the speed allowed by ${one.region}: ${quantity(one.speed, "m/s")}, ${quantity(one.reflected_mass, "kg")}, `,
-      `${quantity(one.energy, "J")} (by M/2 + payload, ${quantity(half, "kg")}: ${quantity(0.5 * half * one.speed ** 2, "J")}), ${quantity(one.force, "N")}`,
+      `${quantity(one.energy, "J")}, ${quantity(one.force, "N")}`,
     ),
   );
   const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;

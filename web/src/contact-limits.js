@@ -13,14 +13,12 @@ const COLUMNS = [
   ["speed", "m/s", "speed of the point along its motion"],
   ["mass", "kg", "reflected mass along the motion"],
   ["energy", "J", "energy that a contact along the motion can transfer"],
-  ["by M/2", "J", "energy at this speed of half the moving mass plus payload (ISO/TS 15066)"],
 ];
 
 export class ContactCard {
   constructor(layout, select) {
     this.layout = layout;
-    const { points, half, frames_only: without } = layout.json.contact_limits;
-    this.notes = `M/2 + payload: ${number(half)} kg${without ? ` · links without shape: ${without}` : ""}`;
+    const { points } = layout.json.contact_limits;
     this.summary = el("p", { class: "none" });
     const heads = COLUMNS.map(([name, unit, help]) => el("th", { title: help }, `${name} `, el("small", { text: unit })));
     this.body = el("tbody");
@@ -43,7 +41,7 @@ export class ContactCard {
 
   draw(data, base) {
     const { layout, rows } = this;
-    const { points, half } = layout.json.contact_limits;
+    const { points } = layout.json.contact_limits;
     const noise = noiseOf(layout);
     const all = (name) => data.subarray(base + layout.at(name), base + layout.at(name) + layout.size(name));
     const [worst] = all("contact_limits_worst");
@@ -56,11 +54,11 @@ export class ContactCard {
     const least = points[worst] && (Number.isFinite(margin[worst])
       ? `smallest margin: ${points[worst].name}, ${number(margin[worst])} m/s`
       : `largest energy: ${points[worst].name}, ${number(energy[worst])} J; no limits set (contact_limits.file)`);
-    say(this.summary, known ? `${least ?? "at rest"} · ${this.notes}` : "no result at this time");
+    say(this.summary, known ? (least ?? "at rest") : "no result at this time");
     rows.forEach(({ cells, node }, k) => {
       toggle(node, "above", margin[k] < 0);
       toggle(node, "chosen", k === worst);
-      const values = [margin[k], speed[k], mass[k], energy[k], 0.5 * half * speed[k] ** 2];
+      const values = [margin[k], speed[k], mass[k], energy[k]];
       values.forEach((value, column) => say(cells[column], measure(value, noise[COLUMNS[column][1]])));
     });
     if (performance.now() - this.sortedAt < SORT_PERIOD || this.body.matches(":hover")) return;

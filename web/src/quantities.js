@@ -71,7 +71,7 @@ export function thresholdsOf(line) {
 // Sizes of quantities of a robot of this mass below which all is noise, by their units: energies at 0.1 m/s, torques of a
 // hundredth of the weight at 1 m.
 export function noiseOf(layout) {
-  const half = layout.json.contact_limits?.half; // of the moving mass [kg]
+  const half = 0.5 * layout.scene.links.reduce((sum, { mass }) => sum + mass, 0); // [kg]
   const rates = { rad: 0.1, m: 0.1, "rad/s": 0.1, "m/s": 0.1, "% of limit": 1 };
   if (!(half > 0)) return rates;
   const [energy, torque, root] = [0.01 * half, 0.1 * half, 0.1 * Math.sqrt(half)];

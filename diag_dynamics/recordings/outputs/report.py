@@ -36,7 +36,7 @@ class ReportOutput:
         self._target = AtomicFile(path)
         self._reading = reading
         self._dynamics = DiagonalDynamics(reading.model)
-        self._points, self._left_out = self._contact_points()
+        self._points = self._contact_points()
         points = zip(self._points.names, self._points.links, strict=True) if self._points else ()
         observation = reading.settings.observation
         names = reading.model.dof_names
@@ -63,7 +63,7 @@ class ReportOutput:
         size = len(whole[1]) + sum(map(len, meshes.values()))
         self._fit(MAX_REPORT - sum(len(part.encode()) for part in page_of()) - as_text(size))
         data = {
-            "layout": self._maker.layout.to_json(scene, self._thresholds(), self._left_out),
+            "layout": self._maker.layout.to_json(scene, self._thresholds()),
             "summary": summary,
             "parameters": self._parameters(),
             "begin": self._reading.time(self._first),
@@ -152,12 +152,12 @@ class ReportOutput:
         return scene, pack_meshes(library.meshes, MAX_MESHES)
 
     def _contact_points(self):
-        """Return ContactPoints, None if there are none, and the number of links without a shape."""
+        """Return ContactPoints; None if there are none."""
         try:
-            points, left_out = self._reading.contact_points if self._reading.described else ((), ())
+            points, _ = self._reading.contact_points if self._reading.described else ((), ())
         except UrdfError:
-            return None, 0
-        return (points, len(left_out)) if len(points) else (None, 0)
+            return None
+        return points if len(points) else None
 
     def _thresholds(self):
         observation = self._reading.settings.observation
