@@ -26,7 +26,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "test" / "support")]
 
 # E402: `streams` is in test/support and found by the line above alone.
 from diag_dynamics.description.catalog import find_urdf  # noqa: E402
-from streams import FRAME, HEARTBEAT, Stream, get_json  # noqa: E402
+from streams import FRAME, HEARTBEAT, LAYOUT, Stream, get_json  # noqa: E402
 
 HZ = 50.0
 """Frames per second that a tab asks for."""
@@ -128,7 +128,8 @@ class Tab:
 
     def __init__(self, address, contact):
         self.frames, self._open = 0, True
-        link = get_json(address, "/layout?robot=/arm")["links"][-1]
+        with Stream(address, robot="/arm") as first:
+            link = first.next(LAYOUT)["links"][-1]
         self._stream = Stream(address, robot="/arm", hz=HZ, link=link, timeout=30.0).__enter__()
         self._stream.next(HEARTBEAT)
         if contact:

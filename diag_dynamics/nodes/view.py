@@ -132,7 +132,7 @@ class RobotSubscription:
         self._read_count = 0
         is_usual = monitor.rpartition("/")[2] == NODES["monitor"]
         name = self.namespace if is_usual else monitor
-        self.stream = RobotStream(name, self._read, notifies=True)
+        self.stream = RobotStream(name, self._read)
         self._subscriptions = {}
         self._added_at = node.time.steady()
         for topic in ("state", "external_torque"):
@@ -349,7 +349,6 @@ class RobotSubscription:
     def _receive_state(self, raw):
         self._newest["state"] = raw, time.monotonic()
         self._count += 1
-        self.stream.notify()  # the monitor publishes external torque and contact before the state
 
     def _read(self, dynamics):
         """Return the newest state as Received; called in the page's thread."""

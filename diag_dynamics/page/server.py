@@ -7,7 +7,6 @@ import asyncio
 import ipaddress
 import json
 import logging
-import select
 import socket
 import threading
 import time
@@ -42,8 +41,8 @@ HEADERS = {
     "Cache-Control": "no-cache",
 }
 
-SEND_BUFFER, MAX_UNSENT = 64 * 1024, 4 * 1024
-"""Bytes that the kernel holds for a reader, and unsent bytes above which the next frame waits."""
+SEND_BUFFER = 16 * 1024
+"""Bytes that the kernel holds for a reader; above them the next frame waits."""
 
 READ_TIMEOUT = 20.0
 """Time after which a reader whose socket stays full is disconnected [s]."""
@@ -71,10 +70,6 @@ PUSH_PERIOD = 0.1
 """Shortest time between two pushes of a tab [s]."""
 
 
-class RejectedRequestError(Exception):
-    """A request is rejected: HTTP status and reason. A websocket is closed with 4000 + status."""
-
-
 class PageServer:
     """Serve robots in a thread of its own.
 
@@ -85,8 +80,8 @@ class PageServer:
         the list.
     host, port : str, int
         Address to listen on; port 0 is any free one.
-    rate, max_streams : float, int
-        Maximum frames per second of a stream, and maximum number of streams.
+    rate : float
+        Maximum frames per second of a stream.
     on_push : callable, optional
         Called with the link that a tab shows when its button pushes a simulated robot. Without it,
         pages have no button.
@@ -95,6 +90,8 @@ class PageServer:
     ----------
     address : str
         URL of the page.
+    streams : int
+        Number of open streams.
 
     Raises
     ------
@@ -102,12 +99,11 @@ class PageServer:
         The address cannot be listened on.
     """
 
-    def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, max_streams=8, on_push=None):
+    def __init__(self, robots, host="127.0.0.1", port=0, rate=60.0, on_push=None):
         self._robots = robots
+        self.streams = 0
         self._host = host
         self._rate = rate
-        self._max_streams = max_streams
-        self._news = set()
         self._started = threading.Event()
         self._on_push = on_push
         self._files = {
@@ -122,11 +118,6 @@ class PageServer:
         self._thread = threading.Thread(
             target=lambda: asyncio.run(self._serve()), name="page", daemon=True
         )
-
-    @property
-    def streams(self):
-        """Number of open streams."""
-        return len(self._news)
 
     def start(self):
         """Start to serve."""
@@ -144,7 +135,6 @@ class PageServer:
         app = web.Application(middlewares=[self._guard])
         routes = {
             "/robots": self._get_robots,
-            "/layout": self._get_layout,
             "/mesh/{sha}": self._get_mesh,
         }
         routes |= {"/stream": self._get_stream, "/{file:[a-z.]*}": self._get_file}
@@ -159,11 +149,7 @@ class PageServer:
         self._end = asyncio.Event()
         accepting = asyncio.ensure_future(self._accept_connections(runner.server))
         self._started.set()
-        while not self._end.is_set():
-            with suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._end.wait(), HEARTBEAT / 2.0)
-            for news in self._news:
-                news.set()
+        await self._end.wait()
         self._socket.shutdown(socket.SHUT_RDWR)
         await accepting
         # Requests end first: one that ends while aiohttp cancels the waiting for it is an error.
@@ -201,12 +187,9 @@ class PageServer:
         """Reject requests by a foreign name or of a foreign page; add headers to responses."""
         try:
             if not is_own(request, self._host):
-                raise RejectedRequestError(
-                    403, f"Host is '{plain(request.host)}'; expected this server's address."
-                )
+                text = f"Host is '{plain(request.host)}'; expected this server's address."
+                raise web.HTTPForbidden(text=text)
             response = await handler(request)
-        except RejectedRequestError as rejection:
-            response = web.json_response({"error": rejection.args[1]}, status=rejection.args[0])
         except web.HTTPException as error:
             error.headers.update(HEADERS)
             raise
@@ -220,7 +203,7 @@ class PageServer:
         if name not in robots:
             shown = ", ".join(name for name in robots if name.startswith("/"))
             expected = f"expected one of {shown}" if shown else "no robot is shown. Start a monitor"
-            raise RejectedRequestError(404, f"robot is '{plain(name)}'; {expected}.")
+            raise InputError(f"robot is '{plain(name)}'; {expected}.")
         return robots[name]
 
     async def _get_file(self, request):
@@ -232,11 +215,6 @@ class PageServer:
 
     async def _get_robots(self, _):
         return web.json_response([robot.about() for robot in self._robots()])
-
-    async def _get_layout(self, request):
-        if not (text := self._robot(request).layout()):
-            raise RejectedRequestError(503, "The robot has no model yet. Wait until it is loaded.")
-        return web.Response(text=text, content_type="application/json")
 
     async def _get_mesh(self, request):
         for robot in self._robots():
@@ -254,35 +232,18 @@ class PageServer:
         try:
             robot = self._robot(request)
             hz = float(request.query.get("hz", self._rate))
-            if self.streams >= self._max_streams:
-                raise RejectedRequestError(
-                    503, f"All {self._max_streams} streams are in use. Close a tab."
-                )
-        except (RejectedRequestError, ValueError) as error:
-            status, reason = (
-                error.args if isinstance(error, RejectedRequestError) else (400, f"hz: {error}")
-            )
-            await ws.close(code=4000 + status, message=reason.encode()[:120])
+        except ValueError as error:  # InputError is one
+            await ws.close(code=4404, message=str(error).encode()[:120])
             return ws
-        news = asyncio.Event()
-        loop = asyncio.get_running_loop()
-
-        def wake():
-            if not news.is_set():
-                with suppress(RuntimeError):  # the server has ended
-                    loop.call_soon_threadsafe(news.set)
-
-        self._news.add(news)
-        robot.listeners.add(wake)
+        self.streams += 1
         try:
             with suppress(OSError):  # the reader has left
-                await self._send(ws, request, robot, news, min(self._rate, max(0.1, hz)))
+                await self._send(ws, request, robot, min(self._rate, max(1.0, hz)))
         except Exception as error:
             logger.exception("The stream of robot %s ended.", plain(robot.name))
             await ws.close(code=4500, message=plain(f"internal error: {error!r}").encode()[:120])
         finally:
-            robot.listeners.discard(wake)
-            self._news.discard(news)
+            self.streams -= 1
         return ws
 
     async def _receive(self, ws, shown):
@@ -297,38 +258,29 @@ class PageServer:
                 except Exception:
                     logger.exception("The robot could not be pushed.")
 
-    async def _send(self, ws, request, robot, news, hz):
+    async def _send(self, ws, request, robot, hz):
         """Send frames and texts until the reader leaves. A slow one gets the newest frame alone."""
         transport = request.transport
         shown = [""]
         end = asyncio.ensure_future(self._receive(ws, shown))
-        end.add_done_callback(lambda _: news.set())
         connection = transport.get_extra_info("socket")
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, MAX_UNSENT)
-        writable = select.poll()  # select takes no descriptors above 1023
-        writable.register(connection, select.POLLOUT)
-        layout = diagnostics = number = due = 0
-        beat = ready = time.monotonic()
-        news.set()
+        layout = diagnostics = number = 0
+        due = beat = ready = time.monotonic()
         while True:
-            await news.wait()
-            period = max(1.0 / hz, self.streams / MAX_FRAMES)
-            # A state may come earlier than the last one by a part of the period.
-            if (early := due - 0.25 * period - time.monotonic()) > 0.0:
-                await asyncio.wait({end}, timeout=early)
+            await asyncio.wait({end}, timeout=due - time.monotonic())
             if end.done() or transport.is_closing():
                 return
             now = time.monotonic()
-            if transport.get_write_buffer_size() or not writable.poll(0):
+            period = max(1.0 / hz, self.streams / MAX_FRAMES)
+            due = max(due + period, now)
+            if transport.get_write_buffer_size():
                 if now - ready > READ_TIMEOUT:
                     return transport.abort()
-                due = now + 0.5 * period
                 continue
-            news.clear()
+            ready = now
             new = robot.newest(request.query.get("link", ""))
             texts = {}
-            ready = now
             shown[0] = new.link
             if new.layout[0] != layout:
                 layout, texts["layout"] = new.layout
@@ -347,9 +299,6 @@ class PageServer:
             if new.frame and new.number != number:
                 await ws.send_bytes(new.frame)
                 number = new.number
-                due = max(due, now) + period
-            else:
-                due = max(due, now + 0.5 * period)
 
 
 def listen(host, port):

@@ -78,21 +78,15 @@ class RobotStream:
         Called with the DiagonalDynamics in force by one thread at a time; returns the newest state
         since the last call as
         :class:`Received`, or None. It raises nothing.
-    notifies : bool
-        Whether :meth:`notify` is called for each new state; `read` is polled otherwise.
 
     Attributes
     ----------
     name : str
-    listeners : set of callable
-        Called without arguments by :meth:`notify`.
     """
 
-    def __init__(self, name, read, notifies=False):
+    def __init__(self, name, read):
         self.name = name
-        self.listeners = set()
         self._read = read
-        self._notifies = notifies
         self._lock = threading.RLock()
         self._dynamics = self._scene = self._meshes = self._last = self._rate = None
         self._covariance = None
@@ -106,11 +100,6 @@ class RobotStream:
         self._error = self._diagnosed_error = self._difference = ""
         self._counted = 0
         self._since = 0.0
-
-    def notify(self):
-        """Tell the listeners that `read` has a new state."""
-        for listener in tuple(self.listeners):
-            listener()
 
     def set_robot(self, dynamics, scene=None, meshes=None, covariance=None, difference=""):
         """Replace the robot and what is drawn of it; `dynamics` is this object's own from now on.
@@ -152,15 +141,9 @@ class RobotStream:
         """Return the :class:`Newest` with the fields of a link, by default of the end effector."""
         with self._lock:
             self._refresh()
-            if not self._notifies:
-                self.notify()
             if not self._dynamics or link not in self._dynamics.model.link_names:
                 link = self._end_effector
             return Newest(self._layout, self._diagnostics, link, self._number, self._frame(link))
-
-    def layout(self):
-        """Return the layout as JSON; empty while there is none."""
-        return self._layout[1]
 
     def mesh(self, sha):
         """Return the bytes of a mesh; None if there is none of this hash."""

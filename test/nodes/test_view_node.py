@@ -187,10 +187,8 @@ def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda)
         monitor.feeder.publish(panda.message(monitor.tick(), panda.samples[0]))
         peer.pass_time(0.1)
         frame = frame_of(stream, monitor.now)
-        layout = get_json(view.node.address, "/layout?robot=/arm")
-        (link,) = (
-            element for element in layout["scene"]["links"] if element["name"] == "panda_link7"
-        )
+        links = stream.layout["scene"]["links"]
+        (link,) = (element for element in links if element["name"] == "panda_link7")
         assert link["mass"] > 3.0
         assert "other_model" not in frame.flags
         assert frame["link_energy"].sum() == pytest.approx(frame["K"], rel=1e-4)

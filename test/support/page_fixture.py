@@ -78,10 +78,10 @@ def content():
     received = [Received(state, 0.0, 1, limits, POINTS) for state in (state, unknown)]
     stream = RobotStream("/arm", lambda _: received.pop(0))
     stream.set_robot(dyn, scene, None)
-    frames = [stream.newest("lower").frame for _ in range(2)]
+    newest = [stream.newest("lower") for _ in range(2)]
     return {
-        "layout": json.loads(stream.layout()),
-        "frames": [_text(frame) for frame in frames],
+        "layout": json.loads(newest[0].layout[1]),
+        "frames": [_text(frame) for *_, frame in newest],
         "tracks": _tracks(dyn),
         "kinematics": _kinematics(),
     }
