@@ -5,7 +5,6 @@
 
 import json
 import time
-from pathlib import Path
 from threading import Lock
 from typing import ClassVar
 
@@ -67,9 +66,8 @@ MAX_DIFFERENCE = 0.1
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
 
-REMOVAL_TIMEOUT, RETRY_PERIOD = 10.0, 5.0
-"""Time without a publisher after which a robot is removed, and time until an unanswered request is
-repeated [s]."""
+REMOVAL_TIMEOUT = 10.0
+"""Time without a publisher after which a robot is removed [s]."""
 
 VECTORS = (
     "position",
@@ -111,8 +109,6 @@ class RobotSubscription:
     node : rclpy.node.Node
     monitor : str
         Full name of the monitor.
-    folders : list of Path
-        Where meshes may be.
 
     Attributes
     ----------
@@ -122,11 +118,10 @@ class RobotSubscription:
         Why the robot differs from the monitor's; empty if it does not.
     """
 
-    def __init__(self, node, monitor, folders):
+    def __init__(self, node, monitor):
         self.monitor = monitor
         self.namespace = monitor.rpartition("/")[0] or "/"
         self._node = node
-        self._folders = folders
         self._newest = {}
         self._count = 0
         self._read_count = 0
@@ -145,11 +140,8 @@ class RobotSubscription:
         self._loader = RobotLoader(node, self._load_robot, self._take_robot)
         # Of the topic; of the monitor; both of the model in force.
         self._description = self._values = self._loaded = None
-        self._publishers = set()
-        self._requested_at = None
-        self._is_outdated = True
+        self._request = None
         self._published_at = time.monotonic()
-        self._revision = None
         self._points = ()
         self._diagnostics = {}
         self._faults = {}
@@ -165,28 +157,23 @@ class RobotSubscription:
     @property
     def has_gone(self):
         """Whether the monitor has had no publisher for :data:`REMOVAL_TIMEOUT`."""
-        is_old = time.monotonic() - self._published_at > REMOVAL_TIMEOUT
-        return is_old and not self._publishers
+        return time.monotonic() - self._published_at > REMOVAL_TIMEOUT
 
     def update(self):
-        """Request the monitor's parameters if they may have changed; called once a second."""
+        """Request the monitor's parameters; called once a second."""
         self._show_diagnostics()
-        infos = self._node.get_publishers_info_by_topic(f"{self.monitor}/state")
-        endpoints = {bytes(info.endpoint_gid) for info in infos}
-        now = time.monotonic()
-        self._is_outdated |= endpoints != self._publishers  # a monitor has started
-        self._publishers = endpoints
-        if not endpoints:
+        if not self._node.count_publishers(f"{self.monitor}/state"):
             return
-        self._published_at = now
+        self._published_at = time.monotonic()
         self._set_fault("silence", self._explain_silence())
-        is_due = self._requested_at is None or now - self._requested_at >= RETRY_PERIOD
-        if is_due and self._is_outdated and self._client.service_is_ready():
-            self._requested_at = now
-            request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
-            request.add_done_callback(
-                lambda future: self._try("parameters", self._receive_parameters, future)
-            )
+        if not self._client.service_is_ready():
+            return
+        if self._request:  # without an answer for a second
+            self._client.remove_pending_request(self._request)
+        self._request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
+        self._request.add_done_callback(
+            lambda future: self._try("parameters", self._receive_parameters, future)
+        )
 
     def set_diagnostics(self, statuses):
         """Show statuses of this robot's nodes."""
@@ -272,8 +259,6 @@ class RobotSubscription:
         self._load()
 
     def _receive_parameters(self, future):
-        self._requested_at = None
-        self._is_outdated = False
         values = [parameter_value_to_python(value) for value in future.result().values]
         received = {
             name: value for name, value in zip(REQUESTED, values, strict=False) if value is not None
@@ -314,9 +299,7 @@ class RobotSubscription:
                     raise
                 model = model_of(text, values | {"parameters_file": ""})
                 difference = f"the page shows the model without parameters_file: {error}"
-        meshes = MeshLibrary(
-            [*self._folders, *mesh_folders(source if isinstance(source, str) else None)]
-        )
+        meshes = MeshLibrary(mesh_folders(source if isinstance(source, str) else None))
         dynamics = DiagonalDynamics(model)
         observation = observation_of(values)
         covariance = observation.covariance_of(model.dof_names) if observation else None
@@ -325,8 +308,7 @@ class RobotSubscription:
 
     def _take_robot(self, loaded, *_):
         if self._try("robot", self._show_robot, loaded) is None:
-            self._loaded = None
-            self._is_outdated = True  # try again
+            self._loaded = None  # try again
 
     def _show_robot(self, loaded):
         """Show a loaded robot and return its model; raise the error of its loading."""
@@ -362,13 +344,9 @@ class RobotSubscription:
         self._read_count = self._count
         message = deserialize_message(raw, DiagonalizedState)
         model = dynamics.model
-        if message.model_revision != self._revision:
-            self._revision = message.model_revision
-            self._is_outdated = True
         names = tuple(message.dof_names)
         positions = tuple(message.position_names)
         if names != model.dof_names or (positions or names) != model.coordinate_names:
-            self._is_outdated = True
             raise InputError(f"joint names differ from those of robot '{model.name}'")
         vectors = []
         for name in VECTORS:
@@ -436,15 +414,6 @@ def stamp_of(message):
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
-def folders_of(entries):
-    """Return the folders of the parameter mesh_folders."""
-    folders = [Path(entry).expanduser() for entry in entries if entry]
-    for folder in folders:
-        if not folder.is_dir():
-            raise InputError(f"parameter 'mesh_folders' has '{folder}'; expected a folder.")
-    return folders
-
-
 class ViewNode(TableNode, Node):
     """The node `view`, see the module; `on_push` is that of the server."""
 
@@ -458,7 +427,6 @@ class ViewNode(TableNode, Node):
         self._found_at = self.time.steady()  # last time of a monitor [s]
         self._missing = ""
         self._absence = RobotStream("no monitor", lambda dynamics: None)
-        self._folders = folders_of(values["mesh_folders"])
         address = values["host"], values["port"]
         self._server = PageServer(self._streams, *address, values["rate"], on_push=on_push)
         self._server.start()
@@ -513,7 +481,7 @@ class ViewNode(TableNode, Node):
         monitors = [topic.removesuffix(STATE) for topic in topics]
         for monitor in monitors:
             if monitor not in self._robots and self._is_selected(monitor):
-                self._robots[monitor] = RobotSubscription(self, monitor, self._folders)
+                self._robots[monitor] = RobotSubscription(self, monitor)
         self._missing = self._explain_absence()
         self._absence.set_waiting(f"{self._missing}; {self._looked()}")
         for robot in self._robots.values():

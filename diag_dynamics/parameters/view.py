@@ -15,9 +15,6 @@ PARAMETERS = fixed(
         "port": Spec(8420, "Port of the page; 0: a free port, which the log reports."),
         "robots": Spec([""], "Namespaces or full names of the monitors to show; by default all."),
         "rate": Spec(60.0, "Maximum frame rate per tab [Hz].", 0.1, 240.0),
-        "mesh_folders": Spec(
-            [""], "Folders with meshes outside AMENT_PREFIX_PATH and ROS_PACKAGE_PATH."
-        ),
     }
 )
 """Specs by name."""
