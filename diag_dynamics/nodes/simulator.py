@@ -10,9 +10,7 @@ from collections import Counter
 
 from geometry_msgs.msg import WrenchStamped
 from nav_msgs.msg import Odometry
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -102,7 +100,6 @@ def simulation_status(plant, paused, failure):
         "robot": simulation.model.name,
         "simulated time [s]": f"{plant.time:.3f}",
         "kinetic energy [J]": f"{simulation.kinetic_energy:.6g}",
-        "energy residual [J]": f"{simulation.audit.residual:.3g}",
         **{
             f"energy audit: {name} [J]": f"{value:.6g}"
             for name, value in simulation.audit._asdict().items()
@@ -179,14 +176,7 @@ class SimulatorNode(TableNode, Node):
         self._revision = 1  # of the model
         self._latest = 0  # stamp [ns]
         self._reported = Counter()  # counts of inputs at the last report
-        if self._keeps_time and self.get_clock().ros_time_is_active:
-            # A launch sets it for all of its nodes.
-            self.set_parameters([Parameter("use_sim_time", value=False)])
-            self.log_info(
-                "This node publishes simulated time, so it sets its use_sim_time to false."
-            )
         judge(self, PARAMETERS, self._take_parameters)
-        self.add_on_set_parameters_callback(self._refuse_sim_time)
         self._diagnostics = Diagnostics(
             self, self._report, lambda: self._plant and self._plant.simulation.model
         )
@@ -215,7 +205,7 @@ class SimulatorNode(TableNode, Node):
         values = self.values
         model = self._plant.simulation.model
         self._lockstep.begin(self.time.steady())
-        self._start = self.time.now()
+        self._start = self._now()
         self._pace = Pace(
             values["real_time_factor"], 1.0 / values["rate"], self._plant.simulation.step_size
         )
@@ -226,10 +216,12 @@ class SimulatorNode(TableNode, Node):
         if values["lockstep"]:
             self.create_timer(COMMAND_TIMEOUT / 2, self._repeat, clock=steady_clock())
             self._measure_and_publish()
-        elif self._pace.factor:
-            self.create_timer(1.0 / (values["rate"] * self._pace.factor), self._tick)
         else:
-            self.create_timer(UNPACED, self._tick, clock=steady_clock())
+            factor = self._pace.factor
+            period = 1.0 / (values["rate"] * factor) if factor else UNPACED
+            self.create_timer(
+                period, self._tick, clock=steady_clock() if self._keeps_time else None
+            )
         text = f"{model.nv} degrees of freedom, motion '{values['motion']}', {values['rate']:g} Hz"
         self.log_info(f"Ready: robot '{model.name}', {text}.")
 
@@ -277,17 +269,18 @@ class SimulatorNode(TableNode, Node):
 
         Stamps of steps while paused never go back.
         """
-        if not self._keeps_time or self._timeless:
-            now = self.time.now()
-            self._start = max(now, self._latest * self._paused) - round(self._plant.time * 1e9)
+        if not self._keeps_time:
+            now = max(self._now(), self._latest * self._paused)
+            self._start = now - round(self._plant.time * 1e9)
 
     def _now(self):
-        return self.time.now() * 1e-9
+        """Return the time [ns] of the system if this node keeps simulated time, or of its clock."""
+        return self.time.system() if self._keeps_time else self.time.now()
 
     def _go_on(self):
         """Continue simulated time from here."""
         self._timeless = not self._now()  # nothing on /clock yet
-        self._pace.resume(self._now(), self._plant.time)
+        self._pace.resume(1e-9 * self._now(), self._plant.time)
         self._restart_stamps()
         self._lockstep.resume(self.time.steady())
 
@@ -298,10 +291,9 @@ class SimulatorNode(TableNode, Node):
         if self._timeless:
             if not self._now():
                 return
-            self._restart_stamps()
             self._go_on()
         before = self._pace.skipped
-        steps = self._pace.steps(self._now(), self._plant.time)
+        steps = self._pace.steps(1e-9 * self._now(), self._plant.time)
         if not self._keeps_time:
             self._start += round((self._pace.skipped - before) * 1e9)
         if steps:
@@ -341,7 +333,7 @@ class SimulatorNode(TableNode, Node):
             self._plant.drives.command(message.data, self._plant.time)
         except RejectedError as error:
             self._lockstep.refuse()
-            self._log_rejected(COMMANDS, error)
+            self.log_debug(f"rejected on {COMMANDS}: {error}")
             return
         self._lockstep.command(self.time.steady())
         self._answer()
@@ -354,10 +346,7 @@ class SimulatorNode(TableNode, Node):
                 message.header.frame_id, (f.x, f.y, f.z, n.x, n.y, n.z), self._plant.time
             )
         except RejectedError as error:
-            self._log_rejected(WRENCHES, error)
-
-    def _log_rejected(self, topic, error):
-        self.log_debug(f"rejected on {topic}: {error}")
+            self.log_debug(f"rejected on {WRENCHES}: {error}")
 
     # --- Outputs
 
@@ -438,16 +427,9 @@ class SimulatorNode(TableNode, Node):
         self._failure = ""
         self._plant.advance(0)
         self._go_on()
-        if not self._timeless:
-            self._measure_and_publish()
+        self._measure_and_publish()
 
     # --- Parameters
-
-    def _refuse_sim_time(self, parameters):
-        values = {parameter.name: parameter.value for parameter in parameters}
-        refused = self._keeps_time and bool(values.get("use_sim_time"))
-        reason = "parameter 'use_sim_time' is true, but this node publishes simulated time itself."
-        return SetParametersResult(successful=not refused, reason=reason if refused else "")
 
     def _take_parameters(self, changed):
         """Continue with other payloads and gravity."""
