@@ -233,15 +233,6 @@ PARAMETERS = {
         }
     ),
     **CONTACT,
-    "contact_limits.warn_at": Spec(
-        0.8,
-        "Fraction of the allowed speed above which diagnostics warn; above 1 they report an error.",
-        0.01,
-        1.0,
-    ),
-    "contact_limits.release": Spec(
-        0.9, "Hysteresis of contact warnings, as a fraction of their limit.", 0.01, 1.0
-    ),
     "publish_inverse_factor": Spec(
         False, "Whether mass_matrix_factors contains l, the inverse of m."
     ),

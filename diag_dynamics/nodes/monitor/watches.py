@@ -22,12 +22,16 @@ from diag_dynamics.sweeps.couplings import NEARLY_SINGULAR
 
 LEVELS = (OK, WARN, ERROR)
 
+WARN_AT, RELEASE = 0.8, 0.9
+"""Fraction of the allowed speed above which diagnostics warn; hysteresis of warnings, as a fraction
+of their limit."""
+
 
 class ContactLimitsWatch(Watch):
     """Predicted contact at states, and the levels of points with limits.
 
-    A point is at WARN from `contact_limits.warn_at` of its allowed speed and at ERROR above all of
-    it, until it is below `contact_limits.release` of that.
+    A point is at WARN from WARN_AT of its allowed speed and at ERROR above all of it, until it is
+    below RELEASE of that.
     """
 
     def __init__(self, robot, node):
@@ -47,8 +51,6 @@ class ContactLimitsWatch(Watch):
             self.forget()
         self._dynamics = dynamics
         self._limits = settings.contact_limits
-        self._warn_at = settings.values["contact_limits.warn_at"]
-        self._release = settings.values["contact_limits.release"]
 
     def forget(self):
         """Restart at the next state, for example after a jump of time."""
@@ -86,8 +88,8 @@ class ContactLimitsWatch(Watch):
         contact = self._compute(moment.state)
         usage = contact.usage
         before = self._levels
-        risen = (usage >= self._warn_at).astype(int) + (usage > 1.0)
-        sustained = (usage >= self._release * self._warn_at).astype(int) + (usage >= self._release)
+        risen = (usage >= WARN_AT).astype(int) + (usage > 1.0)
+        sustained = (usage >= RELEASE * WARN_AT).astype(int) + (usage >= RELEASE)
         self._levels = np.maximum(risen, np.minimum(before, sustained))
         self._exceeded += int(((self._levels == 2) & (before < 2)).sum())
         self._count += 1
