@@ -15,7 +15,6 @@ from diag_dynamics.sweeps import (
     factorization,
     group_steps,
     kinematics,
-    mobilities,
     regressors,
 )
 
@@ -35,7 +34,7 @@ METHODS = {
     factorization.epsilon_from_tau: "epsilon_from_tau evaluate",
     factorization.tau_from_epsilon: "tau_from_epsilon",
     factorization.factor_of_wrenches: "wrench_factor epsilon_from_wrench reflected_mass impact "
-    "operational_inverse_inertia",
+    "operational_inverse_inertia mobilities",
     derivatives.m_rate_transposed_times: "m_rate_transposed_times",
     derivatives.coriolis_bracket_times: "coriolis_bracket_times",
     derivatives.coriolis_matrix_times: "coriolis_matrix_times",
@@ -44,7 +43,6 @@ METHODS = {
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",
-    mobilities.mobilities: "mobilities",
     external.jacobians: "wrench",
     external.touched_link: "touched_link",
     contacts.contacts: "contact_limits",
