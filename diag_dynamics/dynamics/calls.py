@@ -32,7 +32,6 @@ from diag_dynamics.sweeps import (
     classical,
     contacts,
     couplings,
-    derivatives,
     evaluation,
     external,
     factorization,
@@ -209,13 +208,6 @@ class SweepCaller:
         kernels = regressors.regressor, batch.regressor_each
         self._call(*kernels, inputs, (Y,), at, self.regressor)
         return Y
-
-    def articulated_inertias(self, at: States) -> tuple[Array, Array]:
-        """Return D and Ḋ."""
-        D, D_rate = np.empty((2, self.nv))
-        qd = at.vectors["qd"]
-        self.check(derivatives.articulated_inertias(self.robot, at.q, qd, D, D_rate), at)
-        return D, D_rate
 
     def forward_dynamics(self, at: States, loads: Loads) -> Array:
         """Return q̈ with wrenches and friction."""

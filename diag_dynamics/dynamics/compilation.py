@@ -19,9 +19,9 @@ from diag_dynamics.sweeps import (
 )
 
 METHODS = {
-    evaluation.evaluate: "evaluate",
+    evaluation.evaluate: "evaluate log_det_rate",
     evaluation.link_energies: "evaluate",
-    factorization.factors: "factors inverse_mass_matrix",
+    factorization.factors: "factors inverse_mass_matrix log_det",
     classical.forward_dynamics: "forward_dynamics",
     classical.inverse_dynamics: "inverse_dynamics coriolis_torque gravity_torque",
     classical.momentum: "momentum",
@@ -30,16 +30,14 @@ METHODS = {
     classical.first_moment: "center_of_mass potential_energy",
     regressors.regressor: "regressor",
     factorization.nu_from_qd: "nu_from_qd impact",
-    factorization.qd_from_nu: "qd_from_nu impact",
-    factorization.epsilon_from_tau: "epsilon_from_tau evaluate",
+    factorization.qd_from_nu: "qd_from_nu impact coriolis_bracket_times",
+    factorization.epsilon_from_tau: "epsilon_from_tau evaluate coriolis_bracket_times",
     factorization.tau_from_epsilon: "tau_from_epsilon",
     factorization.factor_of_wrenches: "wrench_factor epsilon_from_wrench reflected_mass impact "
     "operational_inverse_inertia mobilities",
-    derivatives.m_rate_transposed_times: "m_rate_transposed_times",
-    derivatives.coriolis_bracket_times: "coriolis_bracket_times",
-    derivatives.coriolis_matrix_times: "coriolis_matrix_times",
+    derivatives.m_rate_transposed_times: "m_rate_transposed_times coriolis_bracket_times",
+    derivatives.coriolis_matrix_times: "coriolis_matrix_times coriolis_bracket_times",
     derivatives.mass_matrix_rate: "mass_matrix_rate",
-    derivatives.articulated_inertias: "log_det log_det_rate",
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",

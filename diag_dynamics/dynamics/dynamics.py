@@ -395,7 +395,12 @@ class DiagonalDynamics:
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of
         :meth:`coriolis_matrix_times`.
         """
-        return self._differentiate(derivatives.coriolis_bracket_times, q, qd, x, scratch=2)
+        at = self._arguments.one(q, qd=qd, x=x)
+        check_finite("x", at.vectors["x"], self.model.dof_names)
+        u = self.qd_from_nu(at.q, at.vectors["x"])
+        force = self.coriolis_matrix_times(at.q, at.vectors["qd"], u)
+        rate = self.m_rate_transposed_times(at.q, at.vectors["qd"], u)
+        return self.epsilon_from_tau(at.q, force) - rate
 
     def coriolis_matrix_times(self, q: VectorLike, qd: VectorLike, x: VectorLike) -> Array:
         """Return C_s(q, q̇)x [N m, N], shape (nv,), of rates x [rad/s, m/s], in O(N).
@@ -404,11 +409,8 @@ class DiagonalDynamics:
         """
         return self._differentiate(derivatives.coriolis_matrix_times, q, qd, x)
 
-    def _differentiate(
-        self, sweep: Callable[..., int], q: Any, qd: Any, x: Any, scratch: int = 0
-    ) -> Array:
+    def _differentiate(self, sweep: Callable[..., int], q: Any, qd: Any, x: Any) -> Array:
         """Return the vector of a sweep along q̇."""
-        rows = np.empty((scratch, self._nv))
         result = np.empty(self._nv)
         sizes = self._sizes
         try:
@@ -416,13 +418,13 @@ class DiagonalDynamics:
                 not self._loops
                 and are_vectors(q, qd, x)
                 and (q.size, qd.size, x.size) == sizes
-                and not sweep(self._robot, q, qd, x, *rows, result)
+                and not sweep(self._robot, q, qd, x, result)
             ):
                 return result
         except TypeError:  # as in evaluate
             pass
         at = self._arguments.one(q, qd=qd, x=x)
-        self._caller.check(sweep(self._robot, at.q, *at.vectors.values(), *rows, result), at)
+        self._caller.check(sweep(self._robot, at.q, *at.vectors.values(), result), at)
         return result
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
@@ -440,13 +442,14 @@ class DiagonalDynamics:
 
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
-        D, _ = self._caller.articulated_inertias(self._arguments.one(q, qd=self._zero))
+        _, D = self._caller.factors(self._arguments.one(q))
         return float(np.log(D).sum())
 
     def log_det_rate(self, q: VectorLike, qd: VectorLike) -> float:
         """Return d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
-        D, D_rate = self._caller.articulated_inertias(self._arguments.one(q, qd=qd))
-        return float((D_rate / D).sum())
+        at = self._arguments.one(q, qd=qd)
+        s = self.evaluate(at.q, at.vectors["qd"])
+        return float((s.articulated_inertia_rate / s.articulated_inertia).sum())
 
     # --- Links
 

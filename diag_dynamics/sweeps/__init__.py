@@ -25,6 +25,6 @@ the robot's length, callback.FAILED if a step could not be compiled.
 
 records: memory of a body; workspace, memory: that of a robot. joints: steps that sweeps share.
 groups: degrees of freedom that are eliminated together. evaluation, factorization, classical,
-derivatives, kinematics, mobilities: the sweeps. group_steps: their steps at groups, for robots that
+derivatives, kinematics: the sweeps. group_steps: their steps at groups, for robots that
 have some. contacts: contact at points. batch: sweeps over many states.
 """

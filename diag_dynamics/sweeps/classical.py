@@ -49,7 +49,7 @@ def aba_inward_group(robot, last, qd, qdd):
     first = bodies[last].first
     Q = table[0]
     groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, qdd)
+    y = groups.gather_bias(bodies, first, last, qd, work, qdd)
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rates of M and its factors along a motion: Ṁ, ṁᵀx, the bracket B(q, ν)x, Ḋ."""
+"""Rates of M and its factor along a motion: Ṁ, C_s x, ṁᵀx."""
 
 import math
 
@@ -57,21 +57,6 @@ def _propagate_rates(bodies, i, qd, x, work):
     rate = sp.add_motion(rate, sp.motion_along(body.direction, w.multiplier_rate * x[body.dof]))
     records.set_motion(w.W, W)
     records.set_motion(w.W_rate, rate)
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR, nk.FILLED_VECTOR)
-def articulated_inertias(robot, q, qd, D, D_rate):
-    """D and Ḋ along the motion (7.2)."""
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorize_with_rates(bodies, q, qd, qd, work, table)
-    if status != 0:
-        return status
-    for i in range(1, len(bodies)):
-        if groups.is_leader(bodies, i):
-            body = bodies[i]
-            D[body.dof] = work[i].D
-            D_rate[body.dof] = table[1, body.dof, body.dof - body.start]
-    return 0 if joints.are_finite(D_rate) else -1
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_MATRIX, nk.FILLED_MATRIX)
@@ -146,56 +131,4 @@ def m_rate_transposed_times(robot, q, qd, x, result):
                 G, records.motion_of(base.W_rate)
             )
         _propagate_rates(bodies, i, qd, x, work)
-    return 0 if joints.are_finite(result) else -1
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, *[nk.FILLED_VECTOR] * 3)
-def coriolis_bracket_times(robot, q, qd, x, eta, u, result):
-    """B(q, ν)x, skew, B ν = C: an outward and an inward sweep over factorized bodies.
-
-    Outward u = ℓᵀx and W; inward the recursion of C with W in place of one of its velocities.
-    """
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorize_with_rates(bodies, q, qd, x, work, table)
-    if status != 0:
-        return status
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        w = work[i]
-        if i == body.first:
-            W_A = records.motion_of(work[body.parent].W)
-            for j in range(i, body.last + 1):
-                if groups.is_leader(bodies, j):
-                    k = bodies[j].dof
-                    # η = D^−½ x and u = η − Gᵀ W_A − Σ g_b u_b
-                    eta[k] = x[k] / math.sqrt(work[j].D)
-                    u[k] = eta[k] - groups.induced_rate(
-                        bodies, j, W_A, u, table[0], records.force_of(work[j].G)
-                    )
-        V = joints.update_velocity(body, qd, work, w)
-        W = sp.add_motion(
-            joints.motion_outboard(body, w, records.motion_of(work[body.parent].W)),
-            joints.own_motion(body, w, u),
-        )
-        records.set_motion(w.W, W)
-        records.set_force(w.y, _two_velocity_force(body, V, W))
-    ws.clear(result)
-    last = len(bodies) - 1
-    while last > 0:
-        first = bodies[last].first
-        # The bias of two velocities, then y⁺ on the base
-        y = groups.gather_bias(bodies, first, last, qd, u, work, work.W, result)
-        y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, table[0], result))
-        base = bodies[first].parent
-        W_A = records.motion_of(work[base].W)
-        for i in range(first, last + 1):
-            if groups.is_leader(bodies, i):
-                k = bodies[i].dof
-                # Bx = D^−½ Sᵀ [y − Ṗ (W − ½ S η)]
-                D_rate = table[1, k, k - bodies[i].start]
-                rate = groups.momentum_rate(bodies, i, W_A, u, work, table[1])
-                result[k] = (-result[k] - rate + 0.5 * D_rate * eta[k]) / math.sqrt(work[i].D)
-        if base > 0:
-            records.add_to_force(work[base].y, y)
-        last = first - 1
     return 0 if joints.are_finite(result) else -1

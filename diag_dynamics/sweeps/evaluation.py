@@ -183,7 +183,7 @@ def inward_coupled(robot, last, qd, tau, out):
     # κ begins as τ less the moments of z of the group's bodies; z is now that on their base
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
     groups.compose(bodies, first, last, work, Q)
-    y = groups.gather_bias(bodies, first, last, qd, qd, work, work.V, bias)
+    y = groups.gather_bias(bodies, first, last, qd, work, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
     # D, G and g; then κ and the bias within the group, z⁺ and y⁺ on the base
     status = groups.eliminate(bodies, first, last, work, Q)

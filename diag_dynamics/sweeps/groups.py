@@ -343,11 +343,10 @@ def gather(bodies, first, last, work, sign, moments):
 
 
 @nk.large_kernel
-def gather_bias(bodies, first, last, qd, rates, work, V, moments):
+def gather_bias(bodies, first, last, qd, work, moments):
     """Subtract the bias moments of a group with V and V̇ of A and q̈ zero.
 
-    Returns the bias wrench on the base. It follows :func:`compose`. V is field V of the bodies and
-    `rates` are q̇, or W and its rates for the bilinear form.
+    Returns the bias wrench on the base. It follows :func:`compose`.
     """
     for i in range(first, last + 1):
         body = bodies[i]
@@ -356,9 +355,11 @@ def gather_bias(bodies, first, last, qd, rates, work, V, moments):
         if body.parent >= first:
             A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].bias))
         if body.rank == 0:
-            V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(V[body.parent]))
+            V_plus = sp.motion_to_child(
+                records.placement_of(w), records.motion_of(work[body.parent].V)
+            )
             zeta = sp.cross_motion(V_plus, joints.joint_motion(bodies, i, qd, work))
-            changing = joints.ratio_rate(bodies, i, rates, work)
+            changing = joints.ratio_rate(bodies, i, qd, work)
             zeta = sp.add_motion(zeta, sp.motion_along(body.direction, changing))
         records.set_motion(w.zeta, zeta)
         records.set_motion(w.bias, sp.add_motion(A, zeta))
@@ -372,7 +373,7 @@ def gather_bias(bodies, first, last, qd, rates, work, V, moments):
         moment = sp.along(body.direction, f)
         if body.armature != 0.0:
             joint = joints.turning(bodies, i)
-            moment += body.armature * joints.ratio_rate(bodies, joint, rates, work)
+            moment += body.armature * joints.ratio_rate(bodies, joint, qd, work)
         moments[body.dof] -= w.multiplier * moment
         f = joints.force_inboard(
             body, w, sp.add_force(y, sp.inertia_times(P, records.motion_of(w.zeta)))
