@@ -47,8 +47,8 @@ class VectorSweep(NamedTuple):
 
     single: Any
     number: int
-    gravity: tuple[float, ...] = ()
-    """Factor of gravity, an argument of inverse dynamics alone."""
+    option: tuple[float, ...] = ()
+    """Weight of gravity in inverse dynamics, or number of a transformation."""
     vectors: int = 1
     """Vectors in the result, one after another; 0 if it is a point in space."""
 
@@ -58,10 +58,9 @@ INVERSE_DYNAMICS = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (1.0,)
 WITHOUT_GRAVITY = VectorSweep(classical.inverse_dynamics, batch.INVERSE, (0.0,))
 MOMENTUM = VectorSweep(classical.momentum, batch.MOMENTUM, vectors=2)
 FIRST_MOMENT = VectorSweep(classical.first_moment, batch.FIRST_MOMENT, vectors=0)
-NU_FROM_QD = VectorSweep(factorization.nu_from_qd, batch.NU_FROM_QD)
-QD_FROM_NU = VectorSweep(factorization.qd_from_nu, batch.QD_FROM_NU)
-EPSILON_FROM_TAU = VectorSweep(factorization.epsilon_from_tau, batch.EPSILON_FROM_TAU)
-TAU_FROM_EPSILON = VectorSweep(factorization.tau_from_epsilon, batch.TAU_FROM_EPSILON)
+NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = (
+    VectorSweep(factorization.transform, batch.TRANSFORM, (number,)) for number in range(4)
+)
 
 
 class SweepCaller:
@@ -94,11 +93,11 @@ class SweepCaller:
         vectors = at.vectors.values()
         if at.threads:
             A, B = (*vectors, self._zeros, self._zeros)[:2]
-            inputs = sweep.number, at.q, A, B, sum(sweep.gravity)
+            inputs = sweep.number, at.q, A, B, sum(sweep.option)
             single = partial(self.vector, sweep, problem=problem)
             self._call_many(batch.sweep_each, inputs, (result,), at, single)
         else:
-            status = sweep.single(self.robot, at.q, *vectors, *sweep.gravity, result)
+            status = sweep.single(self.robot, at.q, *vectors, *sweep.option, result)
             self.check(status, at, problem)
         return result
 

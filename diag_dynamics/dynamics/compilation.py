@@ -29,10 +29,8 @@ METHODS = {
     classical.mass_matrix: "mass_matrix",
     classical.first_moment: "center_of_mass potential_energy",
     regressors.regressor: "regressor",
-    factorization.nu_from_qd: "nu_from_qd impact",
-    factorization.qd_from_nu: "qd_from_nu impact coriolis_bracket_times",
-    factorization.epsilon_from_tau: "epsilon_from_tau evaluate coriolis_bracket_times",
-    factorization.tau_from_epsilon: "tau_from_epsilon",
+    factorization.transform: "nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon evaluate "
+    "impact coriolis_bracket_times",
     factorization.factor_of_wrenches: "wrench_factor epsilon_from_wrench reflected_mass impact "
     "operational_inverse_inertia mobilities",
     derivatives.m_rate_transposed_times: "m_rate_transposed_times coriolis_bracket_times",

@@ -374,7 +374,7 @@ class DiagonalDynamics:
         try:
             if are_vectors(q, x, x):
                 result = np.empty(self._nv)
-                if not sweep.single.run(self._robot, q, x, result):
+                if not sweep.single.run(self._robot, q, x, *sweep.option, result):
                     return result
         except TypeError:  # as in evaluate
             pass

@@ -70,7 +70,7 @@ def midpoint_step(address, h, load):
         _account_for_friction(address, h)
         _account_for_elastic_energy(address)
     if status == 0 and is_beyond_hard_limit(address):
-        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.transform(sim.robot, sim.q, sim.qd, factorization.NU_FROM_QD, sim.nu)
         if status == 0:
             status = resolve_impacts(address, h)
     return status
@@ -284,9 +284,11 @@ def resolve_impacts(address, h):
         if sim.stiffness[k] == math.inf:
             c = sim.coordinate[k]
             sim.q[c] = min(max(sim.q[c], sim.lower[k]), sim.upper[k])
-    status = factorization.qd_from_nu(sim.robot, sim.q, sim.nu, sim.qd)
+    status = factorization.transform(sim.robot, sim.q, sim.nu, factorization.QD_FROM_NU, sim.qd)
     while status == 0 and _lock_stopped(address, h):
-        status = factorization.tau_from_epsilon(sim.robot, sim.q, sim.nu, sim.momentum)
+        status = factorization.transform(
+            sim.robot, sim.q, sim.nu, factorization.TAU_FROM_EPSILON, sim.momentum
+        )
         if status == 0:
             status = factorization.qd_from_momentum(
                 sim.robot, sim.q, sim.locks, sim.momentum, sim.qd
@@ -295,7 +297,9 @@ def resolve_impacts(address, h):
             if sim.locks[k] != 0.0:
                 sim.qd[k] = 0.0
         if status == 0:
-            status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+            status = factorization.transform(
+                sim.robot, sim.q, sim.qd, factorization.NU_FROM_QD, sim.nu
+            )
     sim.accounts[LOSS] += _energy(address) - energy
     return status
 

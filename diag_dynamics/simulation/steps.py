@@ -74,14 +74,14 @@ def advance(address, h, steps, tau, wrenches, in_world):
             status = midpoint.midpoint_step(address, h, load)
         count += 1
     if status == 0 and steps > 0:
-        status = factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        status = factorization.transform(sim.robot, sim.q, sim.qd, factorization.NU_FROM_QD, sim.nu)
     if status == 0 and steps > 0 and not math.isfinite(midpoint.kinetic_energy(sim.nu)):
         status = -1
     if status != 0:
         failing = work[status].D if status > 0 else 0.0
         ws.copy(sim.last, sim.state)
         count -= 1
-        factorization.nu_from_qd(sim.robot, sim.q, sim.qd, sim.nu)
+        factorization.transform(sim.robot, sim.q, sim.qd, factorization.NU_FROM_QD, sim.nu)
         if status > 0:
             work[status].D = failing  # for the error message
     sim.steps[0] += max(count, 0)

@@ -292,8 +292,7 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
 
 # --- Other sweeps ---
 
-FORWARD, INVERSE, NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(6)
-MOMENTUM, FIRST_MOMENT = 6, 7
+FORWARD, INVERSE, TRANSFORM, MOMENTUM, FIRST_MOMENT = range(5)
 """Sweeps of :func:`sweep_each`."""
 
 
@@ -307,10 +306,11 @@ MOMENTUM, FIRST_MOMENT = 6, 7
     nk.FILLED_MATRIX,
     nogil=True,
 )
-def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
+def sweep_each(robot, which, Q, A, B, option, begin, end, results):
     """Run a sweep at states `begin` to `end`, a row of Q, A, B and `results` each.
 
-    A and B may have one row for all states.
+    A and B may have one row for all states. The option is the weight of gravity in inverse dynamics,
+    and the number of a transformation.
     """
     for t in range(begin, end):
         q = Q[t]
@@ -320,19 +320,13 @@ def sweep_each(robot, which, Q, A, B, weight, begin, end, results):
         if which == FORWARD:
             status = classical.forward_dynamics(robot, q, a, b, result)
         elif which == INVERSE:
-            status = classical.inverse_dynamics(robot, q, a, b, weight, result)
-        elif which == NU_FROM_QD:
-            status = factorization.nu_from_qd(robot, q, a, result)
-        elif which == QD_FROM_NU:
-            status = factorization.qd_from_nu(robot, q, a, result)
-        elif which == EPSILON_FROM_TAU:
-            status = factorization.epsilon_from_tau(robot, q, a, result)
+            status = classical.inverse_dynamics(robot, q, a, b, option, result)
+        elif which == TRANSFORM:
+            status = factorization.transform(robot, q, a, option, result)
         elif which == MOMENTUM:
             status = classical.momentum(robot, q, a, result)
-        elif which == FIRST_MOMENT:
-            status = classical.first_moment(robot, q, result)
         else:
-            status = factorization.tau_from_epsilon(robot, q, a, result)
+            status = classical.first_moment(robot, q, result)
         if status != 0:
             return t
     return end

@@ -155,22 +155,8 @@ def qd_from_xi(bodies, xi, work, Q, qd):
 
 
 @nk.large_kernel
-def kappa_from_tau(bodies, tau, work, Q, kappa):
-    """κ = [I − HψK]τ (Table 2); kappa may be tau."""
-    ws.copy(tau, kappa)
-    _moments_inward(bodies, work, Q, False, kappa)
-
-
-@nk.large_kernel
-def tau_from_kappa(bodies, kappa, work, Q, tau):
-    """τ = [I + HφK]κ (Table 2, right); tau may be kappa."""
-    ws.copy(kappa, tau)
-    _moments_inward(bodies, work, Q, True, tau)
-
-
-@nk.large_kernel
 def _moments_inward(bodies, work, Q, is_kappa, moments):
-    """τ become κ in place, z⁺ = z + G κ; or κ become τ."""
+    """κ = [I − HψK]τ in place of τ (Table 2), z⁺ = z + G κ; or τ = [I + HφK]κ in place of κ."""
     for i in range(len(bodies)):
         ws.clear(work[i].z)
     i = len(bodies) - 1
@@ -199,62 +185,33 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
         i = first - 1
 
 
-@nk.large_kernel
-def _factorized(robot, q, x):
-    """Place and factorize for a sweep of x; returns a status."""
+NU_FROM_QD, QD_FROM_NU, EPSILON_FROM_TAU, TAU_FROM_EPSILON = range(4)
+"""Transformations: ν = mᵀq̇ and q̇ = ℓᵀν (Table 1), ε = ℓτ and τ = mε (Table 2)."""
+
+
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.NUMBER, nk.FILLED_VECTOR)
+def transform(robot, q, x, which, result):
+    """Fill the transformed x."""
+    bodies, _, work, table = ws.opened(robot)
     if not ws.lengths_match(robot, q, x, x):
         return ws.BAD_LENGTH
-    return factorize_at(robot, q) if joints.are_finite(x) else -1
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def nu_from_qd(robot, q, qd, nu):
-    """ν = mᵀq̇ (Table 1)."""
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorized(robot, q, qd)
+    status = factorize_at(robot, q) if joints.are_finite(x) else -1
     if status != 0:
         return status
-    xi_from_qd(bodies, qd, work, table[0], nu)
-    scale_by_inertia(bodies, work, 0.5, nu)
-    return 0 if joints.are_finite(nu) else -1
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def qd_from_nu(robot, q, nu, qd):
-    """q̇ = ℓᵀν (Table 1, right)."""
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorized(robot, q, nu)
-    if status != 0:
-        return status
-    ws.copy(nu, qd)
-    scale_by_inertia(bodies, work, -0.5, qd)
-    qd_from_xi(bodies, qd, work, table[0], qd)
-    return 0 if joints.are_finite(qd) else -1
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def epsilon_from_tau(robot, q, tau, epsilon):
-    """ε = ℓτ (Table 2)."""
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorized(robot, q, tau)
-    if status != 0:
-        return status
-    kappa_from_tau(bodies, tau, work, table[0], epsilon)
-    scale_by_inertia(bodies, work, -0.5, epsilon)
-    return 0 if joints.are_finite(epsilon) else -1
-
-
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.FILLED_VECTOR)
-def tau_from_epsilon(robot, q, epsilon, tau):
-    """τ = mε (Table 2, right)."""
-    bodies, _, work, table = ws.opened(robot)
-    status = _factorized(robot, q, epsilon)
-    if status != 0:
-        return status
-    ws.copy(epsilon, tau)
-    scale_by_inertia(bodies, work, 0.5, tau)
-    tau_from_kappa(bodies, tau, work, table[0], tau)
-    return 0 if joints.are_finite(tau) else -1
+    ws.copy(x, result)
+    if which == NU_FROM_QD:
+        xi_from_qd(bodies, x, work, table[0], result)
+        scale_by_inertia(bodies, work, 0.5, result)
+    elif which == QD_FROM_NU:
+        scale_by_inertia(bodies, work, -0.5, result)
+        qd_from_xi(bodies, result, work, table[0], result)
+    elif which == EPSILON_FROM_TAU:
+        _moments_inward(bodies, work, table[0], False, result)
+        scale_by_inertia(bodies, work, -0.5, result)
+    else:
+        scale_by_inertia(bodies, work, 0.5, result)
+        _moments_inward(bodies, work, table[0], True, result)
+    return 0 if joints.are_finite(result) else -1
 
 
 @nk.large_kernel
@@ -271,7 +228,8 @@ def qd_from_momentum(robot, q, added, momentum, qd):
     # κ = [I − HψK] p, ξ = D⁻¹ κ, q̇ = [I − HψK]ᵀ ξ
     if status == 0:
         status = factorize(robot)
-    kappa_from_tau(bodies, momentum, work, table[0], qd)
+    ws.copy(momentum, qd)
+    _moments_inward(bodies, work, table[0], False, qd)
     scale_by_inertia(bodies, work, -1.0, qd)
     qd_from_xi(bodies, qd, work, table[0], qd)
     return status
