@@ -8,6 +8,7 @@ from diag_dynamics.numerics.tables import address_of, flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
+from diag_dynamics.sweeps.factorization import factor_joint
 
 
 @nk.kernel
@@ -19,26 +20,22 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     body = bodies[i]
     w = work[i]
     k = body.dof
+    parent = work[body.parent]
+    if not factor_joint(body, direction, w, parent):
+        return i
     P = records.inertia_of(w.P)
     y = records.force_of(w.y)
-    D, column, G = joints.joint_inertia(direction, w.armature, P)
-    w.D = D
-    if joints.is_singular(joints.scale_along(direction, w), D):
-        return i
-    records.set_force(w.G, G)
+    G = records.force_of(w.G)
     u = qdd[k] - sp.along(direction, y)
-    qdd[k] = u / D
+    qdd[k] = u / w.D
     zeta = sp.cross_along_z(direction, records.motion_of(w.V), qd[k])
     records.set_motion(w.zeta, zeta)
     if body.parent > 0:
-        X = records.placement_of(w)
-        parent = work[body.parent]
         # P⁺ζ = Pζ − G (P S)ᵀζ
+        column = sp.column_along(direction, P)
         y_plus = sp.add_force(y, sp.scale_force(G, u - sp.power(column, zeta)))
         y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
-        joints.accumulate_scale(w, X, parent)
-        joints.propagate_inertia(w, G, column, X, parent)
-        records.add_to_force(parent.y, sp.force_to_parent(X, y_plus))
+        records.add_to_force(parent.y, sp.force_to_parent(records.placement_of(w), y_plus))
     return 0
 
 

@@ -16,23 +16,21 @@ from diag_dynamics.sweeps import workspace as ws
 
 
 @nk.kernel
-def factor_joint(body, w, parent):
+def factor_joint(body, direction, w, parent):
     """D and G of a body that is in no group (Algorithm 4.1); return whether it moves inertia.
 
     P⁺ is added to its parent.
     """
     # D = SᵀPS + armature and G = P S D⁻¹
-    D, column, G = joints.joint_inertia(body.direction, w.armature, records.inertia_of(w.P))
+    P = records.inertia_of(w.P)
+    D, column, G = joints.joint_inertia(direction, w.armature, P)
     w.D = D
-    w.size = joints.scale_along(body.direction, w)
-    if joints.is_singular(w.size, D):
+    if joints.is_singular(joints.scale_along(direction, w), D):
         return False
     records.set_force(w.G, G)
     # P⁺ = P − G (P S)ᵀ, in the axes of the parent
     if body.parent > 0:
-        X = records.placement_of(w)
-        joints.accumulate_scale(w, X, parent)
-        joints.propagate_inertia(w, G, column, X, parent)
+        joints.accumulate_inertia(w, sp.less_rank_one(P, G, column), parent)
     return True
 
 
@@ -58,7 +56,7 @@ def factorize(robot):
             status = ws.step_group(robot, ws.FACTORIZE, (robot, i))
             if status != 0:
                 return status
-        elif not factor_joint(body, work[i], work[body.parent]):
+        elif not factor_joint(body, body.direction, work[i], work[body.parent]):
             return i
         i = body.first - 1
     return 0

@@ -368,16 +368,8 @@ def accumulate_scale(w, X, parent):
 
 
 @nk.kernel
-def propagate_inertia(w, G, column, X, parent):
-    """Add Xᵀ τ̄P X to the parent's P, with τ̄P = P − G (P S)ᵀ (Algorithm 4.1)."""
-    records.add_to_inertia(
-        parent.P, sp.inertia_to_parent(X, sp.less_rank_one(records.inertia_of(w.P), G, column))
-    )
-
-
-@nk.kernel
 def accumulate_inertia(w, P, parent):
-    """Add XᵀP X of a body to the parent's P, and its size to the parent's."""
+    """Add XᵀP X of a body, or of its P⁺, to the parent's P, and its size to the parent's."""
     X = records.placement_of(w)
     records.add_to_inertia(parent.P, sp.inertia_to_parent(X, P))
     accumulate_scale(w, X, parent)
