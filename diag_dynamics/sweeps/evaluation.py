@@ -6,7 +6,7 @@
 import math
 
 from diag_dynamics.numerics import kernel as nk
-from diag_dynamics.numerics.tables import address_of
+from diag_dynamics.numerics.tables import address_of, flat
 from diag_dynamics.sweeps import groups, joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
@@ -407,37 +407,21 @@ def link_energies(robot, links, Q, QD, energies):
 
     Returns whether all are finite, which finite K does not imply. Rows of QD may be longer than nv.
     """
-    finite = True
-    for t in range(len(Q)):
-        finite &= _link_energies_at(robot, links, Q[t], QD[t], energies[t])
-    return finite
-
-
-@nk.entry_kernel(nk.ROBOT, records.LINKS, nk.MATRIX, nk.FILLED_VECTOR)
-def link_energy(robot, links, state, energy):
-    """Kinetic energy of links, as in :func:`link_energies`, of a state.
-
-    The state was filled by :func:`evaluate`.
-    """
-    return _link_energies_at(robot, links, state[ws.POSITIONS], state[ws.RATES], energy)
-
-
-@nk.kernel
-def _link_energies_at(robot, links, q, qd, energy):
     bodies, _, work, _ = ws.opened(robot)
-    ws.clear(energy)
-    if joints.couple(q, work) != 0:
-        return False
-    joints.set_base_at_rest(work)
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        w = work[i]
-        joints.update_placement(body, q, w)
-        joints.update_velocity(body, qd, work, w)
-        if body.rank == 0 and body.armature != 0.0:
-            rate = joints.joint_rate(bodies, i, qd, work)
-            energy[body.link] += 0.5 * body.armature * (rate * rate)
-    for j in range(len(links)):
-        V = records.motion_of(work[links[j].body].V)
-        energy[links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)
-    return joints.are_finite(energy)
+    ws.clear(flat(energies))
+    for t in range(len(Q)):
+        if joints.couple(Q[t], work) != 0:
+            return False
+        joints.set_base_at_rest(work)
+        for i in range(1, len(bodies)):
+            body = bodies[i]
+            w = work[i]
+            joints.update_placement(body, Q[t], w)
+            joints.update_velocity(body, QD[t], work, w)
+            if body.rank == 0 and body.armature != 0.0:
+                rate = joints.joint_rate(bodies, i, QD[t], work)
+                energies[t, body.link] += 0.5 * body.armature * (rate * rate)
+        for j in range(len(links)):
+            V = records.motion_of(work[links[j].body].V)
+            energies[t, links[j].index] += 0.5 * sp.power(joints.momentum(links[j], V), V)
+    return joints.are_finite(flat(energies))

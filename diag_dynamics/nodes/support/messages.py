@@ -29,6 +29,7 @@ from diag_dynamics.msg import (
 )
 from diag_dynamics.msg import Load as LoadMessage
 from diag_dynamics.sweeps import evaluation
+from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.fields import (
     evaluated_fields,
@@ -95,7 +96,7 @@ class MessageMaker:
             - {*self._texts[topic], "header", "oldest_stamp"}
             for topic, kind in EVALUATED.items()
         }
-        self._link_energy = np.empty(len(model.link_names))
+        self._link_energy = np.empty((1, len(model.link_names)))
         self._workspace = model.new_workspace()
 
     def make(self, topic, kind, state, texts, values, shape=()):
@@ -137,10 +138,11 @@ class MessageMaker:
         texts = self._texts[topic]
         computed = {"friction": s.friction}
         if topic == "kinetic_energy":
-            energies = computed["link_energy"] = self._link_energy
+            energies = self._link_energy
+            computed["link_energy"] = energies[0]
             robot = self._workspace.robot
-            links = self._model.links
-            if not evaluation.link_energy(robot, links, s.rows, energies):
+            motion = s.rows[None, ws.POSITIONS], s.rows[None, ws.RATES]
+            if not evaluation.link_energies(robot, self._model.links, *motion, energies):
                 raise InputError("velocity is too large: the kinetic energy of a link overflows.")
         with_effort = s.epsilon is not None
         values = evaluated_fields(self._names[topic], s, state, with_effort, **computed)
