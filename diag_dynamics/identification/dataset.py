@@ -22,7 +22,6 @@ from diag_dynamics.recordings.data_checks import (
     EffortRelation,
     describe_unknown,
     end_links,
-    find_effort_delay,
     find_fault,
 )
 from diag_dynamics.recordings.findings import (
@@ -92,12 +91,11 @@ def list_recordings(name, recordings):
 class Dataset:
     """Segments of a recording that can be fitted.
 
-    Velocities and efforts are at the time of the positions: `delay` and `effort_delay` [s] were
-    removed. `known` are the joints with efforts (bool); those of the others are the model's. Errors
-    begin with `name`, the path if there is one. `origin` has path, robot, number of all states, and
-    times of the first and the last one [s]. Raises InputError if the recording is of another robot,
-    too long, lacks states or efforts, or has velocities in another unit. Efforts that are not
-    `in_torque` may be of any size.
+    Velocities are at the time of the positions: `delay` [s] was removed. `known` are the joints with
+    efforts (bool); those of the others are the model's. Errors begin with `name`, the path if there
+    is one. `origin` has path, robot, number of all states, and times of the first and the last one
+    [s]. Raises InputError if the recording is of another robot, too long, lacks states or efforts,
+    or has velocities in another unit. Efforts that are not `in_torque` may be of any size.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES, in_torque=True):
@@ -117,27 +115,11 @@ class Dataset:
     def _prepare(self, recording, model, max_values):
         """Read, check and clean the recording."""
         self.segments = self._clean(self._read(recording, model, max_values))
-        delay = find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
-        self.delay = self._remove_delay("velocity", delay)
-        self.effort_delay = self._remove_delay("effort", self._find_effort_delay(model))
+        self._remove_delay(
+            find_delay(model, self.name, [segment.columns[:3] for segment in self.segments])
+        )
         if not self.known.all():
             self._fill_efforts(model)
-
-    def _find_effort_delay(self, model):
-        """Return the delay of efforts [s], 0 if it hardly matters or is at a bound."""
-        delay = find_effort_delay(model, [segment.columns for segment in self.segments], self.known)
-        if delay is None:
-            return 0.0
-        if not delay.is_at_bound:
-            return delay.value
-        late = "later" if delay.value > 0.0 else "earlier"
-        self._add(
-            1,
-            DOUBTFUL,
-            f"efforts seem to be {1e3 * abs(delay.value):.0f} ms or more {late} than positions; "
-            "nothing is removed. Check their time stamps",
-        )
-        return 0.0
 
     def relate_efforts(self, model, ends=()):
         """Return the Relation of efforts to model torques, NaN for joints of unknown efforts."""
@@ -168,24 +150,20 @@ class Dataset:
             )
         return relation
 
-    def _remove_delay(self, column, delay):
-        """Remove the delay of velocities or efforts against positions; return the removed delay.
-
-        A delay of at most a sample is not removed.
-        """
+    def _remove_delay(self, delay):
+        """Remove the delay of velocities against positions, if it is longer than a sample."""
         steps = np.concatenate([np.diff(segment.t) for segment in self.segments])
         if abs(delay) <= np.median(steps):
-            return 0.0
+            return
+        self.delay = delay
         size = f"{abs(delay) * 1e3:.1f} ms"
         late = "later" if delay > 0.0 else "earlier"
-        quantity = {"velocity": "velocities", "effort": "efforts"}[column]
-        text = f"{quantity} are {size} {late} than positions; the delay was removed"
-        self._add(1, f"{column} delay", text)
+        text = f"velocities are {size} {late} than positions; the delay was removed"
+        self._add(1, "velocity delay", text)
         long = [segment for segment in self.segments if segment.duration > abs(delay)]
         if not long:
-            raise InputError(f"{self.name} has no segment longer than the {column} delay, {size}.")
-        self.segments = [_shifted(segment, column, delay) for segment in long]
-        return delay
+            raise InputError(f"{self.name} has no segment longer than the velocity delay, {size}.")
+        self.segments = [_shifted(segment, delay) for segment in long]
 
     @property
     def duration(self):
@@ -369,13 +347,13 @@ def _run(t, states):
     return Segment(t, replace(states, jumped=first, effort_known=np.ones(len(t), bool)))
 
 
-def _shifted(segment, column, delay):
-    """Return a segment with a column of the time of its positions.
+def _shifted(segment, delay):
+    """Return a segment with velocities of the time of its positions.
 
     Its first state alone is marked as a jump.
     """
     t, states = segment
     at = t + delay
-    values = interpolated(getattr(states, column), t, at)
+    velocity = interpolated(states.velocity, t, at)
     # Ends have no values.
-    return Segment(t, replace(states, **{column: values})).part((at >= t[0]) & (at <= t[-1]))
+    return Segment(t, replace(states, velocity=velocity)).part((at >= t[0]) & (at <= t[-1]))

@@ -142,7 +142,6 @@ def quality_of(model, selection, data, last):
         and not nothing
         and DOUBTFUL not in [finding.cause for finding in findings],
         "velocity_delay": [dataset.delay for dataset in data.loaded],
-        "effort_delay": [dataset.effort_delay for dataset in data.loaded],
         "deviations": deviations_of(layout, free, last, fits),
         "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
         "payload": payload_certainty(layout, last, fits) if layout.payload else None,

@@ -23,13 +23,7 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.balance import MAX_GAP
 from diag_dynamics.recordings.states import States
-from diag_dynamics.recordings.velocities import (
-    DELAY_TRAVEL,
-    interpolated,
-    longest_delay,
-    search_delay,
-    turning_dofs,
-)
+from diag_dynamics.recordings.velocities import interpolated, turning_dofs
 from diag_dynamics.recordings.windows import column_maxima
 
 ZERO, CONSTANT, TRAVEL, MIN_STATES = 1e-12, 1e-9, 0.01, 1000
@@ -43,10 +37,6 @@ PUSHED = 0.05  # travel of a robot that stands and is pushed [rad, m]
 MAX_STATES, MOVING, MIN_RUN = 20_000, 0.01, 20
 """First states in motion that are compared, velocity of any joint in motion [rad/s, m/s], fewest
 states of a run."""
-
-MIN_INTERVAL, STEP, MIN_GAIN = 0.02, 1e-2, 0.03
-"""Interval of states whose efforts are searched for a delay, step of that [s], and reduction of
-the residual, geometric mean over joints, from which efforts are late."""
 
 CUTOFF, MAX_CUTOFF, ORDER, MEMORY = 5.0, 0.9, 4, 3.0
 """Low-pass: cutoff frequency [Hz], its largest value over half of the rate, order, and length of
@@ -407,61 +397,6 @@ class EffortRelation:
             geared,
             torque,
         )
-
-
-def find_effort_delay(model, runs, measured):
-    """Return the :class:`Delay` of efforts against positions, None if it hardly matters.
-
-    `runs` are times, positions, rates and efforts without gaps; joints with efforts are `known`,
-    bool (nv,). The delay minimizes what no multiples of gravity, inertia, acceleration, friction
-    and point masses at the ends of the robot explain at the joint.
-    """
-    longest = longest_delay(t for t, *_ in runs)
-    travel = np.max([np.ptp(q, axis=0) for _, q, *_ in runs], axis=0)
-    joints = np.flatnonzero(measured & (travel > DELAY_TRAVEL))
-    if not len(joints):
-        return None
-    delay = None
-    for links in ((), end_links(model)):  # an unknown payload looks like a delay
-        parts = [_explain(EffortRelation(model, links), longest, *run) for run in runs]
-        costs_of = functools.partial(_late_costs, joints, parts)
-        delay = search_delay(costs_of, longest, STEP)
-        reached, without = costs_of(np.array([delay.coarse, 0.0])).mean(axis=1)
-        if 1.0 - np.exp(reached - without) < MIN_GAIN:
-            return None
-    return delay
-
-
-def _late_costs(joints, parts, delays):
-    """Return half the logarithm of the squares that are left, by delay and joint."""
-    linalg = require("scipy.linalg", "the judgement of efforts")
-    costs = np.empty((len(delays), len(joints)))
-    columns, times, efforts = zip(*parts, strict=True)
-    for column, k in enumerate(joints):
-        explaining = np.concatenate([part[k] for part in columns])
-        sizes = np.maximum(np.linalg.norm(explaining, axis=0), 1e-300)
-        basis = linalg.orth(explaining / sizes, rcond=1e-9)
-        late = [
-            np.interp(at[:, None] + delays, even, tau[:, k])
-            for at, (even, tau) in zip(times, efforts, strict=True)
-        ]
-        late = np.concatenate(late)
-        rest = late - basis @ (basis.T @ late)
-        smallest = 1e-12 * (late**2).sum(axis=0) + 1e-300
-        costs[:, column] = 0.5 * np.log(np.maximum((rest**2).sum(axis=0), smallest))
-    return costs
-
-
-def _explain(relation, longest, t, q, qd, tau):
-    """Return columns of what may explain efforts, (nv, T, m), their times, and all efforts.
-
-    These are (times, efforts), smoothed.
-    """
-    even = np.linspace(t[0], t[-1], len(t))
-    columns, tau = relation.columns(t, q, qd, tau)
-    inner = np.flatnonzero((even >= t[0] + longest) & (even <= t[-1] - longest))
-    rows = inner[:: max(1, round(MIN_INTERVAL / (even[1] - even[0])))]
-    return columns[:, rows], even[rows], (even, tau)
 
 
 class Hypotheses:

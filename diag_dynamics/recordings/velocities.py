@@ -4,7 +4,6 @@
 """Velocities against positions: one regression of Δq on ∫q̇dt gives units, errors and delays."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -135,45 +134,12 @@ def cause_of_ratio(ratio):
     return cause if distances[cause] < np.log(RATIO_ERROR) else None
 
 
-class Delay(NamedTuple):
-    """A delay at the minimum of a cost [s]."""
-
-    value: float
-    coarse: float  # the nearest of the first steps [s]
-    joints: np.ndarray  # that show the delay
-    is_at_bound: bool  # of the search
-
-
-def search_delay(costs_of, longest, step, max_cost=np.inf):
-    """Return the :class:`Delay` within ±longest that joints with a cost below a limit have.
-
-    `costs_of` returns costs of delays (D,) by joint, (D, n).
-    """
-    steps = int(longest / step)
-    delays = step * np.arange(-steps, steps + 1)
-    costs = costs_of(delays)
-    joints = np.flatnonzero(costs.min(axis=0) <= max_cost)
-    best = int(np.argmin(costs[:, joints].sum(axis=1)))
-    coarse = float(delays[best])
-    if steps and best in (0, len(delays) - 1):
-        return Delay(coarse, coarse, joints, True)
-    delays = coarse + FINE * step * np.arange(-1.0 / FINE, 1.0 / FINE + 0.5)
-    cost = costs_of(delays)[:, joints].sum(axis=1)
-    shift = 0.0
-    best = int(np.argmin(cost))
-    if 0 < best < len(delays) - 1:
-        before, least, after = cost[best - 1 : best + 2]  # a parabola passes through these
-        bend = before - 2.0 * least + after
-        shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return Delay(float(delays[best] + shift * FINE * step), coarse, joints, False)
-
-
 def find_delay(model, name, runs):
     """Return the delay of velocities against positions [s] by times, positions and rates of runs.
 
     Raises InputError if their units differ, or it is too long.
     """
-    longest = longest_delay(t for t, *_ in runs)
+    longest = min(MAX_DELAY, 0.1 * max(t[-1] - t[0] for t, *_ in runs))
     tracks = [_track(turning_dofs(model), longest, *run) for run in runs]
     travel = np.max([np.ptp(q, axis=0) for _, q, _ in runs], axis=0)
     moved = np.flatnonzero(travel > DELAY_TRAVEL)
@@ -188,18 +154,30 @@ def find_delay(model, name, runs):
     def costs_of(delays):
         return np.array([1.0 - np.nan_to_num(relate(delay).r2[moved]) for delay in delays])
 
-    delay = search_delay(costs_of, longest, STEP, 1.0 - MIN_DELAY_R2)
-    joints = moved[delay.joints]
+    steps = int(longest / STEP)
+    delays = STEP * np.arange(-steps, steps + 1)
+    costs = costs_of(delays)
+    shown = costs.min(axis=0) <= 1.0 - MIN_DELAY_R2
+    joints = moved[shown]
     if not len(joints):
         return 0.0
-    if delay.is_at_bound:
+    best = int(np.argmin(costs[:, shown].sum(axis=1)))
+    if steps and best in (0, 2 * steps):
         names = ", ".join(f"'{model.dof_names[k]}'" for k in joints)
-        late = "later" if delay.value > 0.0 else "earlier"
+        late = "later" if best else "earlier"
         raise InputError(
             f"{name}: velocities are {1e3 * longest:.0f} ms or more {late} than positions, those "
             f"of joint {names}; expected less. Check their time stamps and joints."
         )
-    relation = relate(delay.value)
+    fine = delays[best] + FINE * STEP * np.arange(-1.0 / FINE, 1.0 / FINE + 0.5)
+    cost = costs_of(fine)[:, shown].sum(axis=1)
+    best = int(np.argmin(cost))
+    delay = fine[best]
+    if 0 < best < len(fine) - 1:
+        before, least, after = cost[best - 1 : best + 2]  # a parabola passes through these
+        bend = before - 2.0 * least + after
+        delay += 0.5 * (before - after) / bend * FINE * STEP if bend > 0.0 else 0.0
+    relation = relate(delay)
     for k in joints:
         # Noise of velocities makes one slope too small, noise of positions the other one too large.
         slope = relation.slope[k]
@@ -210,12 +188,7 @@ def find_delay(model, name, runs):
                 f"{name}: positions of joint '{model.dof_names[k]}' change by {low:.4g} times the "
                 f"integral of its velocities; expected 1: {cause}"
             )
-    return delay.value
-
-
-def longest_delay(times):
-    """Return the largest delay that is searched for in runs at these times [s]."""
-    return min(MAX_DELAY, 0.1 * max(t[-1] - t[0] for t in times))
+    return float(delay)
 
 
 def _track(turning, longest, t, q, qd):

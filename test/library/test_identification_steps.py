@@ -258,37 +258,6 @@ def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
     assert "external torque of joint 'elbow_joint' increased from 0 to" in texts[0]
 
 
-def with_late_efforts(data, delay):
-    t = data.t
-    return changed(
-        data, tau=np.column_stack([np.interp(t - delay, t, column) for column in data.tau.T])
-    )
-
-
-@pytest.mark.parametrize(
-    ("delay", "wrong"), [(0.04, False), (0.17, True), (-0.04, True), (0.0, True)]
-)
-def test_delays_of_efforts_are_removed(worn, delay, wrong):
-    """Beside friction, also of a model whose inertias are wrong by up to a third."""
-    model = worn.model.perturbed(0.3, 1) if wrong else worn.model
-    result = dd.identify(with_late_efforts(worn, delay), model, "friction")
-    assert result.quality["effort_delay"] == [pytest.approx(delay, abs=5e-3)]
-    size = f"{1e3 * abs(result.quality['effort_delay'][0]):.1f}"
-    late = "later" if delay > 0.0 else "earlier"
-    text = f"effort delay: efforts are {size} ms {late} than positions; the delay was removed"
-    assert (text in result.quality["findings"]) == bool(delay)
-    assert wrong or np.abs(result.model.friction / FRICTION - 1.0).max() < 0.15
-
-
-def test_the_end_of_the_search_is_no_delay_of_efforts(worn):
-    quality = dd.identify(with_late_efforts(worn, 0.4), worn.model, "friction").quality
-    assert quality["effort_delay"] == [0.0] and not quality["efforts_judged"]
-    assert any(
-        "efforts seem to be 300 ms or more later than positions" in text
-        for text in quality["findings"]
-    )
-
-
 def test_the_end_of_the_search_is_no_delay(worn):
     with pytest.raises(
         dd.InputError, match=r"recordings\[0\]: velocities are 300 ms or more later .* joint '\w+'"
