@@ -54,12 +54,11 @@ class BaseParameters:
         self.matrix = np.zeros((rank, layout.robot))
         self.matrix[:, :count] = by_link @ np.linalg.pinv(self._placed)
 
-    def describe(self, fit, fits, free, sums):
+    def describe(self, fit, fits, free):
         """Return values and standard deviations as plain values.
 
-        The first deviation is that of the fit, the larger of noise and of `fits` without each
-        block, None unless inertias are `free`; `from_data` is that of the data alone, with friction
-        unknown, and None if they do not show it.
+        A deviation is the larger of noise and of `fits` without each block, None unless inertias
+        are `free`.
         """
         layout = self._layout
         E = self.matrix
@@ -74,38 +73,17 @@ class BaseParameters:
             np.sqrt(np.maximum(np.maximum(noise, 0.0), changing)) if fitted else [None] * len(E)
         )
         values = [np.where(np.abs(E @ x) < ZERO, 0.0, E @ x) for x in (robot, start)]
-        from_data = self._deviations(sums, fit.x, free)
-        rows = zip(self.combinations, *values, deviations, from_data, strict=True)
+        rows = zip(self.combinations, *values, deviations, strict=True)
         parameters = [
             {
                 "name": name,
                 "value": float(value),
                 "model": float(model),
                 "deviation": None if deviation is None else float(deviation),
-                "from_data": float(data) if data else None,
             }
-            for name, value, model, deviation, data in rows
+            for name, value, model, deviation in rows
         ]
         return {"parameters": parameters}
-
-    def _deviations(self, sums, x, free):
-        """Return standard deviations from the data alone, with friction unknown; 0 if unknown."""
-        layout = self._layout
-        count = PARAMETERS * len(self._layout.bodies)
-        variance = np.maximum(layout.mean_squares([(sums, True)], x), 1e-300)
-        A, _ = layout.regressors.weighted(sums, variance)
-        placed = self._placed[:, self.kept]
-        resisting = count + np.flatnonzero(free[count : layout.robot])
-        inner = placed.T @ A[:count, :count] @ placed
-        across = placed.T @ A[:count, resisting]
-        friction = A[np.ix_(resisting, resisting)]
-        units = 1.0 / np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
-        inner -= across @ np.linalg.pinv(friction, rcond=1e-12, hermitian=True) @ across.T
-        values, axes = np.linalg.eigh(inner * units[:, None] * units)
-        shown = values > RANK
-        variances = (axes[:, shown] ** 2 / values[shown]).sum(axis=1) * units**2
-        hidden = (axes[:, ~shown] ** 2).sum(axis=1) > SMALL
-        return np.where(hidden, 0.0, np.sqrt(variances))
 
 
 def _link_axes(layout):

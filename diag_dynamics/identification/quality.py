@@ -119,7 +119,7 @@ def quality_of(model, selection, data, last):
     free = selection.free(selection.taken)
     count = len(data.blocks)
     (before, first), (after, then) = (validate([model] * count, data.parts),) * 2
-    if free.any() or layout.without_rotors:
+    if free.any():
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
         after, then = validate(models, data.parts)
     findings = [finding for dataset in data.datasets for finding in dataset.findings]
@@ -143,7 +143,7 @@ def quality_of(model, selection, data, last):
         and DOUBTFUL not in [finding.cause for finding in findings],
         "velocity_delay": [dataset.delay for dataset in data.loaded],
         "deviations": deviations_of(layout, free, last, fits),
-        "base_parameters": BaseParameters(layout).describe(last, fits, free, data.fitted),
+        "base_parameters": BaseParameters(layout).describe(last, fits, free),
         "payload": payload_certainty(layout, last, fits) if layout.payload else None,
         "warnings": selection.warnings,
         "findings": [

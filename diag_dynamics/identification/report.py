@@ -121,10 +121,6 @@ def _parameters(identification, k, name):
 
 
 def _base_parameter(parameter):
-    """Return a base parameter with its interval and whether the recordings show it."""
-    half = None if parameter["deviation"] is None else SIGMAS * parameter["deviation"]
-    data = parameter["from_data"]
-    return parameter | {
-        "half": half,
-        "weak": data is None or SIGMAS * data > abs(parameter["value"]),
-    }
+    """Return a base parameter with half of its interval."""
+    deviation = parameter["deviation"]
+    return parameter | {"half": None if deviation is None else SIGMAS * deviation}

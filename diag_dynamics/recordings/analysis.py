@@ -17,14 +17,13 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance, WindowSums
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.findings import REJECTED, explain_missing_efforts
-from diag_dynamics.recordings.observer import ObservedStates, Observer, find_touched_links
+from diag_dynamics.recordings.observer import Observed, Observer, find_touched_links
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 from diag_dynamics.results import BatchEvaluation
 
 MAX_INTERVAL = 0.5  # longest interval between states that is counted [s]
-MOMENTS, SEPARATION = 5, SECOND  # number of the worst moments, and time between them [ns]
 
 
 class Piece(NamedTuple):
@@ -32,38 +31,9 @@ class Piece(NamedTuple):
 
     states: States
     s: BatchEvaluation
-    observed: ObservedStates
+    observed: Observed
     judged: Judged  # by the thresholds of collision
     contact: Judged  # by those of contact
-
-
-class Peaks:
-    """Largest values of quantities, batch by batch.
-
-    `entries` has values, stamps [ns] and names of each quantity.
-    """
-
-    def __init__(self):
-        self.entries = {}
-
-    def add_values(self, quantity, values, stamps, names):
-        """Add values, shape (T,) or (T, number of names); NaN is ignored."""
-        values = values.reshape(len(stamps), -1)
-        start = np.full(len(names), -np.inf), np.zeros(len(names), int), names
-        each, at, _ = self.entries.setdefault(quantity, start)
-        largest = column_maxima(values)
-        for k in np.flatnonzero(largest > each):
-            each[k] = largest[k]
-            at[k] = stamps[np.argmax(values[:, k] == largest[k])]
-
-    def largest(self):
-        """Return the largest value of each quantity, its first stamp [ns], and its name or None."""
-        largest = {}
-        for quantity, (each, at, names) in self.entries.items():
-            if each.max(initial=-np.inf) > -np.inf:
-                k = int(np.argmax(each))
-                largest[quantity] = float(each[k]), int(at[k]), names[k] or None
-        return largest
 
 
 class ContactExposure:
@@ -75,7 +45,7 @@ class ContactExposure:
         self._duration = 0.0
         self._names = points.names
         self._last = None
-        self._worst = []
+        self._worst = {"usage": 0.0}
 
     def add_states(self, stamps, contact):
         """Add states: stamps [ns] and PredictedContact."""
@@ -87,45 +57,32 @@ class ContactExposure:
         self._above += interval @ above
         self._any_above += float(interval @ above.any(axis=1))
         self._duration += float(interval.sum())
-        self._keep_worst(stamps, contact, usage)
-
-    def _keep_worst(self, stamps, contact, usage):
-        """Keep the worst moments that are apart, of those before and of these states."""
-        before = self._worst
-        self._worst = []
-        largest = np.append([moment["usage"] for moment in before], usage.max(axis=1, initial=0.0))
-        at = np.append(np.array([moment["at"] for moment in before], np.int64), stamps)
-        while len(self._worst) < MOMENTS and largest.max() > 0.0:
-            k = int(np.argmax(largest))
-            t = k - len(before)
-            self._worst.append(
-                before[k] if t < 0 else _moment(int(stamps[t]), t, contact, usage[t])
-            )
-            largest[np.abs(at - at[k]) < SEPARATION] = 0.0
+        t, k = np.unravel_index(np.argmax(usage), usage.shape)
+        if usage[t, k] > self._worst["usage"]:
+            names = {
+                "point": contact.names[k],
+                "link": contact.links[k],
+                "region": contact.region(k, t),
+            }
+            numbers = {
+                name: float(getattr(contact, name)[t, k])
+                for name in ("speed", "reflected_mass", "energy", "force")
+            }
+            self._worst = {"usage": float(usage[t, k]), **names, **numbers, "at": int(stamps[t])}
 
     def summary(self, time):
-        """Return `above`, `of`, `above_by_point` [s] and `worst`.
+        """Return `above`, `of`, `above_by_point` [s] and `worst`, the worst moment; None at rest.
 
         `time` converts stamps [ns] to times [s].
         """
         by_point = zip(self._names, self._above.tolist(), strict=True)
+        worst = self._worst
         return {
             "above": self._any_above,
             "of": self._duration,
             "above_by_point": {name: seconds for name, seconds in by_point if seconds},
-            "worst": [moment | {"at": time(moment["at"])} for moment in self._worst],
+            "worst": worst | {"at": time(worst["at"])} if "at" in worst else None,
         }
-
-
-def _moment(stamp, t, contact, usage):
-    """Return the point with the largest usage of its allowed speed at state t, and its numbers."""
-    k = int(np.argmax(usage))
-    names = {"point": contact.names[k], "link": contact.links[k], "region": contact.region(k, t)}
-    numbers = {
-        name: float(getattr(contact, name)[t, k])
-        for name in ("speed", "reflected_mass", "energy", "force")
-    }
-    return {"usage": float(usage[k]), **names, **numbers, "at": stamp}
 
 
 class Analysis:
@@ -170,7 +127,8 @@ class Analysis:
         self._exposure = ContactExposure(self._points) if self._points else None
         self._balance = Balance(names)
         self._quality = Quality(model)
-        self._peaks = Peaks()
+        self._peaks = {}  # largest value, its stamp [ns], and its joint or None, by quantity
+        self._shares = np.full(model.nv, -np.inf)
         self._efforts = EffortRange(model)
         self._motion = MotionSample(model)
         self._unavailable = np.isin(names, reading.intake.assembler.unavailable_efforts)
@@ -280,15 +238,21 @@ class Analysis:
         self.states += len(states)
         self._observed += int(observed.valid.sum())
         self._kinetic += float(energy.sum())
-        for quantity, values, entries in (
-            ("kinetic_energy", energy, ("",)),
+        self._shares = np.fmax(self._shares, column_maxima(s.energy_share))
+        for quantity, values, joints in (
+            ("kinetic_energy", energy[:, None], (None,)),
             ("energy_share", s.energy_share, names),
             ("velocity", np.abs(states.velocity), names),
             ("effort", np.abs(states.effort), names),
             ("external_torque", np.abs(observed.external_torque), names),
-            ("residual_norm", observed.norm, ("",)),
+            ("residual_norm", observed.norm[:, None], (None,)),
         ):
-            self._peaks.add_values(quantity, values, states.stamp, entries)
+            largest = column_maxima(values)
+            peak = float(largest.max(initial=-np.inf))
+            if peak > self._peaks.get(quantity, (-np.inf,))[0]:
+                k = int(np.argmax(largest))
+                t = np.argmax(values[:, k] == peak)
+                self._peaks[quantity] = peak, int(states.stamp[t]), joints[k]
 
     def _evaluate(self, states):
         """Return the states that can be evaluated, and their evaluation.
@@ -320,10 +284,8 @@ class Analysis:
         alarms = self._collisions.alarms
         quality, warnings = self._quality.report()
         quality["longest_gap_at"] = time(quality["longest_gap_at"])
-        largest = self._peaks.largest()
         balance = self._balance
-        shares, _, _ = self._peaks.entries["energy_share"]
-        energy, at, _ = largest["kinetic_energy"]
+        energy, at, _ = self._peaks["kinetic_energy"]
         unmeasured = self._efforts.unmeasured()
         is_beside = balance.is_explained_beside(alarms)
         is_good = is_beside or (balance.explained or 0.0) >= MIN_EXPLAINED
@@ -353,11 +315,11 @@ class Analysis:
                 "mean": self._kinetic / self.states,
                 "max": energy,
                 "at": time(at),
-                "share": dict(zip(names.tolist(), shares.tolist(), strict=True)),
+                "share": dict(zip(names.tolist(), self._shares.tolist(), strict=True)),
             },
             "peaks": {
                 name: {"value": value, "at": time(at), "of": of}
-                for name, (value, at, of) in largest.items()
+                for name, (value, at, of) in self._peaks.items()
             },
             "explained": balance.explained,
             "explained_with_potential": balance.explained_total,

@@ -20,7 +20,7 @@ from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.findings import explain_missing_efforts
 from diag_dynamics.recordings.recording import SIZE, Recording
 from diag_dynamics.recordings.windows import SampleChain
-from diag_dynamics.results import ExternalWrench, TouchedLink, expand
+from diag_dynamics.results import TouchedLink, expand
 from diag_dynamics.sweeps.evaluation import observe_samples
 
 
@@ -29,8 +29,6 @@ class Observed(NamedTuple):
 
     Attributes
     ----------
-    t : ndarray, shape (T,)
-        Times of the states as they are in the recording [s].
     residual : ndarray, shape (T, nv)
         r, which follows ε_ext = ℓτ_ext [J^½/s]; NaN where an unknown effort changes it.
     external_torque : ndarray, shape (T, nv)
@@ -40,62 +38,24 @@ class Observed(NamedTuple):
     valid : ndarray of bool, shape (T,)
         Whether there is a result of any joint: not at the first state, after a gap, or without
         efforts.
-    q : ndarray, shape (T, nq)
-        Positions [rad, m].
-    dynamics : DiagonalDynamics
-        Of the robot.
     """
 
-    t: Array
     residual: Array
     external_torque: Array
     norm: Array
     valid: BoolArray
-    q: Array
-    dynamics: DiagonalDynamics
 
     def __repr__(self) -> str:
-        states = f"{len(self.t)} states, {int(self.valid.sum())} valid"
-        return f"<Observed '{self.dynamics.model.name}': {states}>"
-
-    def wrench(
-        self, link: str, covariance: RowsLike | None = None, **options: Any
-    ) -> ExternalWrench:
-        """Return the external wrench at a link in all states.
-
-        It is NaN and not observed where there is no result. Arguments are those of
-        :meth:`DiagonalDynamics.wrench`.
-        """
-        whole = self.valid & np.isfinite(self.norm)
-        arguments = self.q[whole], link, self.external_torque[whole], covariance
-        return expand(self.dynamics.wrench(*arguments, **options), whole)
-
-    def touched_link(self, covariance: RowsLike | None, **options: Any) -> TouchedLink:
-        """Return the touched link in all states; "" and NaN where there is no result.
-
-        Arguments are those of :meth:`DiagonalDynamics.touched_link`.
-        """
-        whole = self.valid & np.isfinite(self.norm)
-        rows = self.q[whole], self.external_torque[whole]
-        return expand(self.dynamics.touched_link(*rows, covariance, **options), whole)
-
-
-class ObservedStates(NamedTuple):
-    """Columns of :class:`Observed` at states of a batch."""
-
-    residual: Array
-    external_torque: Array
-    norm: Array
-    valid: BoolArray
+        return f"<Observed: {len(self.valid)} states, {int(self.valid.sum())} valid>"
 
     @property
     def torque_norm(self) -> Array:
         """‖m r‖ of all joints together [N m, N of prismatic joints]."""
         return np.linalg.norm(self.external_torque, axis=1)
 
-    def rows(self, places: Array) -> ObservedStates:
-        """Return the columns at some states."""
-        return ObservedStates(*(column[places] for column in self))
+    def rows(self, places: Array) -> Observed:
+        """Return the results at some states."""
+        return Observed(*(column[places] for column in self))
 
 
 def observe(
@@ -135,14 +95,13 @@ def observe(
         require_efforts(len(recording) > 0, recording.counts)
     observer = Observer(dynamics, gain, friction=friction, threads=threads)
     batches = [columns for _, columns in observer.observe_states(recording.states)]
-    columns = ObservedStates(*map(np.concatenate, zip(*batches, strict=True)))
-    return Observed(recording.t, *columns, recording.q, dynamics)
+    return Observed(*map(np.concatenate, zip(*batches, strict=True)))
 
 
 def find_touched_links(
     dynamics: DiagonalDynamics,
     q: Array,
-    observed: Observed | ObservedStates,
+    observed: Observed,
     covariance: RowsLike | None,
     rows: BoolArray | bool = True,
     **options: Any,
@@ -193,7 +152,7 @@ class Observer:
         self._influence = None
 
     def observe_states(self, states):
-        """Observe states; yield batches and their :class:`ObservedStates`.
+        """Observe states; yield batches and their :class:`Observed`.
 
         Efforts that are constant while their joint moves are unknown.
         """
@@ -203,7 +162,7 @@ class Observer:
             yield batch, self.observe_batch(batch)
 
     def observe_batch(self, states):
-        """Return the :class:`ObservedStates` of states."""
+        """Return the :class:`Observed` of states."""
         samples = self._chain.select(states, np.isfinite(states.effort).any(axis=1))
         results = self._observe_samples(samples, states)
         if not isinstance(samples.rows, slice):  # not every state is a sample
@@ -215,7 +174,7 @@ class Observer:
         invalid = np.flatnonzero(~results[3])
         for column in results[:3]:
             column[invalid] = np.nan
-        return ObservedStates(*results)
+        return Observed(*results)
 
     def _observe_samples(self, samples, states):
         """Return residual, external torque, norm, and whether they are valid, of the samples."""

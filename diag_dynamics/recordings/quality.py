@@ -34,7 +34,7 @@ MAX_ERROR_LEFT = (
 )
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
-SAMPLE = 5000  # first states that units are judged by
+SAMPLE = 5000  # first states that units and ball joints are judged by
 
 WRONG_RATIO = 1.5  # factor from which an unknown ratio is wrong
 
@@ -59,7 +59,8 @@ class Quality:
         self._last = None
         self._relation = VelocityRelation(count)
         self._intervals = Counter()  # numbers of intervals by their lengths [RESOLUTION]
-        self._sample = []
+        self._sample = None
+        self._ratios = None  # of Δq to ∫q̇dt
         self._longest = 0.0, None
         counts = "repeated_states", "repeated_stamps", "without_effort"
         self._counts = dict.fromkeys(counts, 0)
@@ -78,8 +79,8 @@ class Quality:
         self._counts["without_effort"] += int(np.count_nonzero(~states.effort_known))
         self.begin = states.stamp[0] if self.begin is None else self.begin
         self.end = states.stamp[-1]
-        if self._count < SAMPLE:
-            self._sample.append(states[: SAMPLE - self._count])
+        if self._sample is None:
+            self._sample = states.position[:SAMPLE]
         self._count += len(states)
         if self._last:
             states = States.concatenate([self._last, states])
@@ -113,6 +114,10 @@ class Quality:
         repeats = (steps[1:, 0] == 0.0) & (np.diff(velocity, axis=0) == 0.0)
         repeats &= effort[1:] == effort[:-1]
         self._counts["repeated_states"] += int(np.count_nonzero(repeats.all(axis=1)))
+        if self._ratios is None:
+            self._ratios = position_ratios(
+                elapsed[:SAMPLE], steps[1 : SAMPLE + 1, 0], steps[1 : SAMPLE + 1, 1]
+            )
         again = elapsed == 0.0
         self._counts["repeated_stamps"] += int(np.count_nonzero(again))
         follows = again | ((elapsed > 0.0) & (elapsed <= MAX_GAP) & ~states.jumped[1:])
@@ -138,11 +143,9 @@ class Quality:
 
         Times are in s, stamps in ns.
         """
-        sample = States.concatenate(self._sample)
-        columns = sample.position[:, self._q], sample.velocity[:, self._v]
-        ratios = position_ratios(sample.stamp, *columns, self._continuous)
-        wrong_unit, warnings = _judge_ratios(dict(zip(self._joints, ratios.tolist(), strict=True)))
-        warnings += self._warn_of_balls(sample)
+        ratios = dict(zip(self._joints, self._ratios.tolist(), strict=True))
+        wrong_unit, warnings = _judge_ratios(ratios)
+        warnings += self._warn_of_balls()
         period, jitter, gaps = self._regularity()
         delay, joints = self._report_velocities()
         report = {
@@ -158,14 +161,14 @@ class Quality:
         }
         return report, [*warnings, *self._warnings(report)]
 
-    def _warn_of_balls(self, sample):
+    def _warn_of_balls(self):
         """Return warnings of ball joints that come near the singularity of their hinges."""
         counts = Counter()
-        for q in sample.position if self._model.description.balls else ():
+        for q in self._sample if self._model.description.balls else ():
             counts.update(singular_balls(self._model, q).keys())
         return [
             f"ball joint '{name}' is within 10° of the singularity of its hinges in {count} of "
-            f"the first {len(sample)} states: rates and efforts of its hinges are large there"
+            f"the first {len(self._sample)} states: rates and efforts of its hinges are large there"
             for name, count in counts.items()
         ]
 

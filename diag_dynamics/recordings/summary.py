@@ -211,7 +211,7 @@ def _about_contact(summary):
     yield f"Contact limits exceeded for {contact['above']:.3g} s of {contact['of']:.6g} s"
     if contact["above_by_point"]:
         yield f"  by {_largest(contact['above_by_point'], '{} {:.3g} s')}"
-    for moment in contact["worst"]:
+    if moment := contact["worst"]:
         yield (
             f"  {_after(summary, moment['at'])}: {moment['point']} at {100 * moment['usage']:.0f} "
             f"% of the speed allowed by {moment['region']}: {moment['speed']:.3g} m/s, "

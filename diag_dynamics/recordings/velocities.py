@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.rotations import wrap_angle
 
 WINDOW = 0.05  # time over which positions are compared with velocities [s]
@@ -29,7 +28,7 @@ RATIOS = {
 """Causes by the ratio of Δq to ∫q̇dt."""
 UNKNOWN = "times, positions or velocities seem to have a wrong unit"
 
-MIN_TRAVEL = 0.01  # least range of a joint with a ratio [rad, m]
+MIN_TRAVEL = 0.01  # least distance from the first position of a joint with a ratio [rad, m]
 SLOPE_ERROR, MIN_DELAY_R2, DELAY_TRAVEL = 0.02, 0.49, 0.02
 """Error of the slope without a delay; least squared correlation and travel of a joint that shows
 the delay [rad, m]."""
@@ -103,23 +102,17 @@ def position_changes(position, continuous):
     return changes
 
 
-def position_ratios(stamps, position, velocity, continuous):
-    """Return the slope of Δq over ∫q̇dt of each joint, (n,).
+def position_ratios(elapsed, changes, integrals):
+    """Return the slope of Δq over ∫q̇dt of each joint, (n,), by steps of times [s], (T,).
 
     It is 1 if units agree, and NaN without correlation or at rest.
     """
-    elapsed = np.diff(stamps)[:, None] / SECOND
+    relation = VelocityRelation(changes.shape[1])
     forward = elapsed > 0.0
-    relation = VelocityRelation(position.shape[1])
-    if not forward.any():
-        return np.full(position.shape[1], np.nan)
-    with np.errstate(all="ignore"):
-        changes = position_changes(position, continuous)
-        integrals = 0.5 * elapsed * (velocity[1:] + velocity[:-1])
-    used = forward & (elapsed < 2.0 * np.median(elapsed[forward]))
-    used = used & np.isfinite(changes + integrals)
-    relation.add_steps(np.where(used, changes, 0.0), np.where(used, integrals, 0.0))
-    travel = -np.fmin.reduce(position) + np.fmax.reduce(position)
+    usual = np.median(elapsed[forward]) if forward.any() else 0.0
+    used = forward & (elapsed < 2.0 * usual)
+    relation.add_steps(changes[used], integrals[used])
+    travel = np.abs(np.cumsum(changes, axis=0)).max(axis=0, initial=0.0)
     return np.where((relation.r2 > MIN_R2) & (travel > MIN_TRAVEL), relation.slope, np.nan)
 
 

@@ -98,13 +98,13 @@ def test_repr_has_one_line(dyn):
     n = dyn.model.nv
     q = np.zeros((4, n))
     valid = np.array([False, True, True, True])
-    observed = Observed(valid * 1.0, q, q, valid * 1.0, valid, q, dyn)
+    observed = Observed(q, q, valid * 1.0, valid)
     assert repr(dyn) == "<DiagonalDynamics 'panda': 8 dof>"
     assert repr(dd.Simulation(dyn.model)) == "<Simulation 'panda': 8 dof, time 0 s>"
     assert repr(dyn.factors(q[0])) == "<Factors of M: shape (8, 8)>"
     assert repr(dyn.evaluate(q[0], q[0])) == "<Evaluation of 'panda': shape (8,)>"
     assert repr(dyn.evaluate(q, q)) == "<BatchEvaluation of 'panda': shape (4, 8)>"
-    assert repr(observed) == "<Observed 'panda': 4 states, 3 valid>"
+    assert repr(observed) == "<Observed: 4 states, 3 valid>"
 
 
 def test_name_of_a_robot_is_no_path():

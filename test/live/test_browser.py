@@ -386,7 +386,7 @@ def test_a_report_shows_the_recording(chromium, recording):
             np.testing.assert_allclose(place, c.position[c.worst], atol=1e-3)
         for name, text in (
             ("overall", f"{summary['kinetic_energy']['max']:.3f} J"),
-            ("limits", f"{summary['contact_limits']['worst'][0]['at']:.3f} s"),
+            ("limits", f"{summary['contact_limits']['worst']['at']:.3f} s"),
             ("collisions", "1 collision"),
             ("parameters", "collision.threshold"),
         ):

@@ -60,18 +60,22 @@ export function collisionNotes({ summary: { observer }, without_full_rate: witho
   return [known, texts];
 }
 
-// Contact limits: how long they were exceeded, and the worst moments.
+// Contact limits: how long they were exceeded, and the worst moment.
 function contactLimits({ summary, begin }, act) {
   const { contact_limits: contact } = summary;
   const points = Object.entries(contact.above_by_point).sort((a, b) => b[1] - a[1]);
-  const moments = contact.worst.map((one) =>
-    line(
-      at(one.at - begin, act),
-      ...breakable(one.point),
-      ` at ${percent(one.usage)} of the speed allowed by ${one.region}: ${quantity(one.speed, "m/s")}, ${quantity(one.reflected_mass, "kg")}, `,
-      `${quantity(one.energy, "J")}, ${quantity(one.force, "N")}`,
-    ),
-  );
+  const { worst } = contact;
+  const moments = [];
+  if (worst) {
+    moments.push(
+      line(
+        at(worst.at - begin, act),
+        ...breakable(worst.point),
+        ` at ${percent(worst.usage)} of the speed allowed by ${worst.region}: ${quantity(worst.speed, "m/s")}, ${quantity(worst.reflected_mass, "kg")}, `,
+        `${quantity(worst.energy, "J")}, ${quantity(worst.force, "N")}`,
+      ),
+    );
+  }
   const words = `Limits exceeded for ${span(contact.above)} of ${span(contact.of)}. Advisory: rigid bodies, no safety function.`;
   const by = points.map(([name, seconds]) => line(name, span(seconds)));
   return card("limits", "Contact limits", el("p", { text: words }), el("dl", {}, ...by, ...moments));
