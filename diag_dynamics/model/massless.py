@@ -15,7 +15,6 @@ from diag_dynamics.arrays import Array
 from diag_dynamics.exceptions import MasslessLinkError
 from diag_dynamics.rigid_body import symmetric
 from diag_dynamics.sweeps import followers
-from diag_dynamics.sweeps.joints import REMOTE, SINGULAR
 from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.sweeps.records import PLANAR, PRISMATIC, REVOLUTE, VIRTUAL
 from diag_dynamics.sweeps.spatial import ANGULAR_X
@@ -23,6 +22,9 @@ from diag_dynamics.sweeps.spatial import ANGULAR_X
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
     from diag_dynamics.model.tree import Tree
+
+MASSLESS = 1e-12
+"""D below this fraction of all inertia outboard is rounding."""
 
 
 def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int64], Array]:
@@ -39,23 +41,23 @@ def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int
         q = tree.start.copy()
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, size = joint_inertias(model, q, workspace)
-        massless &= ~(SINGULAR * size < D)
+        massless &= ~(MASSLESS * size < D)
         smallest = np.minimum(smallest, D)
     return np.flatnonzero(massless), smallest
 
 
 @np.errstate(all="ignore")  # numbers may be too large
 def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> tuple[Array, Array]:
-    """Return D of each degree of freedom and its size, see sweeps.joints.
+    """Return D of each degree of freedom, by elimination of M, and the inertia that it can move.
 
     A massless joint counts as locked.
 
     `workspace` is one of the model, None without joints that follow others by changing ratios. Its
-    last state chooses the branch of a loop. Both are inf where a loop cannot be closed. The mass
-    matrix of a group belongs to the twist of its carrier and the rates in the group, as in
-    sweeps.groups.
+    last state chooses the branch of a loop. Both are inf where a loop cannot be closed. The second
+    result is the trace of all inertia outboard as if it were stretched out.
     """
     bodies = model.bodies
+    numbers = range(1, len(bodies))
     position = np.zeros(len(bodies))
     ratio = bodies["multiplier"]
     if workspace is not None:
@@ -67,83 +69,48 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         ratio = ratios[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
     elif model.nq:
         position = ratio * q[bodies["q"]] + bodies["offset"]
-    P, X, lever = _placed(bodies, q, position)
-    magnitude = np.array([_traces(inertia) for inertia in P])
-    total = magnitude.copy()
+    J = np.zeros((len(bodies), 6, model.nv))
+    rotor = np.zeros((len(bodies), model.nv))
+    M = np.zeros((model.nv, model.nv))
+    outboard = np.zeros((len(bodies), 2))
+    levers = np.zeros(len(bodies))
+    for i in numbers:
+        body = bodies[i]
+        R, p = _placement(body, q, position[i])
+        X = np.block([[R.T, R.T @ _cross(p).T], [np.zeros((3, 3)), R.T]])
+        J[i] = X @ J[body["parent"]]
+        J[i, body["direction"], body["dof"]] += ratio[i]
+        # One rotor turns at the sum of the rates of a follower's bodies.
+        turning = i - body["rank"] if body["kind"] == VIRTUAL else i
+        rotor[turning, body["dof"]] += ratio[i]
+        mass = body["mass"] * np.eye(3)
+        moment = _cross(body["first_moment"])
+        inertia = symmetric(body["inertia"])
+        M += J[i].T @ np.block([[mass, moment.T], [moment, inertia]]) @ J[i]
+        outboard[i] = np.trace(mass), np.trace(inertia)
+        levers[i] = p @ p
+    M += rotor.T @ (bodies["armature"][:, None] * rotor)
     D = np.zeros(model.nv)
     size = np.zeros(model.nv)
-    last = len(bodies) - 1
-    while last > 0:
-        first = int(bodies["first"][last])
-        group = range(first, last + 1)
-        base = bodies["parent"][first]
-        column = 6 + bodies["dof"] - bodies["start"][first]
-        width = 1 + max(column[first : last + 1])
-        M = np.zeros((width, width))
-        twist = {base: np.eye(6, width)}
-        rotor = dict[int, Array]()
-        to_group = X[first] if first == last else np.eye(6)  # in the axes with the least rounding
-        for i in group:
-            twist[i] = (X[i] if first < last else np.eye(6)) @ twist[bodies["parent"][i]]
-            twist[i][bodies["direction"][i], column[i]] += ratio[i]
-            M += twist[i].T @ P[i] @ twist[i]
-            turning = i - bodies["rank"][i] if bodies["kind"][i] == VIRTUAL else i
-            rotor.setdefault(turning, np.zeros(width))[column[i]] += ratio[i]
-        for i, rate in rotor.items():
-            M += bodies["armature"][i] * np.outer(rate, rate)
-        for i in reversed(group):
-            parent = bodies["parent"][i]
-            k = int(bodies["direction"][i] >= ANGULAR_X)
-            size[bodies["dof"][i]] += ratio[i] ** 2 * max(magnitude[i, k], REMOTE * total[i, k])
-            magnitude[parent] += magnitude[i] if bodies["rank"][i] else lever[i] @ _traces(P[i])
-            total[parent] += lever[i] @ total[i]
-            if parent >= first:
-                P[parent] = P[parent] + X[i].T @ P[i] @ X[i]
-        for k in reversed(range(6, width)):
-            dof = k - 6 + bodies["start"][first]
-            D[dof] = M[k, k]
-            row = M[k, :k]
-            if SINGULAR * size[dof] < D[dof]:
-                M[:k, :k] -= np.outer(row / D[dof], row)
-        if base > 0:
-            P[base] = P[base] + to_group.T @ M[:6, :6] @ to_group
-        last = first - 1
+    for i in reversed(numbers):
+        body = bodies[i]
+        linear, angular = outboard[i]
+        outboard[body["parent"]] += linear, angular + levers[i] * linear
+        size[body["dof"]] += ratio[i] ** 2 * outboard[i, int(body["direction"] >= ANGULAR_X)]
+    for k in reversed(range(model.nv)):
+        D[k] = M[k, k]
+        if MASSLESS * size[k] < D[k]:
+            M[:k, :k] -= np.outer(M[k, :k] / D[k], M[k, :k])
     return D, size
 
 
-def _traces(P: Array) -> Array:
-    """Return the traces of the linear and the angular part of an inertia."""
-    return np.array([np.trace(P[:3, :3]), np.trace(P[3:, 3:])])
-
-
-def _placed(
-    bodies: npt.NDArray[np.void], q: Array, position: Array
-) -> tuple[Array, Array, list[Array]]:
-    """Return inertias of bodies, and their twists and sizes by those of their parents."""
-    P = np.zeros((len(bodies), 6, 6))
-    X = np.zeros((len(bodies), 6, 6))
-    lever = []
-    for i, body in enumerate(bodies):
-        moment = _cross(body["first_moment"])
-        P[i, :3, :3] = body["mass"] * np.eye(3)
-        P[i, :3, 3:] = moment.T
-        P[i, 3:, :3] = moment
-        P[i, 3:, 3:] = symmetric(body["inertia"])
-        R = np.eye(3)
-        p = np.zeros(3)
-        if i > 0 and body["rank"] == 0:
-            R, p = _placement(body, q, position[i])
-        X[i, :3, :3] = X[i, 3:, 3:] = R.T
-        X[i, :3, 3:] = R.T @ _cross(p).T
-        lever.append(np.array([[1.0, 0.0], [p @ p, 1.0]]))
-    return P, X, lever
-
-
 def _placement(body: np.void, q: Array, position: float) -> tuple[Array, Array]:
-    """Return rotation and translation of a body that is the first one of its joint."""
+    """Return rotation and translation of a body; the later ones of a joint are at the first."""
     k = body["q"]
     turn = np.eye(3)
     shift = np.zeros(3)
+    if body["rank"] > 0:
+        return turn, shift
     if body["kind"] == REVOLUTE:
         turn = rotations.from_rpy(0.0, 0.0, position)
     elif body["kind"] == PRISMATIC:
