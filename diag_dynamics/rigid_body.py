@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,6 +64,28 @@ def symmetric(upper: Array) -> Array:
     """Return the matrix (3, 3) of xx, xy, xz, yy, yz, zz, the order of records.BODY and LINK."""
     xx, xy, xz, yy, yz, zz = upper
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
+"""Places of I_xx, I_xy, I_yy, I_xz, I_yz, I_zz, the last of ten parameters, in a matrix (3, 3)."""
+
+
+def parameters_of_record(record: Any) -> Array:
+    """Return ten parameters of a record of BODY or LINK, in the body's frame."""
+    return np.r_[record["mass"], record["first_moment"], record["inertia"][[0, 1, 3, 2, 4, 5]]]
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """Return ∫ (r, 1)(r, 1)ᵀdm of ten parameters, shape (4, 4).
+
+    It is positive definite for a physical body.
+    """
+    rotational = np.asarray(parameters)[4:][SQUARE]
+    J = np.empty((4, 4))
+    J[:3, :3] = 0.5 * np.trace(rotational) * np.eye(3) - rotational
+    J[:3, 3] = J[3, :3] = parameters[1:4]
+    J[3, 3] = parameters[0]
+    return J
 
 
 def not_physical(inertia: Array, mass: float) -> str | None:

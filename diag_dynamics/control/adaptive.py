@@ -20,14 +20,17 @@ from diag_dynamics.control.laws import (
 )
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.rigid_body import symmetric
-from diag_dynamics.rotations import vee
+from diag_dynamics.rigid_body import parameters_of_record, pseudo_inertia
+from diag_dynamics.sweeps.regressors import PARAMETERS
 
-MIN_MASS, MIN_RADIUS = 0.5, 0.03
-"""Minimum mass [kg] and radius of gyration [m] of the body at the start.
+MASS, RADIUS = 0.5, 0.03
+"""Mass [kg] of a ball that the body has in addition at the start, and deviation along an axis [m].
 
-A lighter body adapts more slowly at first.
+A light body adapts more slowly at first.
 """
+
+DUAL = np.linalg.pinv([pseudo_inertia(unit).ravel() for unit in np.eye(PARAMETERS)]).T
+"""Ten parameters of a pseudo-inertia, shape (10, 16); tr(LP) = yᵀπ if L is yᵀDUAL."""
 
 MAX_CHANGE, MAX_CONDITION = 0.5, 1e6
 """Limits of the pseudo-inertia.
@@ -46,9 +49,8 @@ class AdaptiveTracking(JointTracking):
     The command is τ = (that of JointTracking) + Y(q, q̇, q̇_r, q̈_r)(π̂ − π₀). π are the ten
     parameters of the link's body with the payload, π₀ those of the model. Their pseudo-inertia is P
     = ∫ r̄r̄ᵀdm, r̄ = (r, 1), shape (4, 4) [kg m², kg m, kg], positive definite for every physical
-    body. Points of the body move by Hr̄, their reference accelerations less gravity are Gr̄, so
-    that (q̇ − q̇_r)ᵀYπ = tr(LP), L the symmetric part of HᵀG for the rates q̇ − q̇_r. With the
-    natural metric (Lee, Kwon and Park 2018)
+    body. (q̇ − q̇_r)ᵀYπ = tr(LP) defines a symmetric L. With the natural metric (Lee, Kwon and Park
+    2018)
 
         dP̂/dt = −γP̂LP̂,
 
@@ -84,11 +86,13 @@ class AdaptiveTracking(JointTracking):
         **options: Any,
     ) -> None:
         super().__init__(dynamics, gain, convergence, **options)
-        dynamics.compile("jacobian", "link_acceleration", "placement", "factors")
+        dynamics.compile("regressor", "factors")
         self.link = link
         self.rate = positive("rate", rate, "[1/J]")
         self.max_mass = positive("max_mass", max_mass, "[kg]")
-        self._nominal = pseudo_inertia(dynamics, link)
+        self._nominal = nominal_inertia(dynamics, link)
+        first = PARAMETERS * dynamics.model.link_names.index(link)
+        self._columns = slice(first, first + PARAMETERS)
         self.reset()
 
     def reset(self, pseudo_inertia: MatrixLike | None = None) -> None:
@@ -122,14 +126,15 @@ class AdaptiveTracking(JointTracking):
 
     def _reference(self, q: Array, qd: Array, qd_r: Array, qdd_r: Array) -> tuple[Array, Array]:
         tau, g = super()._reference(q, qd, qd_r, qdd_r)
-        J = self.dynamics.jacobian(q, self.link)
-        G = self._accelerations(q, J, qd, qd_r, qdd_r)
-        change = self.pseudo_inertia - self._nominal
-        weight = self._upward(q)
-        G += weight
-        L = _velocities(J @ (qd - qd_r)).T @ G
-        self._power = 0.5 * (L + L.T)
-        return tau + J.T @ _wrench(G @ change), g + J.T @ _wrench(weight @ change)
+        zero = self._zero
+        gravity = self._regressor(q, zero, zero)
+        plus = self._regressor(q, qd + qd_r, zero)
+        minus = self._regressor(q, qd - qd_r, zero)
+        # the part bilinear in q̇ and q̇_r by polarization
+        Y = self._regressor(q, zero, qdd_r) + 0.25 * (plus - minus)
+        change = DUAL @ (self.pseudo_inertia - self._nominal).ravel()
+        self._power = ((qd - qd_r) @ Y @ DUAL).reshape(4, 4)
+        return tau + Y @ change, g + gravity @ change
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError for gains that JointTracking rejects or that adapt without stability.
@@ -137,71 +142,29 @@ class AdaptiveTracking(JointTracking):
         The largest weight is stable if ω²·period < K/2.
         """
         super().require_stable(q, period)
-        J = self.dynamics.jacobian(q, self.link)
-        G = self._upward(q)
-        powers = [_velocities(column).T @ G for column in J.T]
-        columns = np.array(
-            [self._factor.T @ (L + L.T) @ self._factor / 2.0 for L in powers]
-        ).reshape(len(J.T), 16)
+        weight = self._regressor(q, self._zero, self._zero)
+        powers = (weight @ DUAL).reshape(-1, 4, 4)
+        columns = (self._factor.T @ powers @ self._factor).reshape(-1, 16)
         root = (self.dynamics.factors(q).l @ columns) / np.sqrt(self.gain)[:, None]
         root *= (self._nominal[3, 3] + self.max_mass) / self.pseudo_inertia[3, 3]
         largest = MARGIN * STABLE / period / float(np.linalg.norm(root, 2)) ** 2
         require_at_most("rate of adaptation to a payload", self.rate, largest, "1/J", period)
 
-    def _upward(self, q: VectorLike) -> Array:
-        """Return G of gravity, shape (3, 4)."""
-        G = np.zeros((3, 4))
-        G[:, 3] = -self.dynamics.placement(q, self.link)[:3, :3].T @ self.dynamics.model.gravity
-        return G
-
-    def _accelerations(self, q: Array, J: Array, qd: Array, qd_r: Array, qdd_r: Array) -> Array:
-        """Return G without gravity.
-
-        It is Jq̈_r and the part bilinear in q̇ and q̇_r, by polarization of J̇q̇.
-        """
-        acceleration = self.dynamics.link_acceleration
-        plus, minus = (
-            acceleration(q, self.link, x, self._zero, spatial=True) for x in (qd + qd_r, qd - qd_r)
-        )
-        H, H_r = (_velocities(J @ x) for x in (qd, qd_r))
-        G: Array = _velocities(J @ qdd_r + 0.25 * (plus - minus)) + 0.5 * (
-            H[:, :3] @ H_r + H_r[:, :3] @ H
-        )
-        return G
+    def _regressor(self, q: VectorLike, qd: Array, qdd: Array) -> Array:
+        """Return Y of the ten parameters of the link's body."""
+        Y: Array = self.dynamics.regressor(q, qd, qdd)[:, self._columns]
+        return Y
 
 
-def _velocities(twist: Array) -> Array:
-    """Return H, shape (3, 4), by which points r̄ of a body move at a twist.
-
-    The twist has the linear velocity first, then the angular velocity.
-    """
-    vx, vy, vz = twist[:3]
-    x, y, z = twist[3:]
-    return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz]])
-
-
-def _wrench(moments: Array) -> Array:
-    """Return force and moment, shape (6,), of forces on points of a body, ∫ f r̄ᵀdm."""
-    return np.concatenate([moments[:, 3], vee(moments)])
-
-
-def pseudo_inertia(dynamics: DiagonalDynamics, link: str) -> Array:
-    """Return P of the body of a link in the link's axes, shape (4, 4), at least of a small ball."""
+def nominal_inertia(dynamics: DiagonalDynamics, link: str) -> Array:
+    """Return P of the body of a link and a ball at its centre, in the link's axes, shape (4, 4)."""
     index, placement = dynamics.model.placement_in_body(link)
     if index == 0:
         raise InputError(f"link is '{link}'; expected a link that a joint moves.")
     body = dynamics.model.bodies[index]
-    P = np.zeros((4, 4))
-    inertia = symmetric(body["inertia"])
-    mass = max(float(body["mass"]), MIN_MASS)
-    center = body["first_moment"] / mass
-    squares = 0.5 * np.trace(inertia) * np.eye(3) - inertia - mass * np.outer(center, center)
-    values, axes = np.linalg.eigh(squares)
-    P[:3, :3] = axes * np.maximum(values, mass * MIN_RADIUS**2) @ axes.T + mass * np.outer(
-        center, center
-    )
-    P[:3, 3] = P[3, :3] = mass * center
-    P[3, 3] = mass
+    center = np.append(body["first_moment"] / max(float(body["mass"]), MASS), 1.0)
+    P = pseudo_inertia(parameters_of_record(body)) + MASS * np.outer(center, center)
+    P[:3, :3] += MASS * RADIUS**2 * np.eye(3)
     inverse = np.linalg.inv(placement)
     moved: Array = inverse @ P @ inverse.T
     return moved

@@ -5,11 +5,11 @@
 
 import numpy as np
 
-from diag_dynamics.rigid_body import parallel_axes
+from diag_dynamics.rigid_body import SQUARE, parallel_axes, pseudo_inertia
+from diag_dynamics.rigid_body import parameters_of_record as parameters_of_record
 from diag_dynamics.sweeps.regressors import PARAMETERS
 
 TRIANGLE = np.tril_indices(3)  # Ixx, Ixy, Iyy, Ixz, Iyz, Izz: the order of the parameters
-SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of these in the 3x3 inertia
 FLOOR = 1e-3  # smallest variance of a body's mass along an axis, relative to the largest
 
 
@@ -18,21 +18,6 @@ def of_body(mass, centre, about_centre):
     c = np.asarray(centre, float)
     rotational = np.asarray(about_centre) + parallel_axes(mass, c)
     return np.r_[mass, mass * c, rotational[TRIANGLE]]
-
-
-def parameters_of_record(record):
-    """Return ten parameters of a record of BODY or LINK, in the body's frame."""
-    return np.r_[record["mass"], record["first_moment"], record["inertia"][[0, 1, 3, 2, 4, 5]]]
-
-
-def pseudo_inertia(parameters):
-    """Return the 4x4 pseudo-inertia ∫ (r, 1)(r, 1)ᵀ dm, positive definite for a physical body."""
-    rotational = np.asarray(parameters)[4:][SQUARE]
-    J = np.empty((4, 4))
-    J[:3, :3] = 0.5 * np.trace(rotational) * np.eye(3) - rotational
-    J[:3, 3] = J[3, :3] = parameters[1:4]
-    J[3, 3] = parameters[0]
-    return J
 
 
 def parameters_of_pseudo(J):
