@@ -11,6 +11,7 @@ from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError
@@ -40,6 +41,30 @@ MAX_COAST = 0.3
 The way leads to the first point.
 """
 
+
+POWERS = np.arange(6)
+
+RATE = np.diag(POWERS[1:], 1)
+"""Matrix of the derivative of a polynomial, given its coefficients."""
+
+DERIVATIVES = np.array([np.linalg.matrix_power(RATE, k) for k in range(3)])
+
+
+def _hermite(count):
+    """Return the coefficients of a polynomial on [0, 1] by its derivatives, shape (6, 3, 2).
+
+    The first `count` derivatives at 0 and at 1 determine it.
+    """
+    size = 2 * count
+    ends = np.array([0.0, 1.0])[:, None] ** POWERS
+    rows = (ends @ DERIVATIVES[:count])[..., :size].reshape(size, size)
+    coefficients = np.zeros((6, 3, 2))
+    coefficients[:size, :count] = np.linalg.inv(rows).reshape(size, count, 2)
+    return coefficients
+
+
+HERMITE = np.array([_hermite(count) for count in (1, 2, 3)])
+"""Linear, cubic and quintic polynomials."""
 
 Desired = namedtuple("Desired", "position velocity acceleration")
 """Desired position [rad, m], velocity and acceleration, each of shape (nv,)."""
@@ -217,12 +242,17 @@ class Trajectory:
         position = nearest(np.array(position, dtype=float), self.positions[0], self._continuous)
         moving = np.clip(velocity, -max_speed, max_speed)
         start = begin, position, moving, np.zeros_like(position), True, False
-        knots = [
+        times, *states, with_velocity, with_acceleration = (
             np.concatenate([[value], field])
             for value, field in zip(start, self._points, strict=True)
-        ]
-        self._knots = knots[0]
-        self._segments = _polynomials([x[:-1] for x in knots], [x[1:] for x in knots])
+        )
+        self._knots = times
+        self._durations = np.diff(times)
+        powers = self._durations[:, None] ** np.arange(3)
+        ends = sliding_window_view(np.stack(states, axis=1), 2, axis=0)  # ..., of each segment
+        rank = np.sum([with_velocity, with_velocity & with_acceleration], axis=0)
+        kind = np.minimum(rank[:-1], rank[1:])
+        self._segments = np.einsum("sjdx,sd,sdkx->sjk", HERMITE[kind], powers, ends)
 
     def fastest(self):
         """Return the maximum speeds of each segment that is left after the start.
@@ -230,9 +260,8 @@ class Trajectory:
         They are [rad/s, m/s] of shape (segments, nv).
         """
         left = self._times > self._begin
-        c = np.moveaxis(self._segments[left], 1, 0)[:, :, None]
-        s = (np.diff(self._knots)[left, None] * np.linspace(0.0, 1.0, SAMPLES))[..., None]
-        return np.abs(_velocity(c, s)).max(axis=1)
+        velocities = np.linspace(0.0, 1.0, SAMPLES)[:, None] ** POWERS @ RATE @ self._segments[left]
+        return np.abs(velocities).max(axis=1) / self._durations[left, None]
 
     def sample(self, time, lag=0.0):
         """Return the desired motion at a time [ns].
@@ -243,16 +272,9 @@ class Trajectory:
         k = int(np.searchsorted(self._times, t, side="right"))
         if k == len(self._times):
             return at_rest(self.positions[-1])
-        c = self._segments[k]
-        s = t - self._knots[k]
-        position = c[0] + s * (c[1] + s * (c[2] + s * (c[3] + s * (c[4] + s * c[5]))))
-        acceleration = 2.0 * c[2] + s * (6.0 * c[3] + s * (12.0 * c[4] + s * 20.0 * c[5]))
-        return Desired(position, _velocity(c, s), acceleration)
-
-
-def _velocity(c, s):
-    """Return the derivative of polynomials with six coefficients at a time [s]."""
-    return c[1] + s * (2.0 * c[2] + s * (3.0 * c[3] + s * (4.0 * c[4] + s * 5.0 * c[5])))
+        duration = self._durations[k]
+        motion = ((t - self._knots[k]) / duration) ** POWERS @ DERIVATIVES @ self._segments[k]
+        return Desired(*(motion / duration ** POWERS[:3, None]))
 
 
 def _require_order(times):
@@ -280,29 +302,3 @@ def _require_numbers(field, table, names):
             f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, "
             f"expected a finite number of at most {MAX_NUMBER:g}."
         )
-
-
-def _polynomials(start, end):
-    """Return the coefficients from fields of Waypoints to the next ones.
-
-    They are quintic, cubic or linear, of shape (points, 6, nv).
-    """
-    times, q, v, a, has_v, has_a = start
-    (times1, q1, v1, a1, has_v1, has_a1) = end
-    T = (times1 - times)[:, None]
-    step = q1 - q
-    c = np.zeros((len(T), 6, q.shape[1]))
-    c[:, 0] = q
-    c[:, 1] = step / T
-    k = has_v & has_v1
-    c[k, 1] = v[k]
-    c[k, 2] = ((3.0 * step - (2.0 * v + v1) * T) / T**2)[k]
-    c[k, 3] = ((-2.0 * step + (v + v1) * T) / T**3)[k]
-    k = k & has_a & has_a1
-    c[k, 2] = 0.5 * a[k]
-    c[k, 3] = ((20.0 * step - (12.0 * v + 8.0 * v1) * T - (3.0 * a - a1) * T**2) / (2.0 * T**3))[k]
-    c[k, 4] = (
-        (-30.0 * step + (16.0 * v + 14.0 * v1) * T + (3.0 * a - 2.0 * a1) * T**2) / (2.0 * T**4)
-    )[k]
-    c[k, 5] = ((12.0 * step - 6.0 * (v + v1) * T - (a - a1) * T**2) / (2.0 * T**5))[k]
-    return c
