@@ -43,15 +43,10 @@ STIFF = "a finite number > 0 [N m/rad, N/m]"
 
 
 class PoseError(NamedTuple):
-    """Error of a frame's pose in the root link's axes, desired less actual.
+    """Error of a frame's pose in the root link's axes, desired less actual, each of shape (3,)."""
 
-    A part that is not regulated is None.
-    """
-
-    position: Array | None  # [m], shape (3,)
-    orientation: (
-        Array | None
-    )  # rotation vector from the actual to the desired orientation [rad], shape (3,)
+    position: Array  # [m]
+    orientation: Array  # rotation vector from the actual to the desired orientation [rad]
 
 
 class Command(NamedTuple):
@@ -452,27 +447,16 @@ class PoseRegulation(Law):
         )
         self.point = numbers("point", point, (3,), "three finite numbers [m]")
         self._root = np.sqrt([*self.position_stiffness, *3 * [self.orientation_stiffness]])
-        self._position: Array | None = None
-        self._axes: Array | None = None
+        self._target: tuple[Array, Array] | None = None
 
-    def aim(
-        self, position: VectorLike | None = None, orientation: MatrixLike | None = None
-    ) -> None:
+    def aim(self, position: VectorLike, orientation: MatrixLike) -> None:
         """Set the target in the root link's axes, which a command requires.
 
-        A part that is None is not regulated. The position [m] is from the root link's origin, shape
-        (3,). The orientation is a rotation matrix, with the frame's axes as columns, or a unit
-        quaternion (x, y, z, w).
+        The position [m] is from the root link's origin, shape (3,). The orientation is a rotation
+        matrix, with the frame's axes as columns, or a unit quaternion (x, y, z, w).
         """
-        if position is None and orientation is None:
-            raise InputError("position and orientation are both None: there is nothing to aim at.")
-        axes = None if orientation is None else rotation_of(orientation)
-        self._position = (
-            None
-            if position is None
-            else numbers("position", position, (3,), "three finite numbers [m]")
-        )
-        self._axes = axes
+        position = numbers("position", position, (3,), "three finite numbers [m]")
+        self._target = position, rotation_of(orientation)
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:
         """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q.
@@ -487,34 +471,25 @@ class PoseRegulation(Law):
 
         Both q [rad, m] and qd [rad/s, m/s] have shape (nv,).
         """
-        if self._position is None and self._axes is None:
+        if self._target is None:
             raise InputError("PoseRegulation has no target: call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
         position, axes = self.pose(q)
-        wrench = np.zeros(6)
-        stored = 0.0
-        distance = None
-        rotation = None
-        regulated = np.repeat([self._position is not None, self._axes is not None], 3)
-        if self._position is not None:
-            distance = self._position - position
-            wrench[:3] = self.position_stiffness * distance
-            stored += 0.5 * float(wrench[:3] @ distance)
-        if self._axes is not None:
-            weight = 0.5 * self.orientation_stiffness
-            R = self._axes @ axes.T
-            wrench[3:] = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
-            stored += weight * (3.0 - float(np.trace(R)))  # ½ Σ |a_dj − a_j|²
-            rotation = rotations.to_vector(R)
+        distance = self._target[0] - position
+        R = self._target[1] @ axes.T
+        weight = 0.5 * self.orientation_stiffness
+        force = self.position_stiffness * distance
+        moment = weight * rotations.vee(R)  # Σ a_j × (a_dj − a_j)
+        # ½ Σ |a_dj − a_j|² is 3 − tr R
+        stored = 0.5 * float(force @ distance) + weight * (3.0 - float(np.trace(R)))
         factor = self.dynamics.wrench_factor(q, self.link, self.point, "world")
         if self.damping is not None:
             damped = self.damping * nu
         else:
-            damped = modal_damping(
-                factor * regulated * self._root, nu, self.damping_ratio, self.null_frequency
-            )
-        command = self._command(q, nu, factor @ wrench - damped, -float(nu @ damped), stored)
-        return command._replace(error=PoseError(distance, rotation))
+            damped = modal_damping(factor * self._root, nu, self.damping_ratio, self.null_frequency)
+        epsilon = factor @ np.concatenate([force, moment]) - damped
+        command = self._command(q, nu, epsilon, -float(nu @ damped), stored)
+        return command._replace(error=PoseError(distance, rotations.to_vector(R)))
 
     def require_stable(self, q: VectorLike, period: float) -> None:
         """Raise InputError for unstable gains.
