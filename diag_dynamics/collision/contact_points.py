@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from diag_dynamics.arrays import Array, PointLike, RowsLike
-from diag_dynamics.checks import array_of, choice, instance, mapping, positive, unit
+from diag_dynamics.checks import array_of, choice, instance, mapping, positive
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.numerics.tables import Addresses
@@ -50,8 +50,7 @@ class ContactPoint:
         0.0,
         0.0,
     )  #: in the link's axes [m], shape (3,) or (number, 3)
-    direction: PointLike | None = None
-    """Of contact in the link's axes, shape (3,); by default that of the motion of each point."""
+    regions: Sequence[str] | None = None  #: that it may meet; by default those of the link
 
 
 @dataclass(frozen=True)
@@ -85,8 +84,8 @@ class BodyRegion:
 class ContactLimits:
     """Which body regions the links of a robot may meet, and the contact points there.
 
-    An additional point is a dict of `link`, `xyz` [m] in the link's axes, and optionally
-    `direction` (by default that of the motion) and `regions` (by default those of the link).
+    An additional point is a dict of `link`, and optionally `xyz` [m] in the link's axes and
+    `regions` (by default those of the link).
     """
 
     regions: Mapping[str, BodyRegion] = field(
@@ -114,23 +113,18 @@ class ContactLimits:
             "regions",
             {str(name): _region(name, of) for name, of in mapping("regions", self.regions).items()},
         )
-        put(
-            "default",
-            tuple(self.regions) if self.default is None else self._known("default", self.default),
-        )
+        if self.default is not None:
+            put("default", self._known("default", self.default))
         links = mapping("links", self.links).items()
         put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
         points = mapping("points", self.points).items()
-        keys = "link", "xyz", "direction", "regions"
+        keys = "link", "xyz", "regions"
         put(
             "points",
-            {
-                str(name): dict(mapping(f"point '{name}'", of, keys, ["link"]))
-                for name, of in points
-            },
+            {str(name): mapping(f"point '{name}'", of, keys, ["link"]) for name, of in points},
         )
-        for name, point in self.points.items():
-            self._known(f"point '{name}'", point.get("regions", ()))
+        for point in self.contact_points():
+            self.of(point)
 
     def _known(self, where: str, names: object) -> tuple[str, ...]:
         """Return names of regions as a tuple."""
@@ -142,29 +136,24 @@ class ContactLimits:
 
     def of(self, point: ContactPoint) -> tuple[str, ...]:
         """Return the names of the body regions that a point may meet."""
-        entry = self.points.get(point.name, {})
-        if entry.get("link") == point.link and "regions" in entry:
-            return tuple(entry["regions"])
-        return tuple(self.links.get(point.link, self.default or ()))
+        if point.regions is not None:
+            return self._known(f"point '{point.name}'", point.regions)
+        every = self.regions if self.default is None else self.default
+        return tuple(self.links.get(point.link, every))
 
-    def with_energy(self, energy: float, name: str) -> ContactLimits:
-        """Return these limits and one of transferable energy [J] on every link.
-
-        It is a region of this name.
-        """
-        points = {point: dict(of) for point, of in self.points.items()}
-        for of in points.values():
-            if "regions" in of:
-                of["regions"] = [*of["regions"], name]
-        links = {link: (*of, name) for link, of in self.links.items()}
-        regions = {**self.regions, name: BodyRegion(energy=energy)}
-        default = (*(self.default or ()), name)
-        return replace(self, regions=regions, default=default, links=links, points=points)
+    def with_energy(self, energy: float) -> ContactLimits:
+        """Return these limits with at most this transferable energy [J] in every region."""
+        regions = self.regions or {"any": BodyRegion()}
+        limited = {
+            name: replace(region, energy=min(energy, region.energy))
+            for name, region in regions.items()
+        }
+        return replace(self, regions=limited)
 
     def contact_points(self) -> tuple[ContactPoint, ...]:
         """Return the additional points."""
         return tuple(
-            ContactPoint(name, of["link"], of.get("xyz", (0.0, 0.0, 0.0)), of.get("direction"))
+            ContactPoint(name, of["link"], of.get("xyz", (0.0, 0.0, 0.0)), of.get("regions"))
             for name, of in self.points.items()
         )
 
@@ -195,6 +184,7 @@ class ContactPoints:
     points: tuple[Array, ...]  #: of each entry, in the link's axes [m], shape (number, 3)
     limited: Any  #: array of bool: whether an entry has a limit
     region_names: tuple[str, ...]  #: body regions of all entries, by row of the table
+    starts: Any  #: array of int: number of the first point of each entry, and of all
     count: int  #: number of points of all entries
     table: int  #: address of the table for sweeps; valid as long as this object
 
@@ -211,48 +201,31 @@ class ContactPoints:
         contact_points = tuple(
             point if isinstance(point, ContactPoint) else ContactPoint(*point) for point in points
         )
-        self._given = model, contact_points, limits, worst_by
+        self._arguments = model, contact_points, limits, worst_by
         limits = limits or ContactLimits()
-        where = dict.fromkeys(limits.links, "links") | {
-            of["link"]: "points" for of in limits.points.values()
-        }
-        for link in where:
+        for link in limits.links:
             if link not in model.link_names:
                 raise InputError(
-                    f"contact limits, {where[link]}: '{link}' is not a link of robot "
-                    f"'{model.name}'."
+                    f"contact limits, links: '{link}' is not a link of robot '{model.name}'."
                 )
-        by_name: dict[str, Any] = {}  # link, regions and points by name
-        rows = [np.zeros((0, 3))]
-        entries = []
-        region = 0
+        entries: dict[str, Any] = {}  # body, link, regions, points and these in its axes, by name
         for point in contact_points:
-            if point.name in by_name:
+            if point.name in entries:
                 raise InputError(f"there are two contact points of the name '{point.name}'.")
             body, placement = model.placement_in_body(point.link)
             coordinates = _rows(point)
-            direction = np.zeros(3)
-            if point.direction is not None:
-                direction = placement[:3, :3] @ unit(
-                    f"direction of '{point.name}'", point.direction
-                )
-            if body == 0:
-                continue
             coordinates.flags.writeable = False
-            by_name[point.name] = point.link, limits.of(point), coordinates
-            first = sum(map(len, rows))
-            first_region = region
-            region = region + len(limits.of(point))
-            rows.append(coordinates @ placement[:3, :3].T + placement[:3, 3])
-            entries.append(
-                (body, first, first + len(coordinates), first_region, region, tuple(direction))
-            )
-        self.names = tuple(by_name)
-        columns = zip(*by_name.values(), strict=True) if by_name else ((), (), ())
-        self.links, self.regions, self.points = columns
-        self.count = sum(map(len, self.points))
+            places = coordinates @ placement[:3, :3].T + placement[:3, 3]
+            if body != 0:
+                entries[point.name] = body, point.link, limits.of(point), coordinates, places
+        self.names = tuple(entries)
+        columns = zip(*entries.values(), strict=True) if entries else ((),) * 5
+        bodies, self.links, self.regions, self.points, in_bodies = columns
+        self.starts = np.cumsum([0, *map(len, self.points)])
+        self.count = int(self.starts[-1])
         self.region_names = tuple(name for names in self.regions for name in names)
-        table = np.array(entries, dtype=contacts.CONTACT_ENTRY)
+        of_regions = np.cumsum([0, *map(len, self.regions)])
+        bounds = self.starts[:-1], self.starts[1:], of_regions[:-1], of_regions[1:]
         regions = limits.regions
         near = [regions[name] for name in self.region_names]
         limited = [any(regions[name].is_limited for name in names) for names in self.regions]
@@ -263,8 +236,8 @@ class ContactPoints:
             contacts.CONTACTS,
             base=base,
             by=_BY[worst_by],
-            entries=table,
-            points=np.concatenate(rows),
+            entries=np.array(list(zip(bodies, *bounds, strict=True)), dtype=contacts.CONTACT_ENTRY),
+            points=np.concatenate([np.zeros((0, 3)), *in_bodies]),
             regions=np.array(
                 [(1.0 / r.mass, r.stiffness, r.force, r.energy) for r in near]
             ).reshape(-1, 4),
@@ -274,14 +247,8 @@ class ContactPoints:
     def __len__(self) -> int:
         return len(self.names)
 
-    def __repr__(self) -> str:
-        return (
-            f"<ContactPoints of '{self.model.name}': {len(self)} entries, {self.count} points, "
-            f"worst by {self.worst_by}>"
-        )
-
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._given  # an address is valid in one process
+        return type(self), self._arguments  # an address is valid in one process
 
 
 def _rows(point: ContactPoint) -> Array:

@@ -54,17 +54,13 @@ class PredictedContact:
 
     position: Array = _column(_XYZ[0], "Worst point in the root link's axes [m].")
     direction: Array = _column(
-        _XYZ[1], "Unit vector u in these axes; zero where it is that of no motion."
+        _XYZ[1], "Unit vector u of the motion in these axes; zero without one."
     )
-    speed: Array = _column(
-        contacts.SPEED, "v_u = uᵀv [m/s]; below zero where the point moves against u."
-    )
+    speed: Array = _column(contacts.SPEED, "v_u = uᵀv [m/s]; zero where nothing is transferred.")
     reflected_mass: Array = _column(
-        contacts.MASS, "m_u = 1/|ℓJᵀu|² [kg]; inf without mobility, zero without u."
+        contacts.MASS, "m_u = 1/|ℓJᵀu|² [kg]; inf without mobility, zero without motion."
     )
-    energy: Array = _column(
-        contacts.TRANSFERABLE, "Transferable energy ½(ŵᵀν)² [J]; zero unless v_u is above it."
-    )
+    energy: Array = _column(contacts.TRANSFERABLE, "Transferable energy ½(ŵᵀν)² [J].")
     force: Array = _column(
         contacts.FORCE, "v_u √(μk) [N], maximum of the entry's body regions; zero without any."
     )
@@ -75,19 +71,19 @@ class PredictedContact:
     @property
     def point(self) -> Any:
         """Index of the worst one among the entry's points."""
-        starts = np.cumsum([0, *map(len, self.points.points)])[:-1]
-        return self._results[..., contacts.POINT].astype(int) - starts
+        return self._results[..., contacts.POINT].astype(int) - self.points.starts[:-1]
 
     @property
     def margin(self) -> Array:
         """Allowed speed less speed [m/s]: below zero above a limit, inf without one."""
-        return self.allowed_speed - np.maximum(self.speed, 0.0)
+        margin: Array = self.allowed_speed - self.speed
+        return margin
 
     @property
     def usage(self) -> Array:
         """Ratio of speed to allowed speed: above 1 above a limit, zero without one."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.maximum(self.speed, 0.0) / self.allowed_speed
+            ratio = self.speed / self.allowed_speed
         return np.where(np.isnan(ratio), 0.0, ratio)
 
     @property
@@ -114,10 +110,6 @@ class PredictedContact:
 
     def __len__(self) -> int:
         return self._results.shape[-2]
-
-    def __repr__(self) -> str:
-        states = "" if self._results.ndim == 2 else f"{len(self._results)} states, "
-        return f"<PredictedContact of '{self.points.model.name}': {states}{len(self)} entries>"
 
 
 # --- Contact of two masses: transient against a spring, and an instantaneous impact

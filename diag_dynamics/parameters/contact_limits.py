@@ -17,9 +17,6 @@ PARAMETERS = {
 }
 """Specs by name."""
 
-ENERGY_LIMIT = "contact_limits.energy"
-"""The controller's limit of transferable energy, and the name of its region."""
-
 
 def limits_of(values):
     """Return the ContactLimits of parameters by name, None without a file.
@@ -63,9 +60,9 @@ def bounded_points(model, description, values):
     Return None without any limit.
     """
     limits = limits_of(values)
-    energy = values[ENERGY_LIMIT]
+    energy = values["contact_limits.energy"]
     if energy:
-        limits = (limits or ContactLimits()).with_energy(energy, ENERGY_LIMIT)
+        limits = (limits or ContactLimits()).with_energy(energy)
     if limits is None:
         return None
     points, _ = contact_points(model, description, limits)

@@ -35,7 +35,6 @@ CONTACT_ENTRY = np.dtype(
         ("end", "i8"),
         ("first_region", "i8"),  # likewise
         ("end_region", "i8"),
-        ("direction", "f8", 3),  # in the axes of the body; zero for that of each point's motion
     ],
     align=True,
 )
@@ -131,8 +130,6 @@ def _contact(at, entry, w, X, result):
     V = records.motion_of(w.V)
     Y = records.inertia_of(w.P)
     R = X.rotation
-    direction = records.vector_of(entry.direction)
-    is_given = sp.dot(direction, direction) > 0.0
     scale_of_V = sp.dot(V.linear, V.linear)
     scale_of_w = sp.dot(V.angular, V.angular)
     best = -1
@@ -144,14 +141,11 @@ def _contact(at, entry, w, X, result):
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
         v = sp.add(V.linear, sp.cross(V.angular, r))
-        u = direction
         square = sp.dot(v, v)
-        moves = square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r))
-        if not is_given:
-            if not moves:
-                continue
-            u = sp.scale(v, 1.0 / math.sqrt(square))
-        speed = sp.dot(u, v) if moves else 0.0
+        if not square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r)):
+            continue
+        u = sp.scale(v, 1.0 / math.sqrt(square))
+        speed = sp.dot(u, v)
         h = sp.Motion(u, sp.cross(r, u))
         inverse_mass = sp.power(sp.inertia_times(Y, h), h)
         most = (
@@ -160,16 +154,15 @@ def _contact(at, entry, w, X, result):
         if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
             inverse_mass = 0.0
             speed = 0.0
-        closing = max(speed, 0.0)
-        energy = 0.5 * closing * closing / inverse_mass if closing > 0.0 else 0.0
+        energy = 0.5 * speed * speed / inverse_mass if speed > 0.0 else 0.0
         force, allowed, strictest = _strictest_limit(
-            at.regions, entry.first_region, entry.end_region, inverse_mass, closing
+            at.regions, entry.first_region, entry.end_region, inverse_mass, speed
         )
         score = energy
         if at.by == BY_FORCE and entry.end_region > entry.first_region:
             score = force
         elif at.by == BY_LIMIT and strictest >= 0:
-            score = closing / allowed if allowed > 0.0 else (math.inf if closing > 0.0 else 0.0)
+            score = speed / allowed if allowed > 0.0 else (math.inf if speed > 0.0 else 0.0)
         if best < 0 or score > strongest * TIE:
             best = k
             strongest = score

@@ -128,37 +128,6 @@ def test_worst_point_of_every_link(one, worst_by):
     assert c.worst == np.argmin(c.margin)
 
 
-def test_directions_that_are_given():
-    """In the axes of the link; against the direction nothing is transferred, and none that a point
-    cannot go.
-    """
-    model = dd.load_urdf(robot(UR5).urdf)
-    dyn = dd.DiagonalDynamics(model)
-    rng = np.random.default_rng(2)
-    q = model.random(rng)
-    qd = rng.normal(size=model.nv)
-    r = np.array([0.02, 0.1, -0.03])
-    u = np.array([0.3, -2.0, 0.5])
-    places = [
-        ("own", "wrist_3_link", r, u),
-        ("back", "wrist_3_link", r, -u),
-        ("stuck", "shoulder_link", (0, 0, 0.1), (0, 0, 1)),
-    ]
-    c = dyn.contact_limits(q, qd, places)
-    v = dyn.link_velocity(q, "wrist_3_link", qd, r)[:3] @ u / norm(u)
-    m = dyn.reflected_mass(q, "wrist_3_link", u, r)
-    close(c.speed[:2], [v, -v], 1e-12)
-    close(c.reflected_mass[:2], [m, m], 1e-9)
-    close(c.energy[:2], 0.5 * m * v * v * (np.array([v, -v]) > 0.0), 1e-9)
-    assert c.reflected_mass[2] == math.inf and c.speed[2] == c.energy[2] == 0.0
-    assert c.allowed_speed.tolist() == [math.inf] * 3 and not c.force.any() and not c.usage.any()
-    assert c.worst == np.argmax(c.energy)
-    limits = dd.ContactLimits({"any": {"energy": 1.0}})
-    assert (
-        dyn.contact_limits(q, qd, dd.ContactPoints(model, places, limits)).usage[2] == 0.0
-    )  # 0/0: no speed, none allowed
-
-
 def test_a_robot_at_rest_has_no_worst_point():
     """Nothing moves, so there is no direction along the motion, no mass, and nothing is exceeded;
     no number is NaN.
@@ -223,7 +192,7 @@ def test_points_outlive_pickling():
         ([("a", "nowhere")], "'nowhere'"),
         ([("a", "panda_hand", (0, 0))], "points of 'a'"),
         ([("a", "panda_hand", (0, 0, math.inf))], "points of 'a'"),
-        ([("a", "panda_hand", (0, 0, 0), (0, 0, 0))], "direction of 'a'"),
+        ([("a", "panda_hand", (0, 0, 0), ["chest"])], "point 'a' is 'chest'"),
         ([("a", "panda_hand"), ("a", "panda_link4")], "name 'a'"),
     ],
 )
@@ -328,7 +297,7 @@ links:
   panda_link1: []
 points:
   tip: {link: panda_hand, xyz: [0, 0, 0.1], regions: [hand]}
-  elbow: {link: panda_link4, direction: [1, 0, 0]}
+  elbow: {link: panda_link4}
 """
 
 
