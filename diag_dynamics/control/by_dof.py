@@ -3,6 +3,8 @@
 
 """Vectors and orders of a robot's joints from lists of parameters."""
 
+import numpy as np
+
 from diag_dynamics.checks import per_name
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
@@ -40,6 +42,20 @@ def effort_limits(entries, model):
                 f"expected at most {bound}, the limit of the URDF."
             )
     return limits
+
+
+def beyond_limits(model, positions, margin=0.0):
+    """Return row and text of the first of positions, shape (..., nv), outside of its limits.
+
+    It is None if all are within a margin of them.
+    """
+    rows = np.atleast_2d(positions)
+    is_within = (model.lower - margin <= rows) & (rows <= model.upper + margin)
+    if is_within.all():
+        return None
+    row, k = np.argwhere(~is_within)[0]
+    position, lower, upper = distinct(rows[row, k], model.lower[k], model.upper[k])
+    return row, f"joint '{model.dof_names[k]}' is {position}, expected within {lower} … {upper}"
 
 
 def command_order(entries, names, complete=True):

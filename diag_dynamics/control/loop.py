@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.control.by_dof import by_dof, effort_limits
+from diag_dynamics.control.by_dof import beyond_limits, by_dof, effort_limits
 from diag_dynamics.control.filters import Limited, Limits
 from diag_dynamics.control.following import (
     INVALID_GOAL,
@@ -86,10 +86,6 @@ def require_consistent(values):
             f"parameter 'hold_time' is {hold} s; expected at least {least} s, twice "
             f"max_state_age = {age} s. Else a single invalid state lets the robot go."
         )
-    if values["initial_mode"] == POSE and not values["controlled_link"]:
-        raise InputError(
-            "parameter 'controlled_link' is ''; expected a link because initial_mode is pose."
-        )
 
 
 def _limits(dynamics, values, compensated, points):
@@ -130,7 +126,7 @@ class ControlLoop:
         self.limits = _limits(dynamics, values, compensated, points)
         self._max_period = values["max_state_age"]
         self._scale_timeout = values["contact_limits.scale_timeout"]
-        self._scale = None  # and its time [ns]
+        self._scale = 0.0, 0  # and its time [ns]
         allowed = [name for name in LAWS if name != POSE or values["controlled_link"]]
         self.modes = {name: LAWS[name](dynamics, values) for name in allowed}
         self._max_speed = self.modes[DAMPING].max_speed
@@ -323,16 +319,11 @@ class ControlLoop:
         self._scale = scale, now
 
     def _scale_contact(self, now):
-        """Set the scale of the contact limiter.
-
-        With a timeout, a missing or stale scale counts as 0.
-        """
-        limiter = self.limits.contact
-        timeout = self._scale_timeout
-        if limiter is not None:
-            scale, time = self._scale or (1.0, None)
-            fresh = not timeout or (time is not None and 0.0 <= (now - time) * 1e-9 <= timeout)
-            limiter.scale = scale if fresh else 0.0
+        """With a timeout, a missing or stale scale of the contact limiter counts as 0."""
+        if self.limits.contact and self._scale_timeout:
+            scale, time = self._scale
+            is_fresh = 0.0 <= (now - time) * 1e-9 <= self._scale_timeout
+            self.limits.contact.scale = scale if is_fresh else 0.0
 
     # --- Cycles ---
 
@@ -500,13 +491,8 @@ class ControlLoop:
 
         Springs would throw a joint there.
         """
-        model = self.dynamics.model
-        beyond = (q < model.lower - MAX_BEYOND_LIMITS) | (q > model.upper + MAX_BEYOND_LIMITS)
-        for k in np.flatnonzero(beyond):
-            position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
-            limits = f"outside of its limits {lower} … {upper}; laws start within them"
-            return f"joint '{model.dof_names[k]}' is at {position}, {limits}"
-        return None
+        beyond = beyond_limits(self.dynamics.model, q, MAX_BEYOND_LIMITS)
+        return f"{beyond[1]}; laws start there" if beyond else None
 
     def age_problem(self, state, now):
         """Return the error of the age of a state's joints at a time [ns]; None if it is valid."""

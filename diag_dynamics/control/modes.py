@@ -6,7 +6,7 @@
 import numpy as np
 
 from diag_dynamics.checks import numbers, vector
-from diag_dynamics.control.by_dof import by_dof
+from diag_dynamics.control.by_dof import beyond_limits, by_dof
 from diag_dynamics.control.following import Following
 from diag_dynamics.control.laws import (
     GravityCompensation,
@@ -317,16 +317,9 @@ class JointMode(Mode):
 
         A robot would press on its stops there.
         """
-        model = self._model
-        positions = np.atleast_2d(positions)
-        beyond = np.argwhere(~((model.lower <= positions) & (positions <= model.upper)))
-        if len(beyond):
-            row, k = beyond[0]
-            joint = f"joint '{model.dof_names[k]}'"
-            position, lower, upper = distinct(positions[row, k], model.lower[k], model.upper[k])
-            raise InputError(
-                f"{field.format(row)} of {joint} is {position}, expected within {lower} … {upper}."
-            )
+        if beyond := beyond_limits(self._model, positions):
+            row, text = beyond
+            raise InputError(f"{field.format(row)} of {text}.")
 
     def _require_near(self, position, state):
         starts = np.array([state.position, self.desired.position])

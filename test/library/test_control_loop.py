@@ -86,7 +86,7 @@ def test_entries_by_joint():
         (lambda arm: loop_of(arm, hold_time=0.03), "'hold_time' is 0.03 s"),
         (
             lambda arm: loop_of(arm, controlled_link="", initial_mode="pose"),
-            "'controlled_link' is ''",
+            "'controlled_link' is empty",
         ),
         (
             lambda arm: loop_of(arm, effort_limit=["*=28", "wrist_1_joint=100"]),
