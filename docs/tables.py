@@ -331,7 +331,7 @@ INTERFACES = {
             IN,
             "target",
             "geometry_msgs/PoseStamped",
-            "mode pose: target of controlled_link, in the axes of a link or a frame of tf at the time of reception",
+            "mode pose: target of controlled_link, in the axes of a link at the time of reception",
         ),
         Interface(
             IN,

@@ -223,10 +223,8 @@ class PoseMode(Mode):
         position = numbers(name, position, (3,), "three finite numbers [m]")
         axes = rotation_of(orientation)
         X = self.law.dynamics.placement(state.position, link)
-        # the nearest rotation, because the URDF's angles are rounded
-        U, _, V = np.linalg.svd(X[:3, :3] @ axes)
         self.begin(state)
-        goal = (X[:3, :3] @ position + X[:3, 3], U @ V)
+        goal = (X[:3, :3] @ position + X[:3, 3], X[:3, :3] @ axes)
         rate = np.full(2, APPROACH_RATE)
         self._target = PoseTarget(
             goal, state.newest, self._aim, self._speed, rate, self._max_period, self._target

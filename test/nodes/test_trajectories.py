@@ -6,7 +6,6 @@ test_trajectory_action.py has the action.
 """
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from control_msgs.msg import JointTrajectoryControllerState
 
@@ -19,8 +18,7 @@ from controllers import (
     pose_of,
     trajectory,
 )
-from nodes import UR5, S, nanoseconds, robot
-from transforms import transform_of, with_tf2_ros
+from nodes import UR5, nanoseconds, robot
 
 NAMES = robot(UR5).names
 START = np.array(START_AT)
@@ -31,7 +29,7 @@ GOAL = START + 0.1
 def arm(peer):
     """A UR5 in lockstep with its controller, commands in another order than joint states."""
     values = {"controlled_link": "tool0", "effort_rate": ["*=5000.0"]}
-    with with_tf2_ros(), lockstep_arm(peer, "/followed", list(NAMES[::-1]), **values) as arm:
+    with lockstep_arm(peer, "/followed", list(NAMES[::-1]), **values) as arm:
         arm.states = peer.topic(JointTrajectoryControllerState, f"{arm.name}/controller_state")
         yield arm
 
@@ -76,29 +74,15 @@ def test_a_topic_reports_motion_and_success(arm):
     assert status.trajectory_code == -1
 
 
-def test_a_pose_in_a_frame_of_tf(arm):
-    """Its target is Pinocchio's composition of transform and pose; unknown and old frames are
-    named.
-    """
+def test_a_pose_in_the_axes_of_a_link(arm):
+    """Its target is that of the message; frames that are no links are named."""
     arm.switch("pose")
     position, axes = pose_of(START)
-    placement = pin.SE3(pin.rpy.rpyToMatrix(0.2, -0.4, 1.1), np.array([0.5, -0.3, 0.2]))
-    buffer = arm.process.node._transforms._buffer
-    buffer.frames = "world", "table"  # the first one is the root of a UR5
-    buffer.transform = transform_of(placement.rotation, placement.translation)
-    goal = pin.SE3(axes, position + np.array([0.05, 0.1, -0.05]))
-    pose = placement.inverse() * goal
-    arm.target.publish(pose_message("table", pose.translation, pose.rotation))
+    goal = np.add(position, [0.05, 0.1, -0.05])
+    arm.target.publish(pose_message("world", goal, axes))  # the root of a UR5
     arm.wait_for(lambda s: pose_error(s)[0] > 0.1, "the target", timeout=1.0)
     arm.wait_for(lambda s: max(pose_error(s)) < 1e-3 and s.energy < 1e-6, "its pose")
     result = pose_of(arm.simulator.states.messages[-1].position)
-    np.testing.assert_allclose(result[0], goal.translation, atol=2e-3)
-    np.testing.assert_allclose(result[1], goal.rotation, atol=5e-3)
-    arm.refuses(lambda: arm.target.publish(pose_message("map", position)), "frame_id is 'map'")
-    buffer.transform.header.stamp.nanosec = 1  # of the epoch
-    if arm.process.node.time.now() > 2 * S:
-        arm.refuses(lambda: arm.target.publish(pose_message("table", position)), "the transform is")
-    arm.process.node._transforms = None
-    arm.refuses(
-        lambda: arm.target.publish(pose_message("table", position)), "needs package tf2_ros"
-    )
+    np.testing.assert_allclose(result[0], goal, atol=2e-3)
+    np.testing.assert_allclose(result[1], axes, atol=5e-3)
+    arm.refuses(lambda: arm.target.publish(pose_message("map", position)), "'map' is not a link")

@@ -63,7 +63,6 @@ from diag_dynamics.nodes.support.statuses import (
     Status,
     without_numbers,
 )
-from diag_dynamics.nodes.support.tf import Transforms
 from diag_dynamics.nodes.support.topics import NODES
 from diag_dynamics.parameters.contact_limits import bounded_points
 from diag_dynamics.parameters.controller import (
@@ -126,7 +125,6 @@ class ControllerNode(ManagedNode):
         self._offered = []
         self._record = Record()
         self._order_known = ""
-        self._transforms = None  # of tf
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         self._reported_phase = self._logged_reason = None  # of the supervisor
@@ -168,8 +166,6 @@ class ControllerNode(ManagedNode):
         self._status = self._publisher(ControllerStatus, "~/status")
         check_values(self.values)  # which may have changed since the start
         self._status_limit = RateLimit(self.values["max_rate.status"])
-        if self.values["controlled_link"] and self._transforms is None:
-            self._transforms = Transforms.if_installed(self)
         self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
         for mode in MODES:
             service = offer(self, Trigger, f"mode/{mode}", partial(self._switch, mode))
@@ -201,13 +197,12 @@ class ControllerNode(ManagedNode):
         self._reported_phase = self._logged_reason = None
         self._subscribe(JointState, "joint_states", self._take_joint_state, newest(), raw=True)
         loop = self._loop
-        model = self._loop.dynamics.model
-        names = model.dof_names
+        names = loop.dynamics.model.dof_names
         for kind, topic, take in (
             (
                 PoseStamped,
                 "target",
-                lambda message: loop.take_pose(*received.pose(message, model, self._transforms)),
+                lambda message: loop.take_pose(*received.pose(message)),
             ),
             (JointTrajectory, "~/joint_trajectory", self._take_trajectory),
             (

@@ -7,41 +7,18 @@ import numpy as np
 
 from diag_dynamics.checks import vector
 from diag_dynamics.control.following import Tolerances
-from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.exceptions import InputError
 
 MAX_POINTS = 2000
 """Points that one trajectory may have."""
 
-MAX_TRANSFORM_AGE = 1.0
-"""Maximum age of a transform between root link and the frame of a target [s]."""
 
-
-def pose(message, model, transforms=None):
-    """Return link, position [m] in its axes and rotation matrix of a PoseStamped.
-
-    Poses in a frame that is no link of the robot are in the axes of its root link, where
-    :class:`Transforms` place the frame now; without tf2_ros these are None.
-    """
-    link = message.header.frame_id
+def pose(message):
+    """Return link, position [m] in its axes and quaternion of a PoseStamped."""
     p = message.pose.position
     o = message.pose.orientation
-    position = [p.x, p.y, p.z]
-    axes = rotation_of((o.x, o.y, o.z, o.w))
-    if link in model.link_names:
-        return link, position, axes
-    expected = (
-        f"target.header.frame_id is '{link}', "
-        f"expected a link of robot '{model.name}' or a frame of tf"
-    )
-    if transforms is None:
-        raise InputError(f"{expected}, which needs package tf2_ros.")
-    try:
-        origin, rotation = transforms.find(model.root_link, link, MAX_TRANSFORM_AGE)
-    except Exception as error:  # tf2_ros, which may be missing, has exceptions of its own
-        raise InputError(f"{expected}: {error}.") from error
-    return model.root_link, origin + rotation @ position, rotation @ axes
+    return message.header.frame_id, [p.x, p.y, p.z], (o.x, o.y, o.z, o.w)
 
 
 def set_point(message, names):
