@@ -57,7 +57,6 @@ from diag_dynamics.nodes.support.publishing import RateLimit, connected, newest
 from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
-    OK,
     WARN,
     RepeatLimit,
     Status,
@@ -127,9 +126,7 @@ class ControllerNode(ManagedNode):
         self._order_known = ""
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
-        self._reported_phase = self._logged_reason = None  # of the supervisor
-        self._holds = RepeatLimit()
-        self._rejections = RepeatLimit()
+        self._lines = RepeatLimit()
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -194,7 +191,7 @@ class ControllerNode(ManagedNode):
         self._states.forget_clock()
         self._last_time = None
         self._record.begin()
-        self._reported_phase = self._logged_reason = None
+        self._reported = IN_FORCE, ""  # phase of the supervisor, and its reason
         self._subscribe(JointState, "joint_states", self._take_joint_state, newest(), raw=True)
         loop = self._loop
         names = loop.dynamics.model.dof_names
@@ -377,10 +374,16 @@ class ControllerNode(ManagedNode):
             return
         self._record.counts["joint states"] += 1
         now = self._cycle()
-        sent, fault = attempt(self._step, raw, now)
-        if fault:  # the robot is not to be left by itself
-            sent = self._rejected(now, fault.cause, shortened(fault.text))
-        self._answer(sent, now)
+        self._answer(self._attempt(now, self._step, raw, now), now)
+
+    def _attempt(self, now, step, *arguments):
+        """Return the result of a step; hold the robot if it fails, which is not left by itself."""
+        sent, fault = attempt(step, *arguments)
+        if fault is None:
+            return sent
+        reason = shortened(fault.text)
+        self._record.refuse(f"rejected: {fault.cause}", reason)
+        return self._loop.without_state(now, reason)
 
     def _step(self, raw, now):
         self._loop.not_executed = self._not_executed()
@@ -409,9 +412,7 @@ class ControllerNode(ManagedNode):
         reason = f"controller '{self._activity.name}' is {state}"
         now = self.time.now()
         if self._loop.supervisor.phase == IN_FORCE:
-            _, fault = attempt(self._loop.stand_by, now, reason)
-            if fault:
-                self._rejected(now, fault.cause, shortened(fault.text))
+            self._attempt(now, self._loop.stand_by, now, reason)
         if self._loop.supervisor.phase == HOLDING:
             self._send(self._loop.limits.sent)
 
@@ -425,11 +426,6 @@ class ControllerNode(ManagedNode):
                 problem = f"joint '{late[0]}' is older than {self.values['max_state_age']:g} s"
             self._answer(self._loop.without_state(now, problem), now)
         self._trajectories.update()
-
-    def _rejected(self, now, cause, reason):
-        self._record.refuse(f"rejected: {cause}", reason)
-        self.log_debug(f"rejected: {cause}: {reason}")
-        return self._loop.without_state(now, reason)
 
     def _answer(self, sent, now):
         """Send a command, and publish status and controller state."""
@@ -450,27 +446,28 @@ class ControllerNode(ManagedNode):
             self._status.publish(message)
 
     def _report_phase(self):
-        """Log that a hold or a ramp begins or ends, and report its begin, at once."""
-        before = self._reported_phase
+        """Log that a hold or a ramp begins, has another reason, or ends; report its begin, too."""
         supervisor = self._loop.supervisor
-        self._reported_phase = phase = supervisor.phase
-        if phase == before:
+        phase = supervisor.phase
+        before, reason = self._reported
+        self._reported = phase, without_numbers(supervisor.reason)
+        if self._reported == (before, reason):
             return
-        was_logged = self._logged_reason is not None
-        self._logged_reason = supervisor.reason
-        if phase == RAMPING_DOWN:
+        if phase == HOLDING:
+            self._log_limited(self.log_warning, f"Holding gravity: {supervisor.reason}.")
+        elif phase == RAMPING_DOWN and before != phase:
             self.log_error(f"Ramping down: {supervisor.reason}.")
-        elif phase == HOLDING:
-            if self._holds.is_due(supervisor.reason, self.time.steady()):
-                self.log_warning(f"Holding gravity: {supervisor.reason}.")
-            else:
-                self._logged_reason = None
         elif before == RAMPING_DOWN:
             self.log_warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
-        elif before == HOLDING and was_logged:
-            self.log_info(f"Resumed: mode {self._loop.mode}.")
-        if phase > (before or 0) and phase in (HOLDING, RAMPING_DOWN):
+        elif before == HOLDING:
+            self._log_limited(self.log_info, f"Resumed: mode {self._loop.mode}.")
+        if phase not in (before, IN_FORCE):
             self._diagnostics.publish([self._control_status(Counter())])
+
+    def _log_limited(self, log, text):
+        """Log a text unless an equal one was logged in the last ten seconds."""
+        if self._lines.is_due(text, self.time.steady()):
+            log(text)
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
@@ -484,7 +481,6 @@ class ControllerNode(ManagedNode):
         _, fault = attempt(self._check_and_take, topic, take, message)
         if fault is None:
             self._record.counts[f"{topic} accepted"] += 1
-            self.log_debug(f"{topic} accepted")
             self._trajectories.update()
             return True
         if topic in (TRAJECTORY, ACTION):
@@ -494,10 +490,7 @@ class ControllerNode(ManagedNode):
         return False
 
     def _log_rejected(self, topic, reason):
-        text = f"Rejected on {topic}: {reason}"
-        self.log_debug(text)
-        if self._rejections.is_due(text, self.time.steady()):
-            self.log_warning(text)
+        self._log_limited(self.log_warning, f"Rejected on {topic}: {reason}")
 
     def _check_and_take(self, topic, take, message):
         if topic != SCALE:
@@ -570,13 +563,10 @@ class ControllerNode(ManagedNode):
         reason = self.failure or self._refused
         if self.phase == ACTIVE:
             status = self._record.law_status(recent, self._loop, values)
-            status = status._replace(is_logged=self._phase_is_logged())
-            if not reason:
-                return status
-            message = f"{status.message}; {reason}"
-            log = f"{status.log or status.message}; {reason}"
-            logged = status.is_logged or status.level == OK  # the reason has a line of its own
-            return status._replace(level=ERROR, message=message, log=log, is_logged=logged)
+            if reason:
+                status = status._replace(level=ERROR, message=f"{status.message}; {reason}")
+            is_logged = bool(self._loop.state and not self._loop.shortfall)  # by _report_phase
+            return status._replace(is_logged=is_logged)
         if reason:
             return Status("control", ERROR, reason, values, is_logged=True)
         waiting = self.phase == INACTIVE and not self._loop
@@ -585,14 +575,6 @@ class ControllerNode(ManagedNode):
             message = f"{self.phase}; loading a robot_description"
         is_logged = self._loop is None  # what the node waits for
         return Status("control", WARN, message, values, is_logged=is_logged)
-
-    def _phase_is_logged(self):
-        """Return whether the log has the phase of the supervisor and its reason."""
-        if self._loop.shortfall:
-            return False
-        reason = self._loop.supervisor.reason
-        logged = self._logged_reason
-        return logged is not None and without_numbers(reason) == without_numbers(logged)
 
     def _listeners(self):
         """Return problems of receivers and limits, and diagnostic values of receivers."""
