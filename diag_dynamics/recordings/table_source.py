@@ -111,18 +111,17 @@ class TableSource:
             count += len(rows)
             arrays = {k: unify(array) for k, array in arrays.items()}
             self._has_lost = np.zeros(len(rows), bool)  # rows with a value that is no number
-            time, stamp = self._read_times(arrays, rows)
+            time = self._read_times(arrays, rows)
             values = {
                 key: self._read_values(quantity, arrays, rows)
                 for key, quantity in self._choice.quantities.items()
             }
             names = self._read_joints(arrays, values, rows)
             is_read = self._find_rows(time, values, names, arrays, rows)
-            self._shift_stamps(time, stamp, rows, is_read)
+            stamp = self._make_stamps(time, rows, is_read)
             if not is_read.any():
                 continue
             self._note_order(time[is_read], rows[is_read])
-            stamp = stamp[is_read]
             seconds = divmod(stamp, SECOND)
             parts = self._make_parts(np.flatnonzero(is_read), *seconds, values, names)
             yield Batch(stamp, parts, {}, {})
@@ -142,19 +141,14 @@ class TableSource:
     # --- Cells ---
 
     def _read_times(self, arrays, rows):
-        """Return times [s], NaN if missing, and stamps [ns]; lost rows at a rate have theirs."""
-        cells = [arrays[k] for k in self._choice.time]
+        """Return times [s], NaN if missing; lost rows at a rate have theirs."""
         scale = self._choice.time_scale
-        if not cells:
+        if not self._choice.time:
             self._first = int(rows[0]) if self._first is None and len(rows) else self._first
-            time = (rows - (self._first or 0)) * scale
-            return time, np.rint(time * SECOND).astype(np.int64)
-        time, stamp = read_times(cells[0], scale or 1.0)
-        for nanoseconds in cells[1:]:
-            more = read_times(nanoseconds, 1e-9)
-            time += more[0]
-            stamp += more[1]
-        return time, stamp
+            return (rows - (self._first or 0)) * np.longdouble(scale)
+        seconds, *nanoseconds = (arrays[k] for k in self._choice.time)
+        time = read_times(seconds, scale or 1.0)
+        return time + read_times(nanoseconds[0], 1e-9) if nanoseconds else time
 
     def _read_values(self, quantity, arrays, rows):
         """Return values of a quantity as the file has them, (n, k)."""
@@ -233,21 +227,20 @@ class TableSource:
             values = np.where(unknown, np.nan, mixed)
         return values + quantity.offset if quantity.offset.any() else values
 
-    def _shift_stamps(self, time, stamp, rows, is_read):
-        """Shift stamps after zero [ns]; rows whose stamps no message can have are not read."""
+    def _make_stamps(self, time, rows, is_read):
+        """Return stamps of read rows, shifted after zero [ns]; not of times beyond all stamps."""
         if self._delay is None and is_read.any():
             self._check_times(time[is_read])
+            first = time[is_read][0]
             # the first stamp is of a second or more
-            first = int(stamp[is_read][0]) // SECOND
-            self._delay = max(0, 1 - first) * SECOND if first > -LATEST else 0
-        stamp += self.offset
-        seconds = stamp // SECOND
+            self._delay = max(0, 1 - int(first // 1)) * SECOND if abs(first) < LATEST else 0
         least = -self.offset // SECOND
-        is_beyond = is_read & ((seconds < 0) | (seconds > LATEST))
+        is_beyond = is_read & ((time < least) | (time >= least + LATEST + 1))
         if (lost := np.flatnonzero(is_beyond)).size:
             cause = f"time outside of {least} … {least + LATEST} s"
             self._lose_rows(rows, cause, LEFT_OUT, lost, f"{time[lost[0]]:g} s")
         is_read &= ~is_beyond
+        return np.rint(time[is_read] * SECOND).astype(np.int64) + self.offset
 
     def _check_times(self, time):
         """Reject times that decrease, or that no stamp can be of in seconds."""

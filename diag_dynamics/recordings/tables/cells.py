@@ -6,13 +6,11 @@
 import re
 from contextlib import suppress
 from datetime import datetime
-from decimal import Context, Decimal
 
 import numpy as np
 import pyarrow as pa
 from pyarrow import compute as pc
 
-from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.tables.headers import UNITS, Column
 
 SAMPLE = 6  # first rows that show what a column holds
@@ -31,9 +29,6 @@ BLANK = (
 )  # nan is a value that was sent
 MISSING = frozenset((*BLANK, "nan", "NaN", "NAN", "-nan", "-NaN"))  # texts that stand for no number
 
-_LIMIT = 4 * 10**18  # [ns], of stamps: the difference of two fits into 64 bits
-_SHORT = 2.0**50 / SECOND  # [s], 13 days: up to here a double holds nine decimals
-_EXACT = Context(prec=40, traps=[])
 _ISO = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?(?:Z|([+-]\d\d:\d\d))?", re.ASCII
 )
@@ -150,9 +145,9 @@ def _lengths(array):
 
 
 def read_times(array, scale):
-    """Return times [s], NaN if missing, and stamps [ns]; `scale` is that of numbers [s].
+    """Return times [s], NaN if missing; `scale` is that of numbers [s].
 
-    Stamps are exact for integers and texts.
+    They are long doubles, which hold nanoseconds since 1970.
     """
     kind = array.type
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
@@ -160,53 +155,26 @@ def read_times(array, scale):
         scale = UNITS["time"][kind.unit]
     elif pa.types.is_decimal(kind):
         array = array.cast(pa.string())
-    if pa.types.is_integer(array.type):
-        return _scale_integers(array, scale)
-    if not pa.types.is_string(array.type):
-        return _scale_floats(_to_numpy(array), scale)
-    with suppress(pa.ArrowInvalid):
-        values = _to_numpy(array)
-        if not (np.abs(values * scale) > _SHORT).any():
-            return _scale_floats(values, scale)
-    unit = Decimal(repr(scale))
-    stamps = []
-    seconds = [_parse_time(text, unit) for text in read_texts(array)]
-    for second in seconds:
-        exact = Decimal(0) if second.is_nan() else _EXACT.multiply(second, SECOND)
-        stamps.append(round(max(min(exact, _LIMIT), -_LIMIT)))
-    return np.array(seconds, float), np.array(stamps, np.int64)
-
-
-def _scale_floats(values, scale):
-    inverse = np.rint(1 / scale)
-    divided = scale < 1 and inverse and 1 / inverse == scale  # 5 / 1e6 is 5e-6, 5 * 1e-6 is not
-    time = values / inverse if divided else values * scale
-    whole = np.floor(np.clip(np.nan_to_num(time), -_LIMIT / SECOND, _LIMIT / SECOND))
-    part = np.clip(np.nan_to_num(time) - whole, 0.0, 1.0)
-    return time, whole.astype(np.int64) * SECOND + np.rint(part * SECOND).astype(np.int64)
-
-
-def _scale_integers(array, scale):
-    """Return times and stamps; these are exact if the unit is a whole number of nanoseconds."""
-    values = array.fill_null(0).to_numpy(zero_copy_only=False)
-    unit = round(scale * SECOND)
-    time, stamp = _scale_floats(values.astype(float), scale)
-    if unit / SECOND == scale:
-        small = np.abs(time) < _LIMIT / SECOND
-        stamp[small] = values[small].astype(np.int64) * unit
+    unit = np.longdouble(repr(scale))
+    if pa.types.is_string(array.type):
+        texts = array.fill_null("nan").to_numpy(zero_copy_only=False)
+        with suppress(ValueError):
+            return texts.astype(np.longdouble) * unit
+        return np.array([_parse_time(text, unit) for text in texts])
+    if not pa.types.is_integer(array.type):
+        return _to_numpy(array) * unit
+    time = array.fill_null(0).to_numpy(zero_copy_only=False) * unit
     time[array.is_null().to_numpy(zero_copy_only=False)] = np.nan
-    return time, stamp
+    return time
 
 
 def _parse_time(text, unit):
-    """Return the time in a text as Decimal [s]; NaN if it is no time."""
+    """Return the time in a text as a long double [s]; NaN if it is no time."""
     date = _ISO.fullmatch(text)
-    if date is None:
-        plain = text.isascii() and "_" not in text
-        return _EXACT.multiply(_EXACT.create_decimal(text), unit) if plain else Decimal("nan")
-    day, clock, fraction, zone = date.groups()
-    try:
+    with suppress(ValueError):  # such as the 30th of February
+        if date is None:
+            return np.longdouble(text) * unit
+        day, clock, fraction, zone = date.groups()
         moment = datetime.fromisoformat(f"{day}T{clock}{zone or '+00:00'}")
-    except ValueError:  # the 30th of February
-        return Decimal("nan")
-    return round(moment.timestamp()) + Decimal(f"0.{fraction or 0}")
+        return round(moment.timestamp()) + np.longdouble(f"0.{fraction or 0}")
+    return np.longdouble("nan")

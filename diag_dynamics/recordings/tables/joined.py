@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.tables import conventions
 from diag_dynamics.recordings.tables.cells import read_times, unify
 from diag_dynamics.recordings.tables.table import ROWS
@@ -41,7 +42,9 @@ class JoinedTable:
         parts = [self._read_part(n, numbers, texts, lose) for n in range(len(self._parts))]
         tables, rows, stamps = zip(*parts, strict=True)
         for n, part in enumerate(self._parts):
-            is_same = not self._times[n] or np.array_equal(stamps[n], stamps[self._first])
+            is_same = not self._times[n] or np.array_equal(
+                stamps[n], stamps[self._first], equal_nan=True
+            )
             if not (is_same and np.array_equal(rows[n], rows[0])):
                 raise InputError(
                     f"rows of '{part.path}' and '{self._parts[self._first].path}' differ; expected "
@@ -66,7 +69,7 @@ class JoinedTable:
             raise InputError(f"'{part.path}' has no rows.")
         blocks, rows = zip(*pieces, strict=True)
         arrays = {k: pa.concat_arrays([unify(block[k]) for block in blocks]) for k in blocks[0]}
-        stamps = read_times(arrays[times[0]], 1.0)[1] if times else ()
+        stamps = np.rint(read_times(arrays[times[0]], 1.0) * SECOND) if times else ()
         return arrays, np.concatenate(rows) - rows[0][0], stamps
 
 
