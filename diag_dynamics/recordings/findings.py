@@ -22,13 +22,11 @@ NOTE = "note"  # cause of findings about how a file was understood, of which not
 OTHER_TOPICS = (
     "(--topic reads several)"  # in the note about topics of joint states that are not read
 )
-WITHOUT_VALUES = "rows of other topics"  # count of rows of a table that have no value of any joint
 
 TEXTS = {
     "incomplete": None,
     "foreign": None,
     "empty": "messages without names of joints",
-    WITHOUT_VALUES: "rows without joint values, such as rows of other topics, were ignored",
     "positions jumped": None,
     "mimic disagreement": None,
     "implausible effort": "implausible efforts count as unknown (effort_scale, URDF limits)",
@@ -81,7 +79,6 @@ def collect_findings(counts, intake, source):
         Finding("unread", 1, f"{part.file}, {part.where}: {part.what}") for part in source.unread
     ]
     first = {rejection.cause: rejection.text for rejection in reversed(intake.rejections)}
-    first |= source.texts
     texts = " ".join(rejection.text for rejection in intake.rejections)
     scale = ", ".join(unit for parameter, unit in SCALES.items() if parameter in texts)
     in_degrees = bool(scale) and counts[IMPLAUSIBLE] > MIN_REJECTED * counts["received"]

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from math import inf
@@ -24,7 +23,6 @@ from diag_dynamics.parameters.monitor import PARAMETERS, Settings
 from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.findings import (
     NOTE,
-    WITHOUT_VALUES,
     Finding,
     collect_findings,
     no_states_error,
@@ -270,7 +268,7 @@ class Reading:
     @property
     def counts(self):
         """Number of messages, and of what became of them, by the monitor's names."""
-        return self.intake.counts + Counter({WITHOUT_VALUES: self._source.without_values})
+        return self.intake.counts
 
     def time(self, stamp):
         """Return the time of a stamp [ns] in the recording [s], None for None."""

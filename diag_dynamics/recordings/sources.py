@@ -46,8 +46,6 @@ class Source(Protocol):
 
     start: int | None  # first log time [ns]; None if it is unknown before reading
     offset: int  # delay of stamps from times in the file [ns]
-    without_values: int  # rows without a value of any joint
-    texts: dict[str, str]  # in terms of the file, by the cause of rejections
     unread: list[Unread]
     notes: list[str]
 
@@ -124,7 +122,6 @@ class BagSource:
     """Messages of a bag, a Source: joint states of one robot, merged by log time, and odometry."""
 
     offset = 0
-    without_values = 0
 
     def __init__(self, path, topic, names):
         self._names = names
@@ -132,7 +129,6 @@ class BagSource:
         self._bag = Bag(path)
         self._topics = check_topics(topic)
         self.notes = []
-        self.texts = {}
         self.start = self._bag.start
         self.unread = self._bag.unread
         self._kinds = np.array([connection.type for connection in self._bag.connections])

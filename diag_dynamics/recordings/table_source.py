@@ -11,7 +11,6 @@ from itertools import chain
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.codes import CAUSES, LATE, STAMP_FROM_PAST
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
@@ -33,7 +32,6 @@ from diag_dynamics.recordings.tables.template import write_template
 LATEST = (1 << 31) - 1  # last second that a stamp can be of
 MAX_STEP = 0.3  # interval of rows up to which a unit of times is likely [s]
 MIN_STEPS = 100  # rows of which a half has to decrease
-BACKWARDS = tuple(f"rejected: {CAUSES[code]}" for code in (LATE, STAMP_FROM_PAST))
 
 
 class TableSource:
@@ -48,11 +46,9 @@ class TableSource:
         self._table = None
         self._choice = None
         self._losses = {}
-        self.without_values = 0
+        self._without_values = 0  # rows
         self._first = None  # number of the first row at a rate
         self._delay = None  # of stamps [ns]
-        self._last_time = -np.inf  # of the last row
-        self._backwards = ""  # text on the first row with an earlier time
 
     @property
     def offset(self):
@@ -70,12 +66,10 @@ class TableSource:
     @property
     def notes(self):
         """How columns and times were read: a list of str."""
-        return self._choice.notes if self._choice else []
-
-    @property
-    def texts(self):
-        """Texts in terms of rows, by the cause of rejections."""
-        return dict.fromkeys(BACKWARDS, self._backwards) if self._backwards else {}
+        notes = list(self._choice.notes) if self._choice else []
+        if self._without_values:
+            notes.append(f"rows without joint values, ignored: {self._without_values}.")
+        return notes
 
     def description(self):
         """Raise an InputError: a table does not describe its robot."""
@@ -105,7 +99,6 @@ class TableSource:
         """Yield batches of messages in the order of the rows; a table has no index."""
         self._table, self._choice = self._open(model)
         count = 0
-        self._last_time = -np.inf
         texts = [*self._choice.time, *self._choice.names]
         for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
@@ -121,7 +114,6 @@ class TableSource:
             stamp = self._make_stamps(time, rows, is_read)
             if not is_read.any():
                 continue
-            self._note_order(time[is_read], rows[is_read])
             seconds = divmod(stamp, SECOND)
             parts = self._make_parts(np.flatnonzero(is_read), *seconds, values, names)
             yield Batch(stamp, parts, {}, {})
@@ -183,7 +175,7 @@ class TableSource:
         empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
         for numbers in values.values():
             empty &= np.isnan(numbers).all(axis=1)
-        self.without_values += int((empty & ~self._has_lost).sum())
+        self._without_values += int((empty & ~self._has_lost).sum())
         if (lost := np.flatnonzero(empty & self._has_lost)).size:
             self._lose_rows(rows, "no value is a number", LEFT_OUT, lost)
         untimed = np.isnan(time)
@@ -263,18 +255,6 @@ class TableSource:
             f"'{self._table.path}': times are about {middle:.6g} s; expected at most {LATEST} s. "
             f"{advice}."
         )
-
-    def _note_order(self, time, rows):
-        """Describe the first row whose time is before that of the row above."""
-        steps = np.diff(time, prepend=self._last_time)
-        self._last_time = time[-1]
-        if not self._backwards and (steps < 0).any():
-            k = int(np.argmax(steps < 0))
-            unit = self._table.unit
-            self._backwards = (
-                f"the time of {unit} {rows[k]} is {-steps[k]:.6g} s before that of the {unit} "
-                "above: another recording begins, or rows are not sorted by time"
-            )
 
     # --- Losses ---
 
