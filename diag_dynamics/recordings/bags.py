@@ -10,15 +10,13 @@ returns Messages or None), in order.
 
 import re
 import shutil
-import sqlite3
 import tempfile
 from collections import Counter
-from contextlib import closing, suppress
+from contextlib import suppress
 from functools import lru_cache, partial
 from importlib import import_module
 from math import inf
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 
@@ -103,7 +101,7 @@ class Bag:
             require("mcap", REASON)
             reader = import_module("diag_dynamics.recordings.mcap_file").McapFile
         else:
-            reader = SqliteFile if kind == "sqlite" else Ros1File
+            reader = partial(RosbagFile, is_ros1=kind == "ros1")
         return reader(path, name, partial(self._lose, name))
 
     def _unpack(self, path):
@@ -207,96 +205,29 @@ def _find_conversion(name, md5):
 # --- SQLite and ROS 1 ---
 
 
-class SqliteFile:
-    """A SQLite file. The journal of a killed recorder is read in a copy: no file changes."""
+class RosbagFile:
+    """A SQLite file, or a bag of ROS 1 with its index. It is read up to the first damage."""
 
-    def __init__(self, path, name, lose):
-        self._path = Path(path).absolute()
+    def __init__(self, path, name, lose, is_ros1):
         self._lose = lose
-        self._advice = f"`sqlite3 {name} .recover` may find more"
-        self.connections = []
-        self._topics = {}
-        self.start = None
-        self._copy = None
-        journals = [Path(f"{self._path}{end}") for end in ("-wal", "-journal")]
-        if journals := [file for file in journals if file.is_file() and file.stat().st_size]:
-            self._copy = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
-            for file in (path, *journals):
-                shutil.copy(file, self._copy.name)
-        try:
-            with closing(self._open()) as database:
-                for key, *declaration in database.execute(
-                    "SELECT id, name, type, serialization_format FROM topics"
-                ):
-                    self._topics[key] = len(self.connections)
-                    self.connections.append(Connection(*map(str, declaration)))
-        except sqlite3.Error as error:
-            size = self._path.stat().st_size
-            text = f"{error}: {size} bytes; {self._advice}"
-            lose("database", text if size or self._copy else "the file is empty")
-        with suppress(sqlite3.Error), closing(self._open()) as database:
-            (self.start,) = database.execute(
-                "SELECT MIN(timestamp) FROM messages WHERE typeof(timestamp) = 'integer'"
-            ).fetchone()
-
-    def parts(self, connections):
-        """Yield (first log time, last one, function that returns Messages) in their order."""
-        topics = {key: k for key, k in self._topics.items() if k in connections}
-        return group_rows(self._read_rows(topics)) if topics else ()
-
-    def _read_rows(self, topics):
-        """Yield (connection, log time, content) of each message."""
-        marks = ", ".join("?" * len(topics))
-        lost = 0
-        time = None
-        query = (
-            "SELECT topic_id, timestamp, data FROM messages "
-            f"WHERE topic_id IN ({marks}) ORDER BY timestamp, id"
-        )
-        with closing(self._open()) as database:
-            try:
-                for key, time, data in database.execute(query, list(topics)):
-                    if isinstance(data, bytes) and isinstance(time, int):
-                        yield topics[key], time, data
-                    else:
-                        lost += 1
-            except sqlite3.Error as error:
-                self._lose("table messages", f"{error}: all after log time {time}; {self._advice}")
-        if lost:
-            self._lose("table messages", f"{lost} messages have no bytes, or no log time in int64")
-
-    def _open(self):
-        """Return a connection to the database."""
-        path = self._path
-        options = "?mode=ro&immutable=1"
-        if self._copy:
-            path = f"{self._copy.name}/{self._path.name}"
-            options = ""
-        database = sqlite3.connect(
-            f"file:{quote(str(path))}{options}", uri=True, check_same_thread=False
-        )
-        database.text_factory = lambda text: text.decode("utf-8", "backslashreplace")
-        return database
-
-
-class Ros1File:
-    """A bag of ROS 1 with its index. It is read up to the first damaged chunk."""
-
-    def __init__(self, path, name, lose):
-        self._lose = lose
-        self._open = partial(require("rosbags.rosbag1", REASON).Reader, path)
+        self._open = partial(require(f"rosbags.rosbag{2 - is_ros1}", REASON).Reader, path)
         self.connections = []
         self.start = None
+        repair = f"rosbag reindex {name}" if is_ros1 else f"sqlite3 {name} .recover"
+        self._advice = f"`{repair}` may help"
         try:
             with self._open() as reader:
                 for entry in reader.connections:
-                    connection = Connection(entry.topic, entry.msgtype, "ros1", entry.digest)
+                    encoding = "ros1" if is_ros1 else entry.ext.serialization_format
+                    connection = Connection(entry.topic, entry.msgtype, encoding, entry.digest)
                     self.connections.append(connection)
-                self.start = min((info.start_time for info in reader.chunk_infos), default=None)
+                self.start = reader.start_time if reader.message_count else None
         except Exception as error:  # of damaged bytes
             size = path.stat().st_size
-            text = f"{describe_error(error)}: {size} bytes; `rosbag reindex {name}` makes an index"
+            text = f"{describe_error(error)}: {size} bytes; {self._advice}"
             lose("index", text if size else "the file is empty")
+        if any(Path(f"{path}{end}").is_file() for end in ("-wal", "-journal")):
+            lose("journal", f"it is not read; `sqlite3 {name} .schema` writes it into the file")
 
     def parts(self, connections):
         """Yield (first log time, last one, function that returns Messages) in their order."""
@@ -309,13 +240,18 @@ class Ros1File:
         with self._open() as reader:
             chosen = {entry.id: k for k, entry in enumerate(reader.connections) if k in connections}
             entries = [entry for entry in reader.connections if entry.id in chosen]
+            lost = sum(entry.msgcount for entry in entries)
             try:
                 for entry, time, data in reader.messages(entries):
-                    count += 1
-                    yield chosen[entry.id], time, data
+                    if isinstance(data, bytes) and isinstance(time, int):
+                        count += 1
+                        yield chosen[entry.id], time, data
+                cause = "no bytes, or no log time in int64"
             except Exception as error:  # of damaged bytes
-                lost = sum(entry.msgcount for entry in entries) - count
-                self._lose(f"after log time {time}", f"{describe_error(error)}: {lost} messages")
+                cause = describe_error(error)
+            if lost > count:
+                text = f"{cause}: {lost - count} messages; {self._advice}"
+                self._lose(f"after log time {time}", text)
 
 
 # --- Files of a folder ---
