@@ -7,13 +7,11 @@ lost in silence.
 
 import bz2
 import gzip
-import lzma
 import math
 import random
 import re
 import sys
 import zipfile
-import zlib
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
@@ -165,10 +163,7 @@ PACKED = {
     "bz2": lambda data: bz2.compress(data, 1),  # in blocks of 100 kB
     "zst": lambda data: pa.compress(data, "zstd", asbytes=True),
     "lz4": lambda data: pa.compress(data, "lz4", asbytes=True),
-    "xz": lzma.compress,
 }
-UNPACKERS = {"gz": lambda: zlib.decompressobj(31), "bz2": bz2.BZ2Decompressor}
-"""Decompressors that return all bytes before a cut."""
 
 
 @pytest.fixture(scope="module")
@@ -184,27 +179,15 @@ def long_text():
 
 @pytest.mark.parametrize("ending", PACKED)
 def test_packed(written, long_text, ending):
-    """In one stream or two, or broken off: then what is there is read, and where it ends is
-    said.
-    """
+    """In one stream or two; one that is broken off is an error."""
     data, positions = long_text
     whole = PACKED[ending](data)
     for content in (whole, PACKED[ending](data[:200_000]) + PACKED[ending](data[200_000:])):
         recording = read(written(content, f"table.csv.{ending}"), parameters=LOOSE)
         assert lost(recording) == ["line 25002: " + WIDTH.format(1, 4, 1)]
         assert recording.q[:, 0].tolist() == positions
-    cut = whole[: len(whole) * 2 // 3]
-    recording = read(written(cut, f"table.csv.{ending}"), parameters=LOOSE)
-    assert 5000 < len(recording) < 20_000
-    assert recording.q[:, 0].tolist() == positions[: len(recording)]
-    if ending in UNPACKERS:
-        assert len(recording) == UNPACKERS[ending]().decompress(cut).count(b"\n") - 1
-    (loss,) = lost(recording)
-    assert loss.startswith(
-        f"line {len(recording) + 1}: the compressed data are damaged or end early: "
-    )
-    with pytest.raises(dd.InputError, match="the compressed data are damaged or end early"):
-        read(written(PACKED[ending](b"t,q1\n")[:12], f"table.csv.{ending}"))
+    with pytest.raises(dd.InputError, match=rf"{ending}': .* after line \d+"):
+        read(written(whole[: len(whole) * 2 // 3], f"table.csv.{ending}"), parameters=LOOSE)
 
 
 # --- Damage ---

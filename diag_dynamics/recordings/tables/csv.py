@@ -1,15 +1,10 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Text with a row on each line: CSV, TSV and the like, packed or not, by pyarrow."""
+"""Text with a row on each line: CSV, TSV and the like, compressed or not, by pyarrow."""
 
-import bz2
 import csv
-import gzip
-import lzma
 import re
-import zlib
-from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -34,14 +29,6 @@ _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
 _POINT = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE)
 _COMMA = re.compile(rb",(?=\d)")
-_PACKINGS = {
-    b"\x1f\x8b": gzip.open,
-    b"BZh": bz2.open,
-    b"\xfd7zXZ": lzma.open,
-    b"\x28\xb5\x2f\xfd": partial(pa.CompressedInputStream, compression="zstd"),
-    b"\x04\x22\x4d\x18": partial(pa.CompressedInputStream, compression="lz4"),
-}
-"""Readers of compressed files by the first bytes. Those of pyarrow lose rows before a cut."""
 
 
 class CsvTable:
@@ -51,13 +38,14 @@ class CsvTable:
 
     def __init__(self, path, column_map):
         self.path = path
-        self._broken = ""
         self._decimal = column_map.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
-            why = self._broken or "its first line is not UTF-8 text with a line break (LF or CR LF)"
-            raise InputError(f"'{path}' is not readable as CSV, Parquet or npz: {why}.")
+            raise InputError(
+                f"'{path}' is not readable as CSV, Parquet or npz: its first line is not UTF-8 text "
+                "with a line break (LF or CR LF)."
+            )
         self.columns, self._delimiter, self._above = _read_head(lines, column_map, path)
         self.texts = [
             f"line {at}: {line}"
@@ -83,41 +71,30 @@ class CsvTable:
                 text = _POINT.sub(b"_", text)  # of thousands: no number
                 text = _COMMA.sub(b".", text)
             yield self._parse(text, line, convert) or self._parse_lines(text, line, types, lose)
-        if self._broken:
-            last = line + text.count(b"\n") - 1
-            lose(f"{self._broken}: all after this line is lost", f"line {last}")
 
     def _read_lines(self, size):
         """Yield whole lines, about `size` bytes at a time, and the number of the first."""
         text = bytearray()
         line = 1
-        for chunk in self._read_chunks():
-            text += chunk
-            end = text.rfind(b"\n") + 1 if chunk or self._broken else len(text)
-            if end and (len(text) >= size or not chunk):
-                yield line, bytes(text[:end]).removeprefix(b"\xef\xbb\xbf" if line == 1 else b"")
-                line += text.count(b"\n", 0, end)
-                del text[:end]
-            elif len(text) > size + MAX_LINE:
-                raise InputError(f"'{self.path}': line {line} has more than {MAX_LINE} bytes.")
-
-    def _read_chunks(self):
-        """Yield unpacked bytes, and an empty chunk at the end; set `_broken` to the damage."""
-        self._broken = ""
-        with open(self.path, "rb") as file:
-            begin = file.read(8)
-            file.seek(0)
-            readers = (reader for magic, reader in _PACKINGS.items() if begin.startswith(magic))
-            stream = next(readers, lambda unpacked: unpacked)(file)
-            try:
-                while chunk := stream.read1(1 << 18):
-                    yield chunk
-            except (OSError, EOFError, zlib.error, lzma.LZMAError, pa.ArrowException) as error:
-                self._broken = (
-                    f"the compressed data are damaged or end early: {describe_error(error)}; rows "
-                    "shortly before may be wrong"
-                )
-        yield b""
+        try:
+            with pa.input_stream(str(self.path)) as stream:  # decompresses by the name of the file
+                while chunk := stream.read(size):
+                    text += chunk
+                    end = text.rfind(b"\n") + 1
+                    if end:
+                        yield line, bytes(text[:end]).removeprefix(b"\xef\xbb\xbf")
+                        line += text.count(b"\n", 0, end)
+                        del text[:end]
+                    elif len(text) > MAX_LINE:
+                        raise InputError(
+                            f"'{self.path}': line {line} has more than {MAX_LINE} bytes."
+                        )
+        except (OSError, pa.ArrowException) as error:
+            raise InputError(
+                f"'{self.path}': {describe_error(error)} after line {line}."
+            ) from error
+        if text:
+            yield line, bytes(text)
 
     def _parse(self, text, line, convert):
         """Return the columns of a block in which each line is a row; None for others."""
