@@ -141,7 +141,7 @@ class RobotSubscription:
         # Of the topic; of the monitor; both of the model in force.
         self._description = self._values = self._loaded = None
         self._request = None
-        self._published_at = time.monotonic()
+        self._published_at = self._added_at
         self._points = ()
         self._diagnostics = {}
         self._faults = {}
@@ -157,14 +157,14 @@ class RobotSubscription:
     @property
     def has_gone(self):
         """Whether the monitor has had no publisher for :data:`REMOVAL_TIMEOUT`."""
-        return time.monotonic() - self._published_at > REMOVAL_TIMEOUT
+        return self._node.time.steady() - self._published_at > REMOVAL_TIMEOUT
 
     def update(self):
         """Request the monitor's parameters; called once a second."""
         self._show_diagnostics()
         if not self._node.count_publishers(f"{self.monitor}/state"):
             return
-        self._published_at = time.monotonic()
+        self._published_at = self._node.time.steady()
         self._set_fault("silence", self._explain_silence())
         if not self._client.service_is_ready():
             return

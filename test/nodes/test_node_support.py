@@ -176,7 +176,7 @@ def test_written_parameters_are_known(made, tmp_path, capfd):
 
 
 @pytest.mark.parametrize(
-    ("node", "most"), [("monitor", 55), ("controller", 43), ("simulator", 23), ("view", 5)]
+    ("node", "most"), [("monitor", 50), ("controller", 42), ("simulator", 22), ("view", 4)]
 )
 def test_number_of_parameters(node, most):
     """Each parameter is read by every user of a node: a new one takes the place of another one."""

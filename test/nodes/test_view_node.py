@@ -141,6 +141,9 @@ def test_statuses_that_are_not_repeated_are_removed(peer, monitor, view, monkeyp
                     not any(entry["name"].endswith("external torque") for entry in result)
                 ),
             )
+    peer.pass_time(1.0)  # the view loads the robot with the monitor's parameters
+    robots = view.node._robots.values()
+    peer.wait_until(lambda: not any(robot._loader.loading for robot in robots), "the robot")
 
 
 def test_states_of_wrong_lengths_end_no_stream(peer, monitor, view, panda):
