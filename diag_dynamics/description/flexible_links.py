@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Flexible links by assumed modes: beams, finite elements, and joints that follow modes.
+"""Flexible links by assumed modes: beams, and joints that follow modes.
 
 A mode is an independent prismatic joint of a link without mass. Each section of the link, and the
 frame at its tip, is the end of a chain of joints that follow the modes η: displacements Φη − ½ e
@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from numpy.polynomial import polynomial
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.checks import mapping, not_negative, numbers, per_name, positive
+from diag_dynamics.checks import mapping, numbers, per_name, positive
 from diag_dynamics.description.loops import Couplings
 from diag_dynamics.description.records import (
     Description,
@@ -49,30 +49,25 @@ DIRECTIONS = "xyz"
 class _Field(NamedTuple):
     """Normal modes of a clamped beam in one direction.
 
-    Columns of V are coefficients of powers of ξ = x/L.
+    Columns are coefficients of the powers of ξ = x/L, the constant first.
     """
 
-    powers: npt.NDArray[np.int64]
-    V: Array
+    coefficients: Array
     frequencies: Array
     length: float
 
     def values(self, xi: float, derivative: int = 0) -> Array:
         """Return each mode, or a derivative by x, at ξ."""
-        p = self.powers
-        factor = np.ones(len(self.powers))
-        for k in range(derivative):
-            factor = factor * (p - k)
-        return (
-            np.asarray(factor * xi ** np.maximum(p - derivative, 0) @ self.V)
-            / self.length**derivative
-        )
+        columns = polynomial.polyder(self.coefficients, derivative)
+        return np.asarray(polynomial.polyval(xi, columns)) / self.length**derivative
 
     def shortening(self, xi: float) -> Array:
         """Return ∫ φ_a' φ_b' dx from 0 to ξ."""
-        p = self.powers
-        powers = np.add.outer(self.powers, self.powers) - 1
-        return np.asarray(self.V.T @ (np.outer(p, p) * xi**powers / powers) @ self.V) / self.length
+        H = np.zeros((len(self.frequencies),) * 2)
+        for x, weight in _gauss(len(self.coefficients)):
+            slope = self.values(x * xi, 1)
+            H += weight * xi * self.length * np.outer(slope, slope)
+        return H
 
 
 def _normal_modes(
@@ -93,7 +88,8 @@ def _normal_modes(
         / (powers - 2.0 * order + 1.0)
     )
     squares, V = np.linalg.eigh(L @ K @ L.T)
-    return _Field(p, L.T @ V, np.sqrt(squares), length)
+    columns = np.concatenate([np.zeros((order, count)), L.T @ V])
+    return _Field(columns, np.sqrt(squares), length)
 
 
 def _beam(
@@ -185,53 +181,9 @@ def _axes(direction: Array) -> Array:
     return np.column_stack([x, y, np.cross(x, y)])
 
 
-# --- Finite elements ------------------------------------------------------------------------------
-
-NODE = "mass", "xyz", "shape", "shortening"
-TIP = "shape", "slope", "shortening"
-
-
-def _elements(link: str, origins: Mapping[str, Array], entries: Mapping[str, Any]) -> FlexibleLink:
-    """Return the modes of nodes, in the link's axes.
-
-    They are shapes of unit modal mass of the link clamped at its origin.
-    """
-    where = f"flexible link '{link}'"
-    n = np.size(entries["frequencies"])
-    names = tuple(f"{link}/m{k + 1}" for k in range(n))
-    expected = "a finite number > 0 [rad/s]"
-    frequencies = per_name(f"{where}: frequencies", entries["frequencies"], names, expected)
-    if not n or not isinstance(entries["nodes"], list | tuple):
-        raise InputError(f"{where} has no frequencies, or not a list of nodes. Give both.")
-    axes = _axes(next(iter(origins.values())))
-
-    def station(name: str, entry: Any, keys: tuple[str, ...], at: Array | None = None) -> Station:
-        entry = mapping(f"{where}: {name}", entry, keys)
-        at = numbers(f"{where}: xyz of {name}", entry.get("xyz", at), (3,), "three numbers")
-        parts = {}
-        for key, shape in (("shape", (n, 3)), ("slope", (n, 3)), ("shortening", (n, n))):
-            expected = " x ".join(map(str, shape)) + " numbers"
-            parts[key] = numbers(
-                f"{where}: {key} of {name}", entry.get(key, np.zeros(shape)), shape, expected
-            )
-        mass = not_negative(f"{where}: mass of {name}", entry.get("mass", 0.0), "[kg]")
-        H = 0.5 * (parts["shortening"] + parts["shortening"].T)
-        return Station(axes.T @ at, axes.T @ parts["shape"].T, axes.T @ parts["slope"].T, H, mass)
-
-    nodes = tuple(station(f"node {k}", entry, NODE) for k, entry in enumerate(entries["nodes"]))
-    tips = {
-        joint: station(f"tip '{joint}'", entry, TIP, origins[joint])
-        for joint, entry in entries["tips"].items()
-    }
-    ratios = _ratios(where, entries, names)
-    bends = np.zeros((0, 2, n))
-    return FlexibleLink(names, axes, frequencies, ratios, nodes, tips, bends)
-
-
 # --- The robot ------------------------------------------------------------------------------------
 
 BEAM = "tip", "EI", "GJ", "modes", "damping_ratio", "mass"
-ELEMENTS = "frequencies", "nodes", "tips", "damping_ratio"
 
 
 def with_flexible_links(description: Description, couplings: Couplings) -> Description:
@@ -271,8 +223,8 @@ class _Builder:
             end = self._add_chain(name, f"{name}/{k + 1}", flexible, section)
             inertia = Inertial(section.mass, np.eye(4), np.diag(section.inertia))
             self.links[end] = Link(end, inertia)
-        for number, (joint, tip) in enumerate(flexible.tips.items()):
-            end = self._add_chain(name, f"{name}/tip{number + 1 if number else ''}", flexible, tip)
+        for joint, tip in flexible.tips.items():
+            end = self._add_chain(name, f"{name}/tip", flexible, tip)
             turn = pose(np.zeros(3), flexible.axes.T @ self.joints[joint].origin[:3, :3])
             self.joints[joint] = self.joints[joint]._replace(parent=end, origin=turn)
         return flexible
@@ -319,32 +271,26 @@ def _flexible_link(
 ) -> tuple[Inertial | None, FlexibleLink]:
     """Check the entry of a link; return the inertia that is not that of its modes, and these."""
     where = f"flexible link '{link.name}'"
-    keys, required = (ELEMENTS, ELEMENTS[:3]) if "nodes" in entry else (BEAM, BEAM[:2])
-    mapping(where, entry, keys, required)
+    mapping(where, entry, BEAM, BEAM[:2])
     if link.inertial is None or not link.inertial.mass > 0.0:
         raise InputError(f"{where} has no mass, expected an <inertial>.")
-    outboard = {name: joint for name, joint in joints.items() if joint.parent == link.name}
-    tips = mapping(f"{where}: tips", entry["tips"]) if "nodes" in entry else {entry["tip"]: {}}
-    for tip in tips:
-        if tip not in outboard:
-            raise InputError(
-                f"{where}: tip '{tip}' is not a joint of this link; "
-                f"its joints are {listed(list(outboard))}."
-            )
-    origins = {tip: outboard[tip].origin[:3, 3] for tip in tips}
-    tip, beam = next(iter(origins.items()))
-    if not np.linalg.norm(beam) > 0.0:
+    tip = entry["tip"]
+    outboard = [name for name, joint in joints.items() if joint.parent == link.name]
+    if tip not in outboard:
+        raise InputError(
+            f"{where}: tip '{tip}' is not a joint of this link; its joints are {listed(outboard)}."
+        )
+    beam = joints[tip].origin[:3, 3]
+    length = float(np.linalg.norm(beam))
+    if not length > 0.0:
         raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
     whole = link.inertial.body
-    if "nodes" in entry:
-        flexible = _elements(link.name, origins, entry)
-    else:
-        mass = positive(f"{where}: mass", entry.get("mass", whole.mass), "[kg]")
-        x = beam / np.linalg.norm(beam)
-        about = whole.inertia + parallel_axes(whole.mass, whole.centre)
-        polar = float(x @ about @ x) * mass / whole.mass
-        flexible = _beam(link.name, tip, beam, entry, mass, polar)
-    return _rest(where, whole, flexible, float(np.linalg.norm(beam))), flexible
+    mass = positive(f"{where}: mass", entry.get("mass", whole.mass), "[kg]")
+    x = beam / length
+    about = whole.inertia + parallel_axes(whole.mass, whole.centre)
+    polar = float(x @ about @ x) * mass / whole.mass
+    flexible = _beam(link.name, tip, beam, entry, mass, polar)
+    return _rest(where, whole, flexible, length), flexible
 
 
 def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -> Inertial | None:

@@ -246,8 +246,7 @@ class FlexibleLink(NamedTuple):
     Attributes
     ----------
     modes : tuple of str
-        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it; others
-        are ``<link>/m1`` ….
+        ``<link>/y1`` … bend it along y, ``<link>/z1`` … along z, ``<link>/x1`` … twist it.
     axes : ndarray, shape (3, 3)
         Axes of the beam in the link: x leads to the tip.
     frequencies, damping_ratio : ndarray, shape (n,)
@@ -255,7 +254,7 @@ class FlexibleLink(NamedTuple):
     sections : tuple of Station
         The mass of the link.
     tips : mapping
-        :class:`Station` of each joint that the modes move.
+        :class:`Station` of the joint that the modes move.
     bends : ndarray, shape (p, 2, n)
         Curvature κ [√J] and slope σ [1] of points of the beam by η, for the strain energy of
         `bending_energy`.

@@ -223,39 +223,6 @@ def test_arm(arm, seed):
     CutTree(arm, joints).compare(arm.random(rng), rng.normal(size=arm.nv) * size)
 
 
-def test_nodes():
-    """Nodes of finite elements move without foreshortening, by the shapes that are given."""
-    rng = np.random.default_rng(5)
-    nodes = [
-        {"mass": 0.3, "xyz": [0.2 + 0.2 * k, 0.0, 0.05], "shape": rng.normal(size=(3, 3)) * 0.3}
-        for k in range(3)
-    ]
-    tip = {"shape": rng.normal(size=(3, 3)) * 0.5, "slope": rng.normal(size=(3, 3))}
-    text = (
-        f'<robot name="arm"><link name="base"/><link '
-        f'name="a">{inertial(np.array([[0.9, 0.4, 0, 0.05]]))}</link>'
-        f'<link name="tip">{inertial(TIP)}</link>'
-        + joint("j1", "base", "a", axis="0 1 0")
-        + joint("j2", "a", "tip", "0.8 0 0", "0 1 0")
-        + "</robot>"
-    )
-    entry = {"nodes": nodes, "tips": {"j2": tip}, "frequencies": [20.0, 40.0, 70.0]}
-    model = dd.load_urdf(text, loops={"flexible_links": {"a": entry}}, gravity=G)
-    assert model.dof_names == ("j1", "a/m1", "a/m2", "a/m3", "j2")
-    link = model.flexible_links["a"]
-    for section, node in zip(link.sections, nodes, strict=True):
-        assert section.mass == node["mass"] and not section.shortening.any()
-        np.testing.assert_array_equal(link.axes @ section.at, node["xyz"])
-        np.testing.assert_array_equal(link.axes @ section.shape, node["shape"].T)
-    np.testing.assert_array_equal(link.tips["j2"].shape, tip["shape"].T)
-    np.testing.assert_array_equal(link.tips["j2"].slope, tip["slope"].T)
-    Y = pin.JointModelRY()
-    tree = CutTree(
-        model, [("j1", "base", "a", (0, 0, 0), Y, ()), ("j2", "a", "tip", (0, 0, 0), Y, TIP)]
-    )
-    tree.compare(rng.normal(size=5) * [1, 0.1, 0.1, 0.1, 1], rng.normal(size=5))
-
-
 # --- Beams in closed form
 # -----------------------------------------------------------------------------------------
 
@@ -458,14 +425,6 @@ def test_steep_tip(arm):
 # --- Input
 # --------------------------------------------------------------------------------------------------
 
-NODE = {"mass": 0.1, "xyz": [0.5, 0, 0], "shape": [[0, 1, 0]]}
-
-
-def nodes(*entries, **more):
-    """Return flexible links of nodes, by default with one frequency and tip."""
-    return {"a": {"nodes": list(entries), "frequencies": [1.0], "tips": {"j2": {}}} | more}
-
-
 WRONG = [
     ({"ghost": {}}, "'ghost' is not a link"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
@@ -483,20 +442,6 @@ WRONG = [
         "Give the mass of the beam",
     ),
     ({"base": LINKS["a"] | {"tip": "j1"}}, "'base' has no mass"),
-    (nodes(nodes=3), "a list of nodes"),
-    (nodes(NODE, frequencies=[1.0, 2.0]), "shape of node 0"),
-    (
-        nodes(NODE | {"slope": [[0, 0, 1]]}),
-        "node 0 has 'slope'",
-    ),
-    (
-        nodes(NODE, tips={"j2": {"mass": 1.0}}),
-        "tip 'j2' has 'mass'",
-    ),
-    (
-        nodes({"mass": 0.1}),
-        "xyz of node 0 is None",
-    ),
 ]
 
 
