@@ -28,36 +28,24 @@ script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:">
 """A report loads nothing that is not in it."""
 
 
-def page_of(static=STATIC):
-    """Return script, style and licences of the page; raise an InputError if it is not built."""
+def write_report(path, content, states, meshes, static=STATIC):
+    """Write a report; raise an InputError if the page is not built.
+
+    Its parts are content for JSON (``layout``, …), ``states`` among them as their number, states as
+    by :func:`~diag_dynamics.page.meshes.pack`, and packed meshes by hash.
+    """
     try:
-        return [
+        script, style, licences = (
             (static / name).read_text(encoding="utf-8")
             for name in ("page.js", "page.css", "licences.txt")
-        ]
+        )
     except OSError as error:
         raise InputError(
             f"The page is not there: {error}. In a checkout, `make page` builds it."
         ) from error
-
-
-def as_text(size):
-    """Return the characters that so many bytes take."""
-    return 4 * -(-size // 3)
-
-
-def write_report(path, content, tracks, meshes, static=STATIC):
-    """Write a report.
-
-    Its parts are content for JSON (``layout``, …), tracks, each a number of states and these as by
-    :func:`~diag_dynamics.page.meshes.pack`, and packed meshes by hash.
-    """
-    script, style, licences = page_of(static)
-    blocks = [*(data for _, data in tracks), *meshes.values()]
-    texts = [base64.b64encode(block).decode("ascii") for block in blocks]
-    places = {sha: len(tracks) + k for k, sha in enumerate(meshes)}
-    about = {"tracks": [rows for rows, _ in tracks], "meshes": places}
-    text = json.dumps(content | about, allow_nan=False, separators=(",", ":"))
+    places = {sha: 1 + k for k, sha in enumerate(meshes)}
+    texts = [base64.b64encode(block).decode("ascii") for block in (states, *meshes.values())]
+    text = json.dumps(content | {"meshes": places}, allow_nan=False, separators=(",", ":"))
     for character in "<>&":  # no name ends an element
         text = text.replace(character, f"\\u{ord(character):04x}")
     parts = [

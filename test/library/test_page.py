@@ -82,7 +82,7 @@ def test_the_fixture_of_the_javascript_tests_is_what_python_writes():
     made = page_fixture.content()
     for entry in (stored, made):
         entry["frames"] = [numbers_of(unpacked(text)) for text in entry["frames"]]
-        entry["tracks"]["blocks"] = [len(unpacked(text)) for text in entry["tracks"]["blocks"]]
+        entry["states"]["block"] = len(unpacked(entry["states"]["block"]))
     require_same(made, stored)
 
 

@@ -1,9 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reports have the library's numbers of the recording, every state around contacts, and a bounded
-size.
-"""
+"""Reports have the library's numbers of the recording, all peaks, and few states."""
 
 import gzip
 import io
@@ -23,14 +21,7 @@ from diag_dynamics.page.meshes import pack, pack_mesh, pack_meshes
 from diag_dynamics.page.report import write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
-from diag_dynamics.recordings.outputs.downsampling import (
-    AROUND,
-    MAX_RUN,
-    ContactRuns,
-    Overview,
-    make_records,
-    mean_powers,
-)
+from diag_dynamics.recordings.outputs.downsampling import Overview, energy_rate, make_records
 from diag_dynamics.recordings.recording import Reading
 from recorded_arm import ARM, PUSHED, RATE, WATCHED, Recording, parts_of
 
@@ -148,9 +139,9 @@ def test_names_that_are_no_utf8(recording):
 # --- Downsampling ---
 
 
-def states_of(t, collision=False, **columns):
+def states_of(t, **columns):
     """Return records of states at some times."""
-    columns = {"t": t, "index": np.arange(len(t)), "collision": collision, **columns}
+    columns = {"t": t, "index": np.arange(len(t)), **columns}
     return make_records(
         {name: np.broadcast_to(x, (len(t), *np.shape(x)[1:])) for name, x in columns.items()}
     )
@@ -180,46 +171,10 @@ def test_no_peak_is_missing_from_the_overview():
     assert states["index"][0] == 0 and np.diff(states["index"]).max() < 2 * count // 120
 
 
-@pytest.mark.parametrize("size", [700, 2500, 20_000])
-def test_all_states_around_contacts_are_kept(size):
-    """The size of pieces has no effect. Of a long contact, states around its start and end are
-    kept.
-    """
-
-    def runs_of(states):
-        contacts = ContactRuns()
-        return [run for piece in in_pieces(states, size) for run in contacts.add(piece)] + list(
-            contacts.finish()
-        )
-
-    t = np.arange(20_000) * 1e-3
-    edges = [5.0, 5.2, 6.5, 6.6, 13.0, 19.0]
-    collision = np.any(
-        [(t >= begin) & (t < end) for begin, end in zip(edges[::2], edges[1::2], strict=True)],
-        axis=0,
-    )
-    runs = runs_of(states_of(t, collision))
-    expected = t[np.any([np.abs(t - edge) <= AROUND + 1e-9 for edge in edges], axis=0)]
-    np.testing.assert_allclose(np.concatenate([run["t"] for run in runs]), expected)
-    assert len(runs) == 3
-    t = np.arange(60_000) * 1e-3
-    often = runs_of(states_of(t, t % 1.0 < 0.1))  # one run is bounded, not what is kept
-    assert sum(map(len, often)) == len(t)
-    assert max(np.ptp(run["t"]) for run in often) < MAX_RUN + 1e-3 * size
-
-
-def test_mean_powers_are_works_by_time():
-    """Of K = t² and a work of 3t² the powers are 2t and 6t; NaN over a gap and where an effort is
-    missing.
-    """
-    t = np.concatenate([np.arange(1000) * 1e-3, 5.0 + np.arange(1000) * 1e-3])
-    powers = np.repeat(6.0 * t[:, None], 4, axis=1)
-    powers[1500:1600, 0] = np.nan
-    result = mean_powers(t, powers, t * t)
-    inner = np.r_[50:900, 1050:1450, 1650:1950]
-    np.testing.assert_allclose(result[inner][:, [4, 0]], np.outer(t[inner], [2.0, 6.0]), rtol=1e-6)
-    assert np.isnan(result[1510:1590, 0]).all() and np.isfinite(result[1510:1590, 1]).all()
-    assert np.isnan(result[995:1005]).all()
+def test_the_rate_of_energy_is_a_mean():
+    """Of K = t² it is 2t."""
+    t = np.arange(1000) * 1e-3
+    np.testing.assert_allclose(energy_rate(t, t * t)[50:950], 2.0 * t[50:950], rtol=1e-6)
 
 
 # --- How numbers are packed ---
@@ -261,11 +216,11 @@ def test_meshes_have_fewer_vertices_and_the_largest_are_left_out():
 # --- The file ---
 
 
-def track_of(told, blocks, track):
-    """Return times of a track by its number, and its fields by name."""
-    times, numbers = unpacked(blocks[track], told["tracks"][track])
+def states_in(content, blocks):
+    """Return the times of the states of a report, and their fields by name."""
+    times, numbers = unpacked(blocks[0], content["states"])
     result = {}
-    for field in told["layout"]["fields"]:
+    for field in content["layout"]["fields"]:
         result[field["name"]] = numbers[:, : field["size"]]
         numbers = numbers[:, field["size"] :]
     return times, result
@@ -293,7 +248,7 @@ COMPARED = (
 
 
 def test_the_numbers_are_those_of_frames(recording):
-    """In the overview and at full rate: to the steps of the packing and the rounding of floats."""
+    """To the steps of the packing and the rounding of floats."""
     limits = dd.ContactLimits.load(recording.folder / "limits.yaml")
     options = ["--set", *WATCHED, f"contact_limits.file={recording.folder / 'limits.yaml'}"]
     html, summary = recording.analyse("swing", *options, **recording.columns())
@@ -301,7 +256,6 @@ def test_the_numbers_are_those_of_frames(recording):
     assert PUSHED[0] < collision["start"] < PUSHED[0] + 0.2
     content, blocks = parts_of(html)
     assert content["summary"] == summary
-    assert len(content["tracks"]) == 2
     points = dd.link_geometry(recording.model, ARM).points
     points = dd.ContactPoints(recording.model, points, limits, "limit")
     assert [point["name"] for point in content["layout"]["contact_limits"]["points"]] == list(
@@ -310,31 +264,22 @@ def test_the_numbers_are_those_of_frames(recording):
     maker = FrameMaker(recording.dyn, zip(points.names, points.links, strict=True))
     hand = content["layout"]["end_effector"]
     places = maker.layout.places
-    for track in range(2):
-        t, result = track_of(content, blocks, track)
-        which = np.rint(t * RATE).astype(int)
-        np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
-        q = recording.q[which]
-        qd = recording.qd[which]
-        tau = recording.tau[which]
-        evaluation = recording.dyn.evaluate(q, qd, tau)
-        states = States.of(t, q, qd, tau, evaluation)
-        numbers = maker.frames(
-            states.with_contact_limits(recording.dyn.contact_limits(q, qd, points))
-        )["numbers"]
-        for k, state in enumerate(zip(q, evaluation.nu, strict=True)):
-            numbers[k, maker.layout.common :] = maker.chosen(*state, hand)
-        smooth = (np.abs(t[:, None] - PUSHED) > 0.02).all(axis=1) & (t > 0.02) & (t < t[-1] - 0.02)
-        for name in COMPARED:
-            expected = numbers[:, places[name]]
-            error = np.abs(result[name] - expected)
-            size = np.abs(expected).max()
-            if name.startswith("p_"):
-                assert (error[smooth] <= 2e-3 * size).all(), name
-            else:
-                np.testing.assert_allclose(result[name], expected, 2e-5, 1e-5 * size, err_msg=name)
-    around = track_of(content, blocks, 1)[0]
-    np.testing.assert_allclose(np.diff(around), 1.0 / RATE, atol=2e-6)
+    t, result = states_in(content, blocks)
+    which = np.rint(t * RATE).astype(int)
+    np.testing.assert_allclose(t, recording.t[which], atol=2e-6)
+    q = recording.q[which]
+    qd = recording.qd[which]
+    tau = recording.tau[which]
+    evaluation = recording.dyn.evaluate(q, qd, tau)
+    states = States.of(t, q, qd, tau, evaluation)
+    states = states.with_contact_limits(recording.dyn.contact_limits(q, qd, points))
+    numbers = maker.frames(states)["numbers"]
+    for k, state in enumerate(zip(q, evaluation.nu, strict=True)):
+        numbers[k, maker.layout.common :] = maker.chosen(*state, hand)
+    for name in COMPARED:
+        expected = numbers[:, places[name]]
+        size = np.abs(expected).max()
+        np.testing.assert_allclose(result[name], expected, 2e-5, 1e-5 * size, err_msg=name)
 
 
 @pytest.mark.parametrize(
@@ -372,32 +317,10 @@ def test_states_without_an_effort_are_counted(recording):
     assert 201 <= unknown <= 202 and len(summary["collisions"]) == 1
     assert f"unknown at {unknown} of 4000 states" in summary["observer"]["text"]
     content, blocks = parts_of(html)
-    t, result = track_of(content, blocks, 0)
+    t, result = states_in(content, blocks)
     missing = np.abs(t - 5.2) < 0.18
     assert all(np.isnan(result[name][missing]).all() for name in ("effort", "epsilon", "p_effort"))
     assert all(np.isfinite(result[name]).all() for name in ("coriolis", "K", "p_gravity"))
-
-
-def test_the_strongest_contacts_have_the_room_that_there_is(recording, monkeypatch):
-    """The weaker of two is dropped, and the report says how many are missing at full rate."""
-    t, *motion = recording.motion(((0.5, 0.8), (6.5, 6.8)), (40.0, 80.0))
-    rng = np.random.default_rng(9)
-    noisy = {
-        name: x + rng.normal(0.0, 1e-4, x.shape)
-        for name, x in zip(("q", "qd", "tau"), motion, strict=True)
-    }
-    room = output.MAX_REPORT
-    for name, contacts in (("pushed", 2), ("less", 1)):
-        monkeypatch.setattr(output, "MAX_REPORT", room)
-        html, _ = recording.analyse(name, "--quiet", "--set", *WATCHED, t=t, **noisy)
-        content, blocks = parts_of(html)
-        assert html.stat().st_size < room * 1.01
-        assert (len(content["tracks"]), content["without_full_rate"]) == (
-            1 + contacts,
-            2 - contacts,
-        )
-        room = html.stat().st_size - 4 * len(blocks[1]) // 6
-    assert track_of(content, blocks, 1)[0].min() > 4.0
 
 
 def test_times_behind_a_long_gap_are_right(recording):
@@ -414,7 +337,7 @@ def test_times_behind_a_long_gap_are_right(recording):
     summary = Analysis(reading).run([output.ReportOutput(html, reading)])
     assert summary["recording"] == str(path)
     content, blocks = parts_of(html)
-    t = track_of(content, blocks, 0)[0]
+    t = states_in(content, blocks)[0]
     assert t[-1] > 7200.0 and np.isin(np.rint(t * 1e6), np.rint(columns["t"] * 1e6)).all()
     assert content["layout"]["contact_limits"]["points"] == []
     assert content["parameters"][0] == {
@@ -427,7 +350,7 @@ def test_times_behind_a_long_gap_are_right(recording):
 
 def test_a_page_that_is_not_built(tmp_path):
     with pytest.raises(dd.InputError, match="make page"):
-        write_report(tmp_path / "r.html", {}, [], {}, static=tmp_path)
+        write_report(tmp_path / "r.html", {}, b"", {}, static=tmp_path)
 
 
 def test_contacts_and_the_touched_link(recording):
@@ -451,7 +374,7 @@ def test_contacts_and_the_touched_link(recording):
     assert [round(entry["start"], 1) for entry in summary["collisions"]] == [2.1]
     assert [round(entry["start"], 1) for entry in summary["contacts"]] == [2.0, 5.0]
     content, blocks = parts_of(html)
-    times, fields = track_of(content, blocks, 0)
+    times, fields = states_in(content, blocks)
     flags = fields["flags"][:, 0].astype(int)
     links = recording.model.link_names
     pushed = (flags & (CAUSES["contact"] | CAUSES["collision"])) > 0

@@ -359,9 +359,7 @@ def recording(tmp_path_factory):
 
 @pytest.mark.full
 def test_a_report_shows_the_recording(chromium, recording):
-    """Numbers and contact of moments in the overview and at full rate, words, buttons and panels;
-    without a network.
-    """
+    """Numbers and contact of moments, words, buttons and panels; without a network."""
     options = [
         "--quiet",
         "--set",

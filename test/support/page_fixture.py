@@ -82,7 +82,7 @@ def content():
     return {
         "layout": json.loads(newest[0].layout[1]),
         "frames": [_text(frame) for *_, frame in newest],
-        "tracks": _tracks(dyn),
+        "states": _states(dyn),
         "kinematics": _kinematics(),
     }
 
@@ -112,25 +112,20 @@ def _kinematics():
     return result
 
 
-def _tracks(dyn):
-    """Return an overview, a state per second, and 0.2 s at 100 Hz.
+def _states(dyn):
+    """Return states of a report, one per second.
 
     K is 10 t, the energy of each link t, and D is infinite. All other numbers are those of one
     state.
     """
     maker = FrameMaker(dyn, POINTS)
     state = States.of(0.0, Q, QD, EFFORT, dyn.evaluate(Q, QD, EFFORT), **CONTACT)
-    row = maker.frames(state)["numbers"][0].astype(float)
-    blocks = []
-    counts = []
-    for t in (np.arange(6.0), 2.5 + 0.01 * np.arange(21)):
-        numbers = np.tile(row, (len(t), 1))
-        numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]
-        numbers[:, maker.layout.places["link_energy"]] = t[:, None]
-        numbers[:, maker.layout.places["D"]] = math.inf
-        counts.append(len(t))
-        blocks.append(_text(pack(t, numbers)))
-    return {"about": counts, "blocks": blocks}
+    t = np.arange(6.0)
+    numbers = np.tile(maker.frames(state)["numbers"][0].astype(float), (len(t), 1))
+    numbers[:, maker.layout.places["K"]] = 10.0 * t[:, None]
+    numbers[:, maker.layout.places["link_energy"]] = t[:, None]
+    numbers[:, maker.layout.places["D"]] = math.inf
+    return {"count": len(t), "block": _text(pack(t, numbers))}
 
 
 def _text(data):

@@ -50,13 +50,12 @@ function overall({ summary, begin, layout }, act) {
 }
 
 // Whether collisions of a report are known, and what there is to say of their thresholds.
-export function collisionNotes({ summary: { observer }, without_full_rate: without }) {
+export function collisionNotes({ summary: { observer } }) {
   const known = !observer.missing.length && observer.observed > 0;
   const count = observer.judged.length;
   const texts = known ? [`Thresholds of ${count} alarm${count === 1 ? "" : "s"}; observer gain ${number(observer.gain)}/s.`] : [];
   if (observer.text) texts.push(observer.text);
   if (observer.missing.includes(GAIN) && observer.observed) texts.push(`${GAIN} is not set; this report uses ${number(observer.gain)}/s.`);
-  if (without) texts.push(`The file omits full-rate states around the ${without} weakest collisions.`);
   return [known, texts];
 }
 

@@ -25,7 +25,7 @@ export class Report {
   async begin() {
     const { app, content } = this;
     const layout = new Layout({ ...content.layout, report: true });
-    this.rows = await rowsOf(layout, content.tracks);
+    this.rows = await rowsOf(layout, content.states);
     app.cards.chapters = chapters(content, { go: (t) => app.view.go(t) });
     app.cards.collisions.setNotes(...collisionNotes(content));
     app.laidOut(layout);

@@ -1,35 +1,19 @@
 // SPDX-FileCopyrightText: diag_dynamics maintainers
 // SPDX-License-Identifier: Apache-2.0
 
-// The states of a report in one store: those of the whole recording and, around contacts, all of them.
+// The states of a report: block 0.
 
 import { Rows } from "./rows.js";
 
-export async function rowsOf(layout, tracks) {
-  return merged(await Promise.all(tracks.map((rows, block) => read(layout, rows, block))));
-}
-
-// Of the overview those states at whose times no other track has any.
-function merged([overview, ...full]) {
-  const total = [overview, ...full].reduce((sum, part) => sum + part.times.length, 0);
-  const rows = new Rows(overview.columns.length, total);
-  full.sort((a, b) => a.times[0] - b.times[0]);
-  let next = 0;
-  for (const part of [...full, { times: [Infinity], columns: [] }]) {
-    while (overview.times[next] < part.times[0]) put(rows, overview, next++);
-    if (part.columns.length) part.times.forEach((_, i) => put(rows, part, i));
-    while (overview.times[next] <= part.times.at(-1)) next++;
-  }
+export async function rowsOf(layout, count) {
+  const bytes = await bytesOf(0);
+  const times = new Float64Array(bytes.buffer, 0, count);
+  const columns = columnsOf(bytes.subarray(8 * count), count, layout.width);
+  const rows = new Rows(columns.length, count);
+  times.forEach((t, i) => {
+    if (!rows.length || t > rows.last) rows.push(t, columns.map((column) => column[i]));
+  });
   return rows;
-}
-
-function put(rows, { times, columns }, i) {
-  if (!rows.length || times[i] > rows.last) rows.push(times[i], columns.map((column) => column[i]));
-}
-
-async function read(layout, rows, block) {
-  const bytes = await bytesOf(block);
-  return { times: new Float64Array(bytes.buffer, 0, rows), columns: columnsOf(bytes.subarray(8 * rows), rows, layout.width) };
 }
 
 // --- numbers and meshes as meshes.py packs them ---
