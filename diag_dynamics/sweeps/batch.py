@@ -73,9 +73,11 @@ def _read_joint(at, i, Q, QD, TAU, first, last):
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         position = body.multiplier * Q[t, body.q] + body.offset
-        row.position[b] = position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
-        row.rate[b] = body.multiplier * QD[t, body.dof]
-        row.effort[b] = TAU[min(t, len(TAU) - 1), body.dof]
+        row.position[0, b] = (
+            position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
+        )
+        row.rate[0, b] = body.multiplier * QD[t, body.dof]
+        row.effort[0, b] = TAU[min(t, len(TAU) - 1), body.dof]
 
 
 @nk.kernel
@@ -84,8 +86,8 @@ def _outward_joint(direction, at, i):
     body = records.values_of(at.bodies[i])
     row = at.lanes[i]
     for b in range(WIDTH):
-        X = joints.placement(direction, body, row.position[b])
-        rate = row.rate[b]
+        X = joints.placement(direction, body, row.position[0, b])
+        rate = row.rate[0, b]
         motion = sp.motion_along(direction, rate)
         evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
@@ -99,12 +101,65 @@ def _inward_joint(direction, at, i):
     for b in range(WIDTH):
         w = lane_of(row.own, b)
         parent = lane_of(row.parent, b)
-        results, singular = evaluation.inward_joint(
-            direction, body.armature, row.rate[b], row.effort[b], w, parent, True
-        )
+        D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
+        rate = row.rate[0, b]
+        effort = row.effort[0, b]
+        results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
         _set_results(row.results[:, b], results)
         count += 1 if singular else 0
     _accumulate(at, i)
+    return count
+
+
+# --- A floating base: its six degrees of freedom are in the row of its last body ---
+
+
+@nk.kernel
+def _read_base(at, i, Q, QD, TAU, first, last):
+    body = at.bodies[i]
+    row = at.lanes[at.bodies[i].last]
+    for b in range(WIDTH):
+        t = min(first + b, last - 1)
+        for k in range(7):
+            row.position[k, b] = Q[t, body.q + k]
+        for k in range(6):
+            row.rate[k, b] = QD[t, body.dof + k]
+            row.effort[k, b] = TAU[min(t, len(TAU) - 1), body.dof + k]
+
+
+@nk.kernel
+def _outward_base(at, i):
+    last = at.bodies[i].last
+    for k in range(V, P):
+        at.rows[last, PARENT + k] = at.rows[0, k]
+    base = records.values_of(at.bodies[i])
+    body = records.values_of(at.bodies[last])
+    row = at.lanes[last]
+    for b in range(WIDTH):
+        position = row.position[:, b]
+        motion = records.motion_of(row.rate[:, b])
+        quaternion = (position[3], position[4], position[5], position[6])
+        X = joints.floating_placement(base, records.vector_of(position), quaternion)
+        evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
+
+
+@nk.kernel
+def _inward_base(at, i):
+    """The inward step; returns the number of singular directions of all states."""
+    row = at.lanes[i]
+    count = 0
+    for b in range(WIDTH):
+        effort = records.force_of(row.effort[:, b])
+        evaluation.start_base(effort, lane_of(row.own, b))
+    for j in range(i, at.bodies[i].first - 1, -1):
+        direction = at.bodies[j].direction
+        armature = at.bodies[j].armature
+        for b in range(WIDTH):
+            results, singular = evaluation.eliminate_last(direction, armature, lane_of(row.own, b))
+            _set_results(row.parent.P[:, b], results)
+            count += 1 if singular else 0
+        for k in range(N_RESULTS * WIDTH):
+            at.rows[j, RESULTS + k] = at.rows[i, PARENT + P + k]
     return count
 
 
@@ -130,13 +185,6 @@ def _store(at, i, b):
         row[k * WIDTH + b] = record[k]
 
 
-@nk.kernel
-def _first_swept(at, i):
-    """First body of a group that the inward step reads: the last one of a floating base."""
-    is_base = evaluation.is_floating_base(at.bodies, i)
-    return at.bodies[i].last if is_base else at.bodies[i].first
-
-
 @nk.large_kernel
 def _outward_several(at, i, Q, QD, first, last):
     """As evaluation.outward_step, at all bodies of a joint."""
@@ -146,8 +194,7 @@ def _outward_several(at, i, Q, QD, first, last):
             _load(at, at.bodies[i].parent, b)
         for j in range(i, i + at.bodies[i].dofs):
             evaluation.outward_step(at.bodies, j, Q[t], QD[t], at.work)
-            if j >= _first_swept(at, j):
-                _store(at, j, b)
+            _store(at, j, b)
 
 
 @nk.large_kernel
@@ -160,7 +207,7 @@ def _inward_group(robot, i, QD, TAU, first, last):
     for b in range(WIDTH):
         t = min(first + b, last - 1)
         _load(at, base, b)
-        for j in range(_first_swept(at, i), i + 1):
+        for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
         if evaluation.inward_group(robot, i, QD[t], tau, out) != 0:
@@ -202,6 +249,9 @@ def _outward(at, Q, QD, TAU, first, last):
                 _outward_joint(sp.ANGULAR_Z, at, i)
             else:
                 _outward_joint(sp.LINEAR_Z, at, i)
+        elif bodies[i].rank == 0 and evaluation.is_floating_base(bodies, i):
+            _read_base(at, i, Q, QD, TAU, first, last)
+            _outward_base(at, i)
         elif bodies[i].rank == 0:
             _outward_several(at, i, Q, QD, first, last)
 
@@ -215,7 +265,10 @@ def _inward(robot, QD, TAU, first, last):
     singular = 0
     while i > 0 and singular == 0:
         if groups.is_grouped(bodies[i]):
-            singular = _inward_group(robot, i, QD, TAU, first, last)
+            is_base = evaluation.is_floating_base(bodies, i)
+            singular = (
+                _inward_base(at, i) if is_base else _inward_group(robot, i, QD, TAU, first, last)
+            )
         elif bodies[i].direction == sp.ANGULAR_Z:
             singular = _inward_joint(sp.ANGULAR_Z, at, i)
         else:

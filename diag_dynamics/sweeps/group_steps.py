@@ -10,7 +10,6 @@ import numpy as np
 from numba import types
 
 from diag_dynamics.numerics.callback import Callback
-from diag_dynamics.numerics.kernel import kernel
 from diag_dynamics.numerics.tables import array_at
 from diag_dynamics.sweeps import classical, evaluation, factorization
 from diag_dynamics.sweeps import workspace as ws
@@ -18,23 +17,21 @@ from diag_dynamics.sweeps import workspace as ws
 _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 
 
-@kernel
-def _results_at(robot, qd, tau, out, columns):
-    """q̇, τ and `out`, a matrix of `columns`, at their addresses."""
-    count = (ws.robot_of(robot).nv,)
-    return _vector_at(qd, count), _vector_at(tau, count), _matrix_at(out, (ws.N_ROWS, columns))
-
-
 @Callback
 def inward(robot, i, qd, tau, out, columns):
-    """Run evaluation.inward_coupled at addresses."""
-    return evaluation.inward_coupled(robot, i, *_results_at(robot, qd, tau, out, columns))
+    """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of `columns`."""
+    at = ws.robot_of(robot)
+    rates = _vector_at(qd, (at.nv,))
+    efforts = _vector_at(tau, (at.nv,))
+    results = _matrix_at(out, (ws.N_ROWS, columns))
+    return evaluation.inward_coupled(robot, i, rates, efforts, results)
 
 
 @Callback
-def inward_base(robot, i, qd, tau, out, columns):
+def inward_base(robot, i, _, tau, out, columns):
     """Run evaluation.inward_base, as :func:`inward`."""
-    return evaluation.inward_base(robot, i, *_results_at(robot, qd, tau, out, columns))
+    efforts = _vector_at(tau, (ws.robot_of(robot).nv,))
+    return evaluation.inward_base(robot, i, efforts, _matrix_at(out, (ws.N_ROWS, columns)))
 
 
 @Callback

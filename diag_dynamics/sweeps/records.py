@@ -120,14 +120,15 @@ LANES = np.dtype(
             "parent",
             _LANE,
         ),  # a copy of the parent's motion, and contributions to its inertias and forces
-        ("position", "f8", WIDTH),
-        ("rate", "f8", WIDTH),
-        ("effort", "f8", WIDTH),
+        ("position", "f8", (7, WIDTH)),
+        ("rate", "f8", (6, WIDTH)),
+        ("effort", "f8", (6, WIDTH)),
         ("results", "f8", (N_RESULTS, WIDTH)),
     ],
     align=True,
 )
-"""Workspace of one body for WIDTH states: see batch."""
+"""Workspace of one body for WIDTH states: see batch. Only a floating base has more than one
+rate."""
 
 Lane = namedtuple("Lane", SWEPT_FIELDS)
 """Fields of one state in LANES, as a record WORK has them."""
