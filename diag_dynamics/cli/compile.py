@@ -39,6 +39,7 @@ UNITS = {
     "sweeps.evaluation": 2,
     "sweeps.classical": 2,
     "sweeps.kinematics": 2,
+    "sweeps.mobilities": 1,
     "sweeps.followers": 1,
     "sweeps.alarms": 1,
     "sweeps.limits": 1,

@@ -17,7 +17,8 @@ from diag_dynamics.dynamics.noise import whitening
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.rigid_body import RigidBody
-from diag_dynamics.sweeps.regressors import FRAME, LOAD, update_load
+from diag_dynamics.sweeps.mobilities import FRAME
+from diag_dynamics.sweeps.regressors import LOAD, update_load
 
 PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] without any state
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory

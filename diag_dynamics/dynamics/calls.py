@@ -37,6 +37,7 @@ from diag_dynamics.sweeps import (
     factorization,
     joints,
     kinematics,
+    mobilities,
     regressors,
 )
 from diag_dynamics.sweeps import workspace as ws
@@ -372,27 +373,10 @@ class SweepCaller:
         _require_finite(at, epsilon, problem)
         return epsilon
 
-    def mobilities(self, at: States) -> Array:
-        """Return J M⁻¹Jᵀ of all links at their origins, in their axes."""
-        epsilon = np.empty((self.nv, len(self._unit_wrenches)))
-        inputs = at.q, self._unit_wrenches, False
-        self.check(factorization.factor_of_wrenches(self.robot, *inputs, epsilon), at)
-        factors = epsilon.reshape(self.nv, -1, 6)
-        return np.einsum("kla,klb->lab", factors, factors)
-
-    @cached_property
-    def _unit_wrenches(self) -> Any:
-        """Records of six unit wrenches at the origin of each link."""
-        model = self.model
-        at_links = [
-            wrenches_at(model, link, np.eye(6), np.zeros(3), "link") for link in model.link_names
-        ]
-        return np.concatenate(at_links)
-
     @cached_property
     def link_frames(self) -> Any:
-        """Frames of all links as records for sweeps."""
-        records = np.zeros(len(self.model.link_names), regressors.FRAME)
+        """Frames of all links as records for mobilities.mobilities."""
+        records = np.zeros(len(self.model.link_names), mobilities.FRAME)
         for k, link in enumerate(self.model.link_names):
             body, X = self.model.placement_in_body(link)
             records[k] = body, X[:3, :3].ravel(), X[:3, 3]

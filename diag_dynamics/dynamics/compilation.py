@@ -15,6 +15,7 @@ from diag_dynamics.sweeps import (
     factorization,
     group_steps,
     kinematics,
+    mobilities,
     regressors,
 )
 
@@ -32,13 +33,14 @@ METHODS = {
     factorization.transform: "nu_from_qd qd_from_nu epsilon_from_tau tau_from_epsilon evaluate "
     "impact coriolis_bracket_times",
     factorization.factor_of_wrenches: "wrench_factor epsilon_from_wrench reflected_mass impact "
-    "operational_inverse_inertia mobilities",
+    "operational_inverse_inertia",
     derivatives.m_rate_transposed_times: "m_rate_transposed_times coriolis_bracket_times",
     derivatives.coriolis_matrix_times: "coriolis_matrix_times coriolis_bracket_times",
     derivatives.mass_matrix_rate: "mass_matrix_rate",
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
     kinematics.jacobian: "jacobian",
     kinematics.motion: "link_velocity link_acceleration",
+    mobilities.mobilities: "mobilities",
     external.jacobians: "wrench",
     external.touched_link: "touched_link",
     contacts.contacts: "contact_limits",

@@ -41,6 +41,7 @@ from diag_dynamics.sweeps import (
     evaluation,
     factorization,
     kinematics,
+    mobilities,
 )
 from diag_dynamics.sweeps import workspace as ws
 
@@ -584,14 +585,18 @@ class DiagonalDynamics:
         return 1.0 / float(calls.square(w, point))
 
     def mobilities(self, q: VectorLike) -> Array:
-        """Return Υ = J M⁻¹Jᵀ of every link at its origin, shape (links, 6, 6).
+        """Return Υ = J M⁻¹Jᵀ of every link at its origin, shape (links, 6, 6), in one O(N) sweep.
 
         Links are in the order of ``model.link_names``. Rows and columns are linear, then angular,
         in the link's axes; blocks are in [1/kg], [1/(kg m)] and [1/(kg m²)]. A wrench h accelerates
         the link by Υ h and meets the mass 1/hᵀΥh. Υ is zero for links that no joint moves. For
         other points see :meth:`operational_inverse_inertia`.
         """
-        return self._caller.mobilities(self._arguments.one(q))
+        at = self._arguments.one(q)
+        frames = self._caller.link_frames
+        result = np.empty((len(frames), 6, 6))
+        self._caller.check(mobilities.mobilities(self._robot, at.q, frames, result), at)
+        return result
 
     # --- External contact, from external torque. It is advisory: no result is safety-rated.
 

@@ -3,9 +3,8 @@
 
 """Contact quantities of points: speed, reflected mass and energy along a direction.
 
-They follow from the mobility Υ = J M⁻¹Jᵀ of the bodies of the points, which is Σ ε εᵀ with ε = ℓJᵀ
-of six unit wrenches. Of a point r of a body and a unit direction u, h = (u, r × u) is the unit force
-there as a wrench, and
+They follow from Υ of the bodies of the points. Of a point r of a body and a unit direction u, h =
+(u, r × u) is the unit force there as a wrench, and
 
     v_u = uᵀ(v + ω × r)        1/m_u = hᵀΥh = |ℓJᵀu|²        ½ m_u v_u² = ½(ŵᵀν)²
     ŵ = ℓJᵀu/|ℓJᵀu|.
@@ -19,10 +18,11 @@ import numpy as np
 
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import Table, array
-from diag_dynamics.sweeps import groups, joints, records
+from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
+from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
 
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
 """Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to
@@ -72,30 +72,6 @@ TIE = 1.0 + 1e-9
 """Ratio of scores above which a later point is worse: all points of a link on a single joint have
 the same energy."""
 
-PLACES = np.zeros((6, 6), np.int64)
-"""Where the field P has an entry of the symmetric matrix Υ, by row and column."""
-
-PLACES[np.triu_indices(6)] = [*range(3), *range(6, 9), 3, 4, *range(9, 12), 5, *range(12, 21)]
-
-
-@nk.large_kernel
-def _set_mobility(robot, i):
-    """Υ of a body, in its field P; the bodies are factorized."""
-    bodies, _, work, table = ws.opened(robot)
-    epsilon = ws.robot_of(robot).scratch
-    for a in range(6):
-        e = sp.motion_along(a, 1.0)
-        ws.clear(epsilon[a])
-        F = sp.Force(e.linear, e.angular)
-        groups.working_moments_of_wrench(bodies, i, work, table[0], F, epsilon[a])
-        scale_by_inertia(bodies, work, -0.5, epsilon[a])
-    for a in range(6):
-        for b in range(a, 6):
-            entry = 0.0
-            for k in range(epsilon.shape[1]):
-                entry += epsilon[a, k] * epsilon[b, k]
-            work[i].P[PLACES[a, b]] = entry
-
 
 @nk.kernel
 def _strictest_limit(regions, first, end, inverse_mass, speed):
@@ -128,7 +104,7 @@ def _contact(at, entry, w, X, result):
     X is the placement of its body in the axes of results.
     """
     V = records.motion_of(w.V)
-    Y = records.inertia_of(w.P)
+    Y = mobility_of(w)
     R = X.rotation
     scale_of_V = sp.dot(V.linear, V.linear)
     scale_of_w = sp.dot(V.angular, V.angular)
@@ -146,10 +122,10 @@ def _contact(at, entry, w, X, result):
             continue
         u = sp.scale(v, 1.0 / math.sqrt(square))
         speed = sp.dot(u, v)
-        h = sp.Motion(u, sp.cross(r, u))
-        inverse_mass = sp.power(sp.inertia_times(Y, h), h)
+        h = sp.Force(u, sp.cross(r, u))
+        inverse_mass = sp.power(h, mobility_times(Y, h))
         most = (
-            Y.A[0][0] + Y.A[1][1] + Y.A[2][2] + sp.dot(r, r) * (Y.C[0][0] + Y.C[1][1] + Y.C[2][2])
+            Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
         )
         if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
             inverse_mass = 0.0
@@ -198,9 +174,9 @@ def contacts(robot, points, q, qd, nu, results):
         return status
     xi_from_qd(bodies, qd, work, table[0], nu)
     scale_by_inertia(bodies, work, 0.5, nu)
+    mobilities_outward(robot)
     for k in range(len(at.entries)):
         entry = at.entries[k]
-        _set_mobility(robot, entry.body)
         _contact(
             at, entry, work[entry.body], joints.pose(bodies, entry.body, at.base, work), results[k]
         )

@@ -10,19 +10,12 @@ gravity, parameters π need the torque d/dt(Y_p π) + (Y_g − Y_∂)π.
 
 import math
 
-import numba
-import numpy as np
-
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
-
-FRAME = np.dtype([("body", "i8"), ("rotation", "f8", 9), ("translation", "f8", 3)], align=True)
-"""A frame fixed to a body, and its placement in the body."""
-
-FRAMES = numba.from_dtype(FRAME)[::1]
+from diag_dynamics.sweeps.mobilities import FRAMES
 
 PARAMETERS = 10
 """Parameters of a body."""
