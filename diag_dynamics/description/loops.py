@@ -11,12 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.checks import array_of, choice, mapping, number, numbers, unit
 from diag_dynamics.description.records import LOOP_TYPES, Curve, Description, Loop, LoopEnd
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.optional import require
-from diag_dynamics.text import listed
 from diag_dynamics.yaml_files import read_yaml
 
 COUPLINGS = "loops", "mimics", "flexible_links"
@@ -99,37 +96,9 @@ def _end(where: str, entry: Any) -> LoopEnd:
 
 
 def _curve(where: str, entry: Any) -> Curve:
-    entry = mapping(where, entry, ("source", "polynomial", "table"), ["source"])
-    source = str(entry["source"])
-    if ("polynomial" in entry) == ("table" in entry):
-        raise InputError(
-            f"{where} has {listed(list(map(repr, entry)))}, expected source, "
-            "and polynomial or table."
-        )
-    if "polynomial" in entry:
-        values = array_of(entry["polynomial"])
-        count = 1 if values is None else max(1, values.size)
-        expected = "coefficients, the constant first"
-        values = numbers(f"{where}: polynomial", values, (count,), expected)
-        return Curve(source, np.array([[0.0, *values]]))
-    table = array_of(entry["table"])
-    if (
-        table is None
-        or (table.ndim, table.shape[1:]) != (2, (2,))
-        or len(table) < 2
-        or not np.isfinite(table).all()
-        or not (np.diff(table[:, 0]) > 0.0).all()
-    ):
-        raise InputError(
-            f"{where}: table is {entry['table']!r}, expected two rows or more of the source's "
-            "position, ascending, and the joint's."
-        )
-    return Curve(source, _spline(*table.T))
-
-
-def _spline(x: Array, y: Array) -> Array:
-    """Return the pieces of the natural cubic spline through points, straight outside of them."""
-    spline = require("scipy.interpolate", "a table of mimics").CubicSpline(x, y, bc_type="natural")
-    slopes = spline(x[[0, -1]], 1)
-    inside = np.column_stack([x[:-1], spline.c[::-1].T])
-    return np.vstack([[x[0], y[0], slopes[0], 0, 0], inside, [x[-1], y[-1], slopes[1], 0, 0]])
+    entry = mapping(where, entry, ("source", "polynomial"), ("source", "polynomial"))
+    coefficients = array_of(entry["polynomial"])
+    count = 1 if coefficients is None else coefficients.size
+    expected = "coefficients, the constant first"
+    coefficients = numbers(f"{where}: polynomial", coefficients, (max(1, count),), expected)
+    return Curve(str(entry["source"]), np.array([[0.0, *coefficients]]))

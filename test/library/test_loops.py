@@ -96,14 +96,14 @@ WELDED = FOUR_BAR.replace(
     "</robot>", body("end", 4) + hinge("j5", "rocker", "end", (0.4, 0, 0)) + "</robot>"
 )
 CORNERS = [((0.5 + x, y, 0), (x, y, 0)) for x, y in ((0, 0), (0.3, 0), (0, 0.3))]
-TABLE = [[-1.0, 0.3], [0.0, 0.1], [0.7, 0.6], [1.5, 1.4]]
-"""Positions of j1 and of a joint that follows it."""
+SPLINE = CubicSpline([-1.0, 0.0, 0.7, 1.5], [0.3, 0.1, 0.6, 1.4])
+PIECES = np.column_stack([SPLINE.x[:-1], SPLINE.c[::-1].T])
+"""Pieces of the position of a joint by that of j1."""
 
 
 def table(source):
-    """Return the spline of TABLE and its two derivatives."""
-    spline = CubicSpline(*np.transpose(TABLE), bc_type="natural")
-    return [float(spline(source, k)) for k in range(3)]
+    """Return the spline and its two derivatives."""
+    return [float(SPLINE(source, k)) for k in range(3)]
 
 
 def polynomial(coefficients):
@@ -133,7 +133,7 @@ CASES = {  # URDF, loops, pairs of points and curves of the oracle
     ),
     "table": (
         FOUR_BAR,
-        {"mimics": {"j2": {"source": "j1", "table": TABLE}}},
+        {"mimics": {"j2": dd.Curve("j1", PIECES)}},
         [],
         {"j2": ("j1", table)},
     ),
@@ -419,12 +419,11 @@ WRONG = {
     "key": ([BAR | {"c": 1}], "loop 'bar' has 'c', expected one of name, a, b"),
     "end": ([{"name": "bar", "a": "crank"}], "loop 'bar' has no b"),
     "no list": ({"loops": "bar"}, "loops is 'bar', expected a list"),
-    "table": ({"mimics": {"j2": {"source": "j1", "table": [[0, 0], [1, 1], [1, 2]]}}}, "ascending"),
     "polynomial": (
         {"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}},
         "expected coefficients",
     ),
-    "both": ({"mimics": {"j2": {"source": "j1"}}}, "expected source, and polynomial or table"),
+    "no polynomial": ({"mimics": {"j2": {"source": "j1"}}}, "mimics of 'j2' has no polynomial"),
     "source": (
         {"mimics": {"j2": {"source": "j9", "polynomial": [1]}}},
         "'j9' is not a joint of robot 'four'",
