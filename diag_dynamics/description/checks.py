@@ -195,7 +195,9 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
     "attribute": Check(
         "warning", "", "<{}> has the unknown attribute {}, ignored", "Is it misspelt?"
     ),
-    "angle": Check("warning", "rad", "<{} {}> is beyond 2π", "Is it in degrees? URDF has radians."),
+    "angle": Check(
+        "warning", "rad", "<origin rpy> is beyond 2π", "Is it in degrees? URDF has radians."
+    ),
     "element": Check("warning", "", "<{}> within <{}> is ignored", "Is it misspelt or misplaced?"),
     "no axis": Check(
         "warning",

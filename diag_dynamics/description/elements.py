@@ -55,8 +55,6 @@ def numbers_of(
     if (text := element.get(attribute)) is None:
         raise UrdfError(f"{where}: <{element.tag}> has no {attribute}.")
     shown = f"{where}: <{element.tag} {attribute}={short(text)}>"
-    if "${" in text or "$(" in text:
-        raise UrdfError(f"{shown} is unexpanded xacro. Run xacro on it first.")
     numbers = floats(text, count, may_be_infinite)
     if numbers is None:
         raise UrdfError(

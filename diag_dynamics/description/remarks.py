@@ -55,7 +55,7 @@ MISPLACED = ("mass", "pose", "position", "orientation", "xyz", "rpy", "axes")
 # Parts of the names of simulators' plugins that couple links or joints, lower case
 COUPLING_PLUGINS = ("attach", "coupl", "detach", "gearbox", "loop_joint", "closed_loop", "mimic")
 MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a joint with a source
-MAX_ANGLE = 2.0 * math.pi + 1e-3  # of an origin or a mimic offset [rad]: a full turn, rounded
+MAX_ANGLE = 2.0 * math.pi + 1e-3  # of an origin [rad]: a full turn, rounded
 
 
 def remarks_of(robot: Any) -> list[Remark]:
@@ -90,9 +90,10 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
     is_axis = element.tag == "axis" and element.getparent().get("type") != "fixed"
     if is_axis and element.get("xyz") is None:
         yield Remark("no axis", name, kind=kind)
-    attribute, angle = _angle(element)
-    if abs(angle) > MAX_ANGLE:
-        yield Remark("angle", name, angle, (element.tag, attribute), kind)
+    if element.tag == "origin":
+        angle = max(floats(element.get("rpy"), 3) or [0.0], key=abs)
+        if abs(angle) > MAX_ANGLE:
+            yield Remark("angle", name, angle, kind=kind)
     if element.tag not in CHILDREN:
         return
     children = CHILDREN[element.tag]
@@ -108,18 +109,6 @@ def _unknown_attributes(element: Any, kind: str = "", name: str | None = None) -
         is_free = ":" in attribute or "}" in attribute
         if attribute not in ATTRIBUTES[element.tag] and not is_free:
             yield Remark("attribute", name, 0.0, (element.tag, short(attribute)), kind)
-
-
-def _angle(element: Any) -> tuple[str, float]:
-    """Return the attribute and the largest angle [rad] of an <origin>, or of a <mimic>.
-
-    A <mimic> has an angle if its joint turns.
-    """
-    turns = element.getparent().get("type") in ("revolute", "continuous")
-    if element.tag == "origin":
-        return "rpy", max(floats(element.get("rpy"), 3) or [0.0], key=abs)
-    offset = floats(element.get("offset"), 1) if element.tag == "mimic" and turns else None
-    return "offset", (offset or [0.0])[0]
 
 
 def unphysical(links: Iterable[Link]) -> Iterator[Remark]:

@@ -81,7 +81,7 @@ def describe_urdf(element: Any) -> Description:
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
     reject_large("URDF", joint_count, link_count)
     _reject_loops(element)
-    name = _expanded(element.get("name"), "The robot's name") or "robot"
+    name = element.get("name") or "robot"
     reduced = _Reduced()
     for link in element.findall("link"):
         reduced.add_link(link)
@@ -215,15 +215,6 @@ def _reject_xacro(robot: Any) -> None:
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
-def _expanded(value: str | None, where: str) -> str | None:
-    """Return a name or type, which xacro must have expanded."""
-    if value and ("${" in value or "$(" in value):
-        raise UrdfError(
-            f"{where} is {short(value)}, which is unexpanded xacro. Run xacro on it first."
-        )
-    return value
-
-
 class _Reduced:
     """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read."""
 
@@ -241,9 +232,6 @@ class _Reduced:
         where = f"link '{name}'"
         copy = etree.Element("link", name=name)
         inertial = link.find("inertial")
-        for origin in link.iterfind("*/origin"):  # of geometry, too: viewers and contacts read it
-            if origin.get("rpy") is not None and origin.get("quat_xyzw") is not None:
-                placement_of(origin, where)
         if inertial is not None:
             _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
             self._placements[name] = placement_of(inertial.find("origin"), where)
@@ -261,7 +249,7 @@ class _Reduced:
         """Copy a joint between links that are there."""
         name = _name(joint, self._joints)
         where = f"joint '{name}'"
-        kind = _expanded(joint.get("type"), f"{where}: type")
+        kind = joint.get("type")
         if kind not in JOINT_TYPES:
             raise UrdfError(
                 f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}."
@@ -278,8 +266,7 @@ class _Reduced:
         _copy_numbers(joint, copy, JOINT, where)
         self._origins[name] = placement_of(joint.find("origin"), where)
         if (mimic := copy.find("mimic")) is not None:
-            source = joint.find("mimic").get("joint", "")
-            mimic.set("joint", _expanded(source, f"{where}: the joint it mimics"))
+            mimic.set("joint", joint.find("mimic").get("joint", ""))
         if kind == "planar" and copy.find("axis") is None:  # its default differs
             etree.SubElement(copy, "axis", xyz="0 0 1")
         self._element.append(copy)
@@ -293,7 +280,10 @@ class _Reduced:
                 f"The URDF reader yourdfpy cannot be imported: {error!r}. "
                 "Install it: pip install yourdfpy."
             ) from error
-        stream = io.BytesIO(etree.tostring(self._element))
+        text = etree.tostring(self._element)
+        if b"${" in text or b"$(" in text:
+            raise UrdfError(f"The URDF contains a name with $: {UNEXPANDED}")
+        stream = io.BytesIO(text)
         robot = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
         links = {link.name: _link(link, self._placements) for link in robot.links}
         joints = {joint.name: _joint(joint, self._origins, armature) for joint in robot.joints}
@@ -306,7 +296,7 @@ def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
     elements = joint.findall(end)
     if len(elements) > 1:
         raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
-    link = _expanded(elements[0].get("link"), f"{where}: {end} link") if elements else None
+    link: str | None = elements[0].get("link") if elements else None
     if link is None or link not in links:
         raise UrdfError(f"{where}: {end} link {short(link)} is not a link of this URDF.")
     etree.SubElement(copy, end, link=link)
@@ -316,7 +306,7 @@ def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
 def _name(element: Any, names: dict[str, None]) -> str:
     """Return the name of a link or joint; reject missing names and duplicates."""
     tag = local_name(element)
-    name = _expanded(element.get("name"), f"The name of a <{tag}> in line {element.sourceline}")
+    name: str = element.get("name")
     if not name:
         raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
     if name in names:

@@ -166,10 +166,6 @@ MISTAKES = {
         changed('rpy="0.0 0.0 0.0"/><mass', 'rpy="0 0 -90"/><mass'),
         "link 'upper' (-90 rad)",
     ),
-    "degrees of a mimic joint": (
-        arm(link("l", **BOX), FOLLOWER.format(' offset="45"')),
-        "joint 'follower' (45 rad)",
-    ),
     "misspelt element": (
         changed(AXIS, '<Axis xyz="1 0 0"/>'),
         "joint 'shoulder': <Axis> within <joint> is ignored",
@@ -485,12 +481,6 @@ REJECTED = {
     "rpy and quaternion of a joint": (
         changed('<origin xyz="0.0 0.0 0.0"', '<origin quat_xyzw="0 0 0 1"'),
         "joint 'shoulder': <origin> has rpy and quat_xyzw",
-    ),
-    "rpy and quaternion of geometry": (
-        changed(
-            "<inertial>", '<visual><origin rpy="0 0 0" quat_xyzw="0 0 0 1"/></visual><inertial>'
-        ),
-        "link 'upper': <origin> has rpy and quat_xyzw",
     ),
     "zero quaternion": (
         with_origins('quat_xyzw="0 0 0 0"'),
