@@ -28,12 +28,6 @@ MAX_BYTES = 32 * 1024 * 1024
 
 GIT_LFS = b"version https://git-lfs"  # first bytes of a pointer of Git LFS
 
-FORMATS = {  # first bytes of files that are no XML: their kind, and what to do
-    GIT_LFS: "a pointer of Git LFS. Run git lfs pull",
-    b"\x1f\x8b": "compressed by gzip. Unpack it",
-    b"PK\x03\x04": "a zip archive. Unpack it, and load the URDF in it",
-}
-
 DEFINITIONS = ("property", "macro", "arg")  # elements of xacro that define something for others
 
 NO_LINK = (
@@ -98,12 +92,8 @@ def _read(source: Any) -> Any:
         with path.open("rb") as file:
             return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        is_name = path.name == str(source) and not path.suffix
-        hint = f" Load a robot by its name with load_robot('{path}')." if is_name else ""
-        raise UrdfError(
-            f"Cannot read the URDF file '{path}': "
-            f"{getattr(error, 'strerror', None) or error}.{hint}"
-        ) from error
+        reason = getattr(error, "strerror", None) or error
+        raise UrdfError(f"Cannot read the URDF file '{path}': {reason}.") from error
 
 
 def _is_path(text: str) -> bool:
@@ -120,13 +110,6 @@ def folder_of(source: Any) -> Path | None:
     return Path(os.path.expanduser(place)).parent if isinstance(place, (str, os.PathLike)) else None
 
 
-def reject_other_kinds(start: bytes) -> None:
-    """Reject the first bytes of a file that is no XML."""
-    for first, kind in FORMATS.items():
-        if start.startswith(first):
-            raise UrdfError(f"The file is no URDF: it is {kind}.")
-
-
 def _decoded(data: bytes) -> str:
     """Return the text of XML bytes.
 
@@ -134,7 +117,8 @@ def _decoded(data: bytes) -> str:
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
-    reject_other_kinds(data)
+    if data.startswith(GIT_LFS):
+        raise UrdfError("The file is no URDF: it is a pointer of Git LFS. Run git lfs pull.")
     if b"\0" in data.rstrip(b"\0"):
         raise UrdfError("The file is no URDF: it is binary.")
     data = data.removeprefix(codecs.BOM_UTF8)
@@ -207,10 +191,6 @@ def expanded(source: Any, arguments: Any) -> Any:
             raise InputError(f"xacro_args has {names}, but the source is no path of a .xacro file.")
         return source
     path = os.path.expanduser(os.fspath(source))
-    if not os.path.isfile(path):
-        raise UrdfError(f"Cannot read the xacro file '{path}': no such file.")
-    with open(path, "rb") as file:
-        reject_other_kinds(file.read(10_000))
     xacro = require("xacro", f"'{path}'")
     # As xacro's command line has them
     texts = {
