@@ -98,29 +98,11 @@ def _facts(report):
         rows.append(("mimic", f"{listed(facts['mimic_joints'], MAX_NAMES)}{coupled}"))
     if facts["locked_joints"]:
         rows.append(("locked", listed(facts["locked_joints"], MAX_NAMES)))
-    if facts["poses"]:
-        rows += _ranges(facts)
+    if energy := facts["kinetic_energy_at_velocity_limits"]:
+        text = f"with all joints at their velocity limits, in {facts['poses']} random poses"
+        rows.append(("energy", f"at most {energy:.3g} J {text}"))
     for title, value in rows:
         yield from _wrapped(f"  {title:9}", value)
-
-
-def _ranges(facts):
-    """Return rows of the ranges over random poses."""
-    rows = [("cond M", _range(facts["condition_of_mass_matrix"], ""))]
-    energy = facts["kinetic_energy_at_velocity_limits"]
-    if energy["greatest"]:
-        rows.append(("energy", f"{_range(energy, 'J')} with all joints at their velocity limits"))
-    for number, (tip, mass) in enumerate(facts["tips"].items()):
-        if number == MAX_NAMES:
-            rows.append(("", f"… and {len(facts['tips']) - MAX_NAMES} more"))
-            break
-        push = (
-            f"effective mass {_range(mass, 'kg')}"
-            if mass["least"] is not None
-            else "its origin does not move"
-        )
-        rows.append(("" if number else "ends", f"{tip}: {push}"))
-    return [*rows, ("", f"Ranges are over {facts['poses']} random poses.")]
 
 
 def _links(facts):
@@ -131,14 +113,6 @@ def _links(facts):
     if without:
         parts.append(f"{without} with geometry but no inertia")
     return ", ".join(parts)
-
-
-def _range(extremes, unit):
-    low, high = (extremes[name] for name in ("least", "greatest"))
-    unit = unit and f" {unit}"
-    if low is None or high is None:
-        return "unbounded" if low is None else f"{low:.3g}{unit} or more"
-    return f"{low:.3g}{unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}{unit}"
 
 
 def _finding(finding):

@@ -124,7 +124,6 @@ JOINTS = {
         "more than one <{}>; the first one counts",
         "Remove the other.",
     ),
-    "axis": Check("note", "1", "axes that are not unit vectors, of length", "Normalize them."),
     "unlimited": Check(
         "warning",
         "",

@@ -13,7 +13,6 @@ TURNS = (
     20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]
 )
 TRAVEL = 10.0  # limit of a slide that a number in mm exceeds [m]
-UNIT = 1e-3  # difference of an axis' length from 1 by rounding to three digits
 FAST = 100.0  # velocity that no driven joint has [rad/s, m/s]; a propeller may
 STRONG = (
     10000.0  # effort that few joints have [N m, N]; the first joint of large arms has 20 000 N m
@@ -48,14 +47,6 @@ def transmissions(robot: Robot) -> Found:
     if not robot.is_mjcf:
         rotors = {joint.name: joint.armature for joint in robot.joints if joint.armature}
         yield from (("rotor", name, inertia) for name, inertia in rotors.items())
-
-
-def axes(robot: Robot) -> Found:
-    """Find axes that are not unit vectors; they scale positions and efforts in other readers."""
-    for joint in robot.joints:
-        length = float(np.linalg.norm(joint.axis))
-        if abs(length - 1.0) > UNIT and joint.type not in ("fixed", "floating"):
-            yield "axis", joint.name, length
 
 
 def position_limits(robot: Robot) -> Found:

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.inspection.robot import Found
 from diag_dynamics.model import RobotModel
 
 POSES = 200  # extremes are met in about one pose in a hundred
-TIP_POSES = 50  # poses for reflected masses: a robot may have fifty tips
 
 CURRENT_RISE = 1e-3  # rise time of a motor's current and torque, L/R [s]: a millisecond or more
 BALANCED = 2.0  # gravity over effort limit up to which springs or counterweights may carry it
@@ -26,22 +24,14 @@ class Motion:
     def __init__(self, model: RobotModel) -> None:
         rng = np.random.default_rng(0)
         self.model = model
-        self._dynamics = DiagonalDynamics(model)
-        self._Q = np.array([model.random(rng) for _ in range(POSES)])
-        still = np.zeros((POSES, model.nv))
-        self.D = self._dynamics.evaluate(self._Q, still).articulated_inertia
-        self.gravity_torque = self._dynamics.gravity_torque(self._Q)
-        M = self._dynamics.mass_matrix(self._Q)
-        self.condition: Array = np.linalg.cond(M)
+        dynamics = DiagonalDynamics(model)
+        Q = np.array([model.random(rng) for _ in range(POSES)])
         velocity = np.nan_to_num(model.velocity_limit, posinf=0.0)
-        QD = np.random.default_rng(1).choice([-1.0, 1.0], still.shape) * velocity
-        self.energy_at_limits = 0.5 * np.einsum("ti,tij,tj->t", QD, M, QD)
-
-    def reflected_mass(self, link: str) -> Array:
-        """Return the smallest mass that a push on a link's origin meets in each pose [kg]."""
-        inverse = self._dynamics.operational_inverse_inertia
-        inverses = [inverse(q, link)[:3, :3] for q in self._Q[:TIP_POSES]]
-        return np.asarray(1.0 / np.linalg.eigvalsh(inverses)[:, -1], dtype=np.float64)
+        signs = np.random.default_rng(1).choice([-1.0, 1.0], (POSES, model.nv))
+        states = dynamics.evaluate(Q, signs * velocity)
+        self.D = states.articulated_inertia
+        self.largest_energy = float(np.max(states.kinetic_energy))
+        self.gravity_torque = dynamics.gravity_torque(Q)
 
 
 def rotor_inertia(motion: Motion) -> Found:

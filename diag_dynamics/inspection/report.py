@@ -15,7 +15,6 @@ from typing import IO, Any
 import numpy as np
 
 from diag_dynamics import exceptions
-from diag_dynamics.arrays import Array
 from diag_dynamics.description.checks import grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
 from diag_dynamics.description.records import Remark
@@ -35,7 +34,7 @@ keeps results from being computed, in part or wholly."""
 OF_GEOMETRY = links.centre_of_mass, links.gyration, links.meshes
 OF_XML = (
     *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY, links.placeholders),
-    *(joints.elements, joints.attributes, joints.transmissions, joints.axes),
+    *(joints.elements, joints.attributes, joints.transmissions),
     *(joints.position_limits, joints.effort_limits, joints.velocity_limits),
 )
 OF_MOTION = motion.rotor_inertia, motion.gravity
@@ -73,9 +72,9 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as JSON has it; numbers that are not finite are None."""
-        findings = [
-            asdict(finding) | {"values": _finite(finding.values)} for finding in self.findings
-        ]
+        findings = [asdict(finding) for finding in self.findings]
+        for finding in findings:
+            finding["values"] = {name: _finite(x) for name, x in finding["values"].items()}
         head = {"source": self.source, "status": self.status, "facts": self.facts}
         return head | {"checks": self.checks, "findings": findings}
 
@@ -195,22 +194,9 @@ def _facts(robot: Robot, model: RobotModel | None, poses: Motion | None) -> dict
         "links_without_inertial": [link.name for link in bare],
         "frames": [link.name for link in bare if not link.has_geometry],
         "poses": motion.POSES if poses else 0,
-        "condition_of_mass_matrix": _range(poses.condition) if poses else None,
-        "kinetic_energy_at_velocity_limits": _range(poses.energy_at_limits) if poses else None,
-        "tips": {tip: _range(poses.reflected_mass(tip)) if poses else None for tip in _tips(robot)},
+        "kinetic_energy_at_velocity_limits": _finite(poses.largest_energy) if poses else None,
     }
 
 
-def _range(values: Array) -> dict[str, float | None]:
-    return _finite({"least": values.min(), "median": np.median(values), "greatest": values.max()})
-
-
-def _finite(values: Mapping[str, Any]) -> dict[str, float | None]:
-    return {name: float(x) if math.isfinite(x) else None for name, x in values.items()}
-
-
-def _tips(robot: Robot) -> list[str]:
-    """Return the farthest link of every moving body that carries no other."""
-    parents = {joint.parent for joint in robot.joints if joint.type != "fixed"}
-    placements = [x.placements for x in robot.bodies if x.joint and not parents & set(x.placements)]
-    return [max(X, key=lambda name: np.linalg.norm(X[name][:3, 3]).round(9)) for X in placements]
+def _finite(x: float) -> float | None:
+    return float(x) if math.isfinite(x) else None

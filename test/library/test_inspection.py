@@ -143,13 +143,6 @@ MISTAKES = (
     ("attributes", "warning", "elbow", None, arm('lower="-2.5"', 'Lower="-2.5"')),
     ("attributes", "warning", "flange", 90.0, arm('"0.3 0 0"', '"0.3 0 0" rpy="0 90 0"')),
     ("transmissions", "note", "elbow", 0.02, more(ROTOR)),
-    (
-        "axes",
-        "note",
-        "elbow",
-        np.sqrt(2),
-        arm('"0.4 0 0"/><axis xyz="0 1 0"', '"0.4 0 0"/><axis xyz="0 1 1"'),
-    ),
     ("position_limits", "warning", "elbow", None, arm(LIMIT, "")),
     ("position_limits", "warning", "elbow", 2.5, arm('"-2.5"', '"2.5"')),
     ("position_limits", "warning", "elbow", 170.0, arm('"-2.5"', '"-170"')),
@@ -213,36 +206,19 @@ def test_mistakes(mistake):
 
 
 def test_facts_against_pinocchio():
-    """Condition of M, energy at the velocity limits and mass at the tip over the same poses; the
-    largest gravity torque.
-    """
+    """Energy at the velocity limits over the same poses, and the largest gravity torque."""
     path = robot_path("ur_description/urdf/ur5_robot.urdf")
     model = dd.load_urdf(path)
     facts = inspect_robot(path).facts
     reference = pin.buildModelFromUrdf(str(path))
     data = reference.createData()
-    frame = reference.getFrameId("ee_link")
     rng = np.random.default_rng(0)
     poses = np.array([model.random(rng) for _ in range(facts["poses"])])
     QD = np.random.default_rng(1).choice([-1.0, 1.0], poses.shape) * reference.velocityLimit
-    condition = []
-    energy = []
-    mass = []
-    for q, qd in zip(poses, QD, strict=True):
-        M = pin.crba(reference, data, q)
-        M = np.triu(M) + np.triu(M, 1).T
-        J = pin.computeFrameJacobian(reference, data, q, frame, pin.LOCAL)[:3]
-        condition.append(np.linalg.cond(M))
-        energy.append(0.5 * qd @ M @ qd)
-        mass.append(1.0 / np.linalg.eigvalsh(J @ np.linalg.solve(M, J.T))[-1])
-    numbers = {
-        "condition_of_mass_matrix": condition,
-        "kinetic_energy_at_velocity_limits": energy,
-        "ee_link": mass[:50],
-    }
-    for name, values in numbers.items():
-        expected = {"least": min(values), "median": np.median(values), "greatest": max(values)}
-        assert (facts | facts["tips"])[name] == pytest.approx(expected, rel=1e-6)
+    energies = [
+        pin.computeKineticEnergy(reference, data, q, qd) for q, qd in zip(poses, QD, strict=True)
+    ]
+    assert facts["kinetic_energy_at_velocity_limits"] == pytest.approx(max(energies), rel=1e-9)
     weak = re.sub(r'(<limit effort=")[\d.]+', r"\g<1>1e-3", path.read_text())
     (finding,) = findings_of(inspect_robot(weak), "gravity", "warning")
     torque = np.abs([pin.computeGeneralizedGravity(reference, data, q) for q in poses]).max(axis=0)
@@ -349,4 +325,3 @@ def test_facts_of_a_humanoid():
     assert facts["total_mass"] == pytest.approx(model.total_mass, rel=1e-12)
     assert facts["root_link"] == "base_link"
     assert (facts["links"], facts["degrees_of_freedom"]) == (len(model.link_names), model.nv + 6)
-    assert {"left_sole_link", "right_sole_link"} <= set(facts["tips"])

@@ -319,9 +319,7 @@ def test_inspect_for_programs(run):
         "links_without_inertial",
         "frames",
         "poses",
-        "condition_of_mass_matrix",
         "kinetic_energy_at_velocity_limits",
-        "tips",
     }
     assert [entry["joints"] for entry in document["findings"] if entry["check"] == "loading"] == [
         ["turn"]
