@@ -10,7 +10,6 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from difflib import get_close_matches
 from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
@@ -32,12 +31,8 @@ def robot_path(name: str) -> Path:
     """Return the path of the URDF or xacro file of a robot by its name, see :func:`load_robot`."""
     if not isinstance(name, str) or not name:
         raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
-    has_urdf = (
-        name.isidentifier()
-        and name.endswith("_description")
-        and not name.endswith("_mj_description")
-    )
-    if has_urdf and util.find_spec(DESCRIPTIONS) and util.find_spec(f"{DESCRIPTIONS}.{name}"):
+    is_description = name.isidentifier() and name.endswith("_description")
+    if is_description and util.find_spec(DESCRIPTIONS) and util.find_spec(f"{DESCRIPTIONS}.{name}"):
         return _cloned(name)
     return find_urdf(name)
 
@@ -90,13 +85,9 @@ def find_urdf(robot: str) -> Path:
     if len(keys) > 1:
         raise InputError(f"robot '{robot}' could be any of: {', '.join(keys)}.")
     if not keys:
-        near = get_close_matches(name.lower(), map(str, urdfs), 1)
-        advice = f"Is '{near[0]}' meant? " if near else ""
-        is_installed = any(_FOLDER in path.as_posix() for path in urdfs.values())
-        more = "" if is_installed else " More: pip install example-robot-data."
         raise InputError(
-            f"robot '{robot}' is neither a file nor an example robot. {advice}All of these: "
-            f"diag-dynamics robots.{more}"
+            f"robot '{robot}' is neither a file nor an example robot. All of these: "
+            "diag-dynamics robots. More: pip install example-robot-data."
         )
     return urdfs[keys[0]]
 
