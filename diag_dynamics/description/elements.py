@@ -19,7 +19,6 @@ from lxml import etree
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.records import (
-    LARGEST_INERTIA,
     SINGLE,
     Loop,
     LoopEnd,
@@ -201,27 +200,21 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     armature: dict[str, float] = {}
     remarks = []
     for element in [*robot.findall("transmission"), *robot.findall("ros2_control/transmission")]:
-        where = f"transmission {short(element.get('name'))}"
-        names = {joint.get("name") or "" for joint in _joints_of(element)}
-        rotors = _sizes(element, ROTOR_INERTIA, where)
+        rotors = _numbers(element, ROTOR_INERTIA)
         if not rotors:
             continue
-        ratios = set(_sizes(element, REDUCTION, where)) - {1.0}
-        for name in names:
-            if name not in types:
-                raise UrdfError(f"{where}: joint {short(name)} is not a joint of this URDF.")
+        names = {joint.get("name") or "" for joint in _joints_of(element)}
+        ratios = set(_numbers(element, REDUCTION)) - {1.0}
         joint = min(names, default="")
-        is_single = len(names) == len(rotors) == 1 and types[joint] in SINGLE
-        if not is_single or len(ratios) > 1 or joint in armature:
-            remarks.append(Remark("ignored rotor", words=(where,)))
-            continue
         N = min(ratios, default=1.0)
-        armature[joint] = N * N * rotors[0]
-        if not armature[joint] <= LARGEST_INERTIA:
-            raise UrdfError(
-                f"joint '{joint}': reflected rotor inertia {armature[joint]:g} is beyond "
-                f"{LARGEST_INERTIA:g}."
-            )
+        inertia = N * N * rotors[0]
+        is_single = len(names) == len(rotors) == 1 and len(ratios) <= 1
+        is_free = types.get(joint) in SINGLE and joint not in armature
+        if is_single and is_free and N and inertia >= 0.0:
+            armature[joint] = inertia
+        else:
+            where = f"transmission {short(element.get('name'))}"
+            remarks.append(Remark("ignored rotor", words=(where,)))
     return armature, remarks
 
 
@@ -229,22 +222,11 @@ def _joints_of(transmission: Any) -> list[Any]:
     return [child for child in transmission.iterchildren() if local_name(child) in JOINTS]
 
 
-def _sizes(transmission: Any, tags: tuple[str, ...], where: str) -> list[float]:
-    """Return the sizes of the numbers, text or value, of elements with one of the tags."""
-    sizes = []
+def _numbers(transmission: Any, tags: tuple[str, ...]) -> list[float]:
+    """Return the numbers, text or value, of elements with one of the tags; NaN of other texts."""
+    numbers = []
     for element in transmission.iterdescendants(etree.Element):
-        tag = local_name(element)
-        if tag.replace("_", "").lower() not in tags:
-            continue
-        text = element.get("value") or element.text or ""
-        number = (floats(text, 1) or [float("nan")])[0]
-        is_valid = number >= 0.0
-        expected = ">= 0 [kg m²]"
-        if tags is REDUCTION:
-            is_valid = abs(number) > 0.0
-            expected = "other than 0"
-        if not is_valid:
-            shown = f"{where}: <{tag}> is {short(text)}"
-            raise UrdfError(f"{shown}; expected a finite number {expected}.")
-        sizes.append(abs(number))
-    return sizes
+        if local_name(element).replace("_", "").lower() in tags:
+            text = element.get("value") or element.text
+            numbers += floats(text, 1) or [math.nan]
+    return numbers
