@@ -10,10 +10,11 @@ from pathlib import Path
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.collision.calibration import format_rate
-from diag_dynamics.collision.detector import HOLD_OFF, LABELS, RELEASE, STANDING, STICTION
+from diag_dynamics.collision.detector import LABELS
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import sliding_dofs
+from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.findings import REJECTED
 from diag_dynamics.text import Progress
@@ -46,29 +47,8 @@ def add_arguments(parser):
         "(default: %(default)s)"
     )
     parser.add_argument("--false-alarms", metavar="N/min", default="1/min", help=text)
-    text = (
-        "accepted rate of false contacts, for the lower thresholds "
-        "(default: ten times that of false alarms)"
-    )
-    parser.add_argument("--false-contacts", metavar="N/min", help=text)
-    for option, default, text in (
-        ("--gain", common.GAIN, "gain of the disturbance observer [1/s]"),
-        ("--release", RELEASE, "fraction of its threshold below which a detector releases"),
-        ("--hold-off", HOLD_OFF, "time after an event's alarm in which a rise belongs to it [s]"),
-        (
-            "--standing",
-            STANDING,
-            "age of an alarm at which a constant torque becomes an offset [s], 0 for never",
-        ),
-        (
-            "--stiction",
-            STICTION,
-            "dead zone of standing joints, as a fraction of the Coulomb friction",
-        ),
-    ):
-        parser.add_argument(
-            option, type=float, default=default, help=f"{text} (default: %(default)g)"
-        )
+    text = "gain of the disturbance observer [1/s] (default: %(default)g)"
+    parser.add_argument("--gain", type=float, default=common.GAIN, help=text)
     text = "parameter file for the monitor and for analyse --alarms"
     parser.add_argument("-o", "--output", metavar="ALARMS.yaml", required=True, help=text)
     common.add_threads(parser)
@@ -77,25 +57,23 @@ def add_arguments(parser):
 
 def run(chosen):
     """Calibrate; return the exit status."""
-    rate = parse_rate("--false-alarms", chosen.false_alarms)
-    contacts = chosen.false_contacts and parse_rate("--false-contacts", chosen.false_contacts)
+    rate = parse_rate(chosen.false_alarms)
     parameters = common.chosen_parameters(chosen)
+    values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters
     with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
-        friction = parameters.get("external_torque.friction", True)
         calibration = calibrate(
             [recording.pieces() for recording in recordings],
             DiagonalDynamics(model),
             chosen.gain,
             rate,
-            contacts,
-            release=chosen.release,
-            hold_off=chosen.hold_off,
-            standing=chosen.standing or math.inf,
-            stiction=chosen.stiction,
-            friction=friction and model.has_friction,
+            release=values["collision.release"],
+            hold_off=values["collision.hold_off"],
+            standing=values["collision.standing"] or math.inf,
+            stiction=values["collision.stiction"],
+            friction=values["external_torque.friction"] and model.has_friction,
             threads=chosen.threads,
         )
     calibration.save(chosen.output, _notes(chosen))
@@ -124,8 +102,8 @@ def _notes(chosen):
     return notes
 
 
-def parse_rate(option, text):
-    """Return the rate of an option's text such as ``1/min`` [1/s]."""
+def parse_rate(text):
+    """Return the rate of a text such as ``1/min`` [1/s]."""
     count, _, unit = text.replace(" ", "").partition("/")
     try:
         rate = float(count) / SECONDS[unit]
@@ -133,7 +111,7 @@ def parse_rate(option, text):
         rate = math.nan
     if not 0.0 < rate < math.inf:
         raise InputError(
-            f"{option} is {text!r}; expected a number > 0 per time: N/s, N/min or N/h."
+            f"--false-alarms is {text!r}; expected a number > 0 per time: N/s, N/min or N/h."
         )
     return rate
 

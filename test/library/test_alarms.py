@@ -722,17 +722,13 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     dd.Parameters.from_dict(parameters).save(tmp_path / "arm.yaml")
     options = (
         "--false-alarms",
-        "20/min",
-        "--false-contacts",
-        "40/min",
+        "10/min",
         "--gain",
         "25",
-        "--hold-off",
-        "0.5",
-        "--standing",
-        "1.5",
-        "--stiction",
-        "0.4",
+        "--set",
+        "collision.hold_off=0.5",
+        "collision.standing=1.5",
+        "collision.stiction=0.4",
         "--parameters",
         str(tmp_path / "arm.yaml"),
     )
@@ -743,11 +739,11 @@ def test_the_command(ur5, tables, tmp_path, capsys):
     assert f"# With '{tmp_path / 'arm.yaml'}'" in alarms.read_text()
     printed = capsys.readouterr().out
     assert (
-        "20/min" in printed
+        "10/min" in printed
         and "Held out: " in printed
         and all(name in printed for name in ur5.dof_names)
     )
-    numbers = {"false_alarms": 1 / 3, "false_contacts": 2 / 3, "hold_off": 0.5}
+    numbers = {"false_alarms": 1 / 6, "hold_off": 0.5}
     numbers.update(standing=1.5, stiction=0.4)
     model = ur5.with_parameters(parameters)
     recording = dd.read_recording(tables / "free.csv", model)
@@ -810,9 +806,8 @@ def test_wrong_efforts_of_one_recording_are_a_warning(ur5, tables):
     [
         (["--false-alarms", "often"], "often"),
         (["--gain", "0"], "gain"),
-        (["--false-contacts", "1/week"], "--false-contacts is '1/week'"),
-        (["--false-contacts", "1/h"], "false_contacts"),  # fewer than alarms
-        (["--release", "2"], "release"),
+        (["--false-alarms", "1/week"], "--false-alarms is '1/week'"),
+        (["--set", "collision.release=2"], "release"),
         (["-o", "FREE"], "is an input"),  # nothing is written over the recording
     ],
 )
