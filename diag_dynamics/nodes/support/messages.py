@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Inertia, Vector3, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
@@ -73,6 +73,9 @@ EVALUATED = {
 
 ORDER = *EVALUATED, *MATRICES
 """Topics about a state, in the order in which they are published: matrices last."""
+
+MOMENTS = "ixx", "ixy", "ixz", "iyy", "iyz", "izz"
+"""Fields of a geometry_msgs/Inertia."""
 
 TOPICS = *ORDER, "external_torque"
 """Topics whose fields recordings have, too."""
@@ -195,25 +198,21 @@ class MessageMaker:
 
     def load(self, link, load, payload, state):
         """Return a Load at a link and the payload of the model there."""
-        deviations = (
-            (load.mass_deviation, load.center_deviation)
-            if load.valid
-            else (math.inf, np.full(3, math.inf))
-        )
-        ixx, ixy, ixz, _, iyy, iyz, _, _, izz = map(float, np.ravel(payload.inertia))
-        moments = {"ixx": ixx, "ixy": ixy, "ixz": ixz, "iyy": iyy, "iyz": iyz, "izz": izz}
-        return LoadMessage(
-            header=Header(stamp=to_time(state.newest), frame_id=link),
-            valid=load.valid,
-            mass=load.mass,
-            mass_deviation=deviations[0],
-            center_of_mass=_vector(load.center),
-            center_of_mass_deviation=_vector(deviations[1]),
-            explained=load.explained,
-            is_load=load.is_load,
-            payload=Inertia(m=payload.mass, com=_vector(payload.com), **moments),
-            **flags_of(state),
-        )
+        deviation = load.center_deviation if load.valid else np.full(3, math.inf)
+        values = flags_of(state) | {
+            "valid": load.valid,
+            "mass": load.mass,
+            "mass_deviation": load.mass_deviation if load.valid else math.inf,
+            "explained": load.explained,
+            "is_load": load.is_load,
+            "payload.m": float(payload.mass),
+            **_components("center_of_mass", "xyz", load.center),
+            **_components("center_of_mass_deviation", "xyz", deviation),
+            **_components("payload.com", "xyz", payload.com),
+            **_components("payload", MOMENTS, np.asarray(payload.inertia)[np.triu_indices(3)]),
+        }
+        texts = {"header": Header(frame_id=link)}
+        return self.make("load", LoadMessage, state, texts, values, (link,))
 
     def contact_limits(self, contact, state):
         """Return the message of a PredictedContact at a RobotState."""
@@ -234,14 +233,14 @@ class MessageMaker:
         return self.make("contact_limits", ContactLimits, state, texts, values, (contact.points,))
 
 
-def _vector(numbers):
-    x, y, z = map(float, numbers)
-    return Vector3(x=x, y=y, z=z)
+def _components(field, names, numbers):
+    """Return numbers by the path of their field."""
+    return {f"{field}.{name}": float(x) for name, x in zip(names, numbers, strict=True)}
 
 
 def _wrench_values(wrench):
-    paths = [f"wrench.{part}.{axis}" for part in ("force", "torque") for axis in "xyz"]
-    return dict(zip(paths, wrench.tolist(), strict=True))
+    force = _components("wrench.force", "xyz", wrench[:3])
+    return force | _components("wrench.torque", "xyz", wrench[3:])
 
 
 class BytesMaker(MessageMaker):
