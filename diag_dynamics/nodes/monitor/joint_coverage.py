@@ -3,7 +3,6 @@
 
 """Status of joints without data, and of the names that arrive in their place."""
 
-from difflib import get_close_matches
 from functools import lru_cache
 
 from diag_dynamics.nodes.support.diagnostics import counted
@@ -13,9 +12,6 @@ from diag_dynamics.text import listed
 
 GRACE_PERIOD = 0.5
 """Time after the first message in which all joints may arrive [s]."""
-
-ALIKE = 0.7
-"""Similarity, of difflib, of a joint's name and a misspelt one."""
 
 _propose_map = lru_cache(1)(propose_map)
 
@@ -42,10 +38,6 @@ def joint_coverage(assembler, ignored, entries, elapsed, statistics):
         text += "; all joint states are empty"
     present = tuple(joint for joint in assembler.joint_names if joint not in missing)
     proposal = _propose_map(tuple(unknown), tuple(missing), present, tuple(entries))
-    near = [(joint, get_close_matches(joint, unknown, 1, ALIKE)) for joint in missing]
-    misspelt = {names[0]: joint for joint, names in near if names}
-    if misspelt and not proposal:
-        proposal = *(entry for entry in entries if entry[1] not in missing), *misspelt.items()
     if proposal:
         text += f". Set joint_names to {[f'{name}={joint}' for name, joint in proposal]}"
     return Status("joints", WARN, text, values, age=elapsed)
