@@ -21,7 +21,6 @@ from diag_dynamics.nodes.support.clocks import NodeTime, steady_clock
 from diag_dynamics.nodes.support.runner import run
 from diag_dynamics.text import number, plain
 
-NOISE = 1e-3  # of a column's largest value; smaller ones are shown as 0
 QUIT = "Ctrl-C: quit"
 STATE, UNITS = "diag_dynamics/state", {"energy": "J", "torque": "N m", "external": "N m"}
 
@@ -37,7 +36,6 @@ class Top(Node):
         self._torque = ExternalTorque()
         self._received = -math.inf
         self._peaks = {}
-        self._largest = [0.0] * len(UNITS)  # of all joints until now
         self.rows = []  # peak, name and values of each joint at the last state
         self._title = self.resolve_topic_name(topic).removesuffix(f"/{STATE}") or "/"
         qos = qos_profile_sensor_data
@@ -57,10 +55,8 @@ class Top(Node):
         columns = [0.5 * nu * nu for nu in message.nu], message.effort, self._torque.external_torque
         for k, name in enumerate(message.dof_names):
             values = [column[k] if k < len(column) else math.nan for column in columns]
-            sizes = [*map(abs, values)]
-            self._largest = [*map(max, self._largest, sizes)]  # no NaN
-            size = sizes[[*UNITS].index(self._by)]
-            self._peaks[name] = max(self._peaks.get(name, 0.0), size)
+            size = abs(values[[*UNITS].index(self._by)])
+            self._peaks[name] = max(self._peaks.get(name, 0.0), size)  # no NaN
             self.rows.append((self._peaks[name], plain(name), values))
         self.rows.sort(reverse=True)
 
@@ -82,11 +78,8 @@ class Top(Node):
         headings = [*(f"{quantity} {unit}" for quantity, unit in UNITS.items()), "peak"]
         joint = Column("joint", no_wrap=True)
         table = Table(joint, *(Column(text, justify="right") for text in headings), box=None)
-        largest = *self._largest, self._largest[[*UNITS].index(self._by)]
         for peak, name, values in self.rows:
-            cells = zip((*values, peak), largest, strict=True)
-            shown = (0.0 if abs(x) < NOISE * size else x for x, size in cells)
-            table.add_row(Text(name), *map(number, shown))
+            table.add_row(Text(name), *map(number, (*values, peak)))
         return table
 
     def _show(self):
