@@ -95,15 +95,14 @@ def run(chosen):
     chosen.recording = common.expand_recordings(chosen.recording)
     if chosen.columns and not Path(chosen.columns).expanduser().exists():
         return _write_column_map(chosen)
-    is_single = len(chosen.recording) == 1
     for option, name in OUTPUTS.items():
-        if name != "json" and getattr(chosen, name) and not is_single:
+        if name != "json" and getattr(chosen, name) and len(chosen.recording) > 1:
             count = (
                 f"there are {len(chosen.recording)}. Use --fleet --out DIR to write files of each."
             )
             raise InputError(f"{option} writes results of one recording, but {count}")
     with common.json_output(chosen.json) as write:
-        return (_analyse if is_single else _analyse_several)(chosen, parameters, robot, write)
+        return _analyse(chosen, parameters, robot, write)
 
 
 def _write_column_map(chosen):
@@ -121,39 +120,37 @@ def _write_column_map(chosen):
 
 
 def _analyse(chosen, parameters, robot, write):
-    summary = _summary(chosen, chosen.recording[0], parameters, robot)
-    write(summary)
-    faults = describe_faults(summary)
-    if _prints(chosen):
-        print(format_summary(summary))
-        common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
-        if faults:
-            text = f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}."
-            print(shortened(text), file=sys.stderr)
-    return DOUBTFUL if faults else DONE
-
-
-def _analyse_several(chosen, parameters, robot, write):
     """Analyse one recording after another; one that fails does not stop the others."""
+    is_single = len(chosen.recording) == 1
+    prints = not chosen.quiet and chosen.json != "-"
     summaries = []
     failed = {}
     for recording in chosen.recording:
         try:
             summary = _summary(chosen, recording, parameters, robot)
         except (DiagDynamicsError, OSError) as error:
+            if is_single:
+                raise
             failed[recording] = str(error)
             common.report_error("analyse", error, chosen)
             continue
         summaries.append(summary)
-        if _prints(chosen):
-            print(f"{plain(recording)}\n\n{format_summary(summary)}\n")
-    write({"recordings": summaries, "failed": failed})
-    if _prints(chosen):
+        if prints:
+            text = format_summary(summary)
+            print(text if is_single else f"{plain(recording)}\n\n{text}\n")
+    write(summaries[0] if is_single else {"recordings": summaries, "failed": failed})
+    faults = [fault for summary in summaries for fault in describe_faults(summary)]
+    if prints and is_single:
+        common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
+        if faults:
+            text = f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}."
+            print(shortened(text), file=sys.stderr)
+    elif prints:
         lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
         print("\n".join([*lines, *(f"failed: {shortened(path)}" for path in failed)]))
     if not summaries:
         return FAILED
-    return DOUBTFUL if failed or any(map(describe_faults, summaries)) else DONE
+    return DOUBTFUL if failed or faults else DONE
 
 
 def _format_row(summary):
@@ -201,7 +198,3 @@ def _parameters(chosen):
     if chosen.gain is not None and parameters.get("collision.threshold"):
         parameters["external_torque.gain"] = parameters.get("external_torque.gain") or chosen.gain
     return parameters
-
-
-def _prints(chosen):
-    return not chosen.quiet and chosen.json != "-"

@@ -294,12 +294,12 @@ def json_output(path):
 
 def check_outputs(chosen, outputs):
     """Reject outputs that are inputs, two outputs into one file, and folders that do not exist."""
-    read = []
+    files = {}
     for name in READ:
         paths = getattr(chosen, name, None) or []
-        read += [paths] if isinstance(paths, str) else paths
-    read += [part for path in read for part in path.split("+")]  # tables side by side
-    files = {_resolve(split_arguments(path)[0]): f"'{path}' is an input" for path in read}
+        for path in [paths] if isinstance(paths, str) else paths:
+            for part in path.split("+"):  # tables side by side
+                files[_resolve(split_arguments(part)[0])] = f"'{part}' is an input"
     for option, path in outputs.items():
         full = None if path in (None, "-") else _resolve(path)
         if full is None or (full.exists() and not full.is_file() and not full.is_dir()):
@@ -307,10 +307,6 @@ def check_outputs(chosen, outputs):
         for file, use in files.items():
             if full == file or file in full.parents:
                 raise InputError(f"{option} is '{path}', but {use}. Choose another file.")
-        if path.endswith("/") and not full.is_dir():
-            raise InputError(
-                f"{option} is '{path}', but there is no such folder. Create it, or name a file."
-            )
         if not full.parent.is_dir():
             raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
         files[full] = f"{option} writes this file"
