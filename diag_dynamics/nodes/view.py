@@ -34,7 +34,7 @@ from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.page.server import PageServer
-from diag_dynamics.page.stream import SEVERITY, Received, RobotStream, compile_frames
+from diag_dynamics.page.stream import Received, RobotStream, compile_frames
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import observation_of
 from diag_dynamics.parameters.robots import model_of
@@ -199,7 +199,6 @@ class RobotSubscription:
                 statuses.append(about)
             else:
                 del self._diagnostics[name]
-        statuses.sort(key=lambda status: (-SEVERITY[status["level"]], status["name"]))
         self.stream.set_diagnostics(statuses)
 
     def destroy(self):

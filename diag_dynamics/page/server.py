@@ -304,14 +304,14 @@ class PageServer:
 def listen(host, port):
     """Return a socket that listens on an address."""
     try:
-        if not host or not 0 <= port <= 65535:
-            raise OSError("expected an address (0.0.0.0 for all) and a port from 0 to 65535")
-        place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
-        server = socket.create_server(place[4][:2], family=place[0])
-    except (OSError, UnicodeError) as error:
-        why = getattr(error, "strerror", None) or error
+        if not host:
+            raise OSError("expected an address, 0.0.0.0 for all")
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        server = socket.create_server((host, port), family=family)
+    except (OSError, OverflowError, UnicodeError) as error:
+        reason = str(error).rstrip(".")
         address = f"host '{plain(host)}', port {port}"
-        text = f"The page cannot be served on {address}: {why}. Port 0 is any free one."
+        text = f"The page cannot be served on {address}: {reason}. Port 0 is any free one."
         raise InputError(text) from error
     server.setblocking(False)
     return server

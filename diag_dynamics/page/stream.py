@@ -19,8 +19,8 @@ from diag_dynamics.page.layout import links_of_dofs, thresholds_of
 STALE = 1.0
 """Age of the last state above which a robot is not alive [s]."""
 
-SEVERITY, ERROR = (0, 2, 3, 1), 3
-"""Severity of each level of diagnostics, of which STALE is 3, and that of an error."""
+SEVERITY, ERROR = (3, 1, 0, 2), 2
+"""Place of each level of diagnostics, the worst first, and that of an error; STALE is 3."""
 
 RATE_PERIOD = 0.5
 """Shortest time over which the rate of states is measured [s]."""
@@ -59,11 +59,10 @@ def compile_frames(dynamics, covariance):
     zero = np.zeros(model.nv)
     maker = FrameMaker(dynamics, (), covariance)
     with suppress(SingularMassMatrixError):  # at the start alone: other states can be shown
-        states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero))
-        pushed = states._replace(external_torque=zero[None], norm=np.ones(1), collision=True)
-        touched = model.link_names.index(links_of_dofs(model)[-1])
-        for link in (np.nan, touched):
-            maker.frames(pushed._replace(touched_link=link))
+        pushed = {"external_torque": zero[None], "norm": np.ones(1), "collision": True}
+        states = States.of(0.0, q, zero, zero, dynamics.evaluate(q, zero, zero), **pushed)
+        maker.frames(states)
+        maker.frames(states._replace(touched_link=model.link_names.index(links_of_dofs(model)[-1])))
     maker.chosen(q, zero, model.root_link)
 
 
@@ -127,13 +126,14 @@ class RobotStream:
 
     def set_diagnostics(self, statuses):
         """Set the newest diagnostics, a list of dicts: level, name, message and values of each."""
-        worst = max(statuses, key=lambda status: SEVERITY[status["level"]], default={"level": 0})
+        statuses = sorted(statuses, key=lambda status: (SEVERITY[status["level"]], status["name"]))
+        worst = statuses[0] if statuses else {"level": 0}
         with self._lock:
             self._worst = ""
             if worst["level"]:
                 name = worst["name"].partition(": ")[2] or worst["name"]
                 self._worst = f"{name}: {worst['message']}"
-            self._diagnosed_error = self._worst if SEVERITY[worst["level"]] == ERROR else ""
+            self._diagnosed_error = self._worst if worst["level"] == ERROR else ""
             if (text := json.dumps(statuses)) != self._diagnostics[1]:
                 self._diagnostics = self._diagnostics[0] + 1, text
 
