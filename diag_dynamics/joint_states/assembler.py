@@ -204,12 +204,6 @@ class StateAssembler:
         return self._joints_where((self._own["known"] > 0) & ~np.isfinite(self._own["effort"]))
 
     @property
-    def follower_rates(self):
-        """Measured rates of followers at the newest stamp [rad/s, m/s], NaN for others."""
-        followers = self._memory.followers
-        return np.where(followers["stamp"] == self.newest, followers["velocity"], np.nan)
-
-    @property
     def unavailable_efforts(self):
         """Joints whose efforts are unavailable by the parameters, or in an unknown unit."""
         return self._joints_where(np.isnan(self._own["factor"]))

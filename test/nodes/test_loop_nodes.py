@@ -47,9 +47,7 @@ def report_of_state(monitor, message, topics=("state",)):
 
 
 def test_monitor_of_a_four_bar(peer, loops_file):
-    """Efforts of followers are reflected; rates that break the loop have an energy, services accept
-    followers.
-    """
+    """Efforts of followers are reflected, and services accept followers."""
     names = ["rocker", "arm", "crank", "coupler"]
     crank = 0.9
     parameters = {"robot_description": four_bar(), "loops_file": loops_file(FOUR_BAR)}
@@ -61,17 +59,13 @@ def test_monitor_of_a_four_bar(peer, loops_file):
         monitor.wait_for_report(
             lambda report: report.values.get("robot") == "four_bar", "the robot"
         )
-        for factor in (1.0, 1.5):
-            velocity = [factor * G[1] * 2.0, 0.5, 2.0, G[0] * 2.0]
-            position = [rocker, 0.1, crank, coupler]
-            message = joint_state(names, position, velocity, effort, monitor.tick())
-            published, report = report_of_state(monitor, message)
-            expected = [2.0 + G @ [-1.0, 4.0], 0.3]
-            np.testing.assert_allclose(published["state"].effort, expected, atol=1e-9)
-            loops = report.entries["loops"]
-            energy = float(report.values["energy that breaks 'bar' [J]"])
-            assert loops.level == OK
-            assert energy < 1e-9 if factor == 1.0 else energy > 1e-3
+        velocity = [G[1] * 2.0, 0.5, 2.0, G[0] * 2.0]
+        position = [rocker, 0.1, crank, coupler]
+        message = joint_state(names, position, velocity, effort, monitor.tick())
+        published, report = report_of_state(monitor, message)
+        expected = [2.0 + G @ [-1.0, 4.0], 0.3]
+        np.testing.assert_allclose(published["state"].effort, expected, atol=1e-9)
+        assert report.entries["loops"].level == OK
         assert report.values["mimic joints"] == "2: coupler, rocker"
         request = Diagonalize.Request(state=message)
         assert monitor.call(Diagonalize, "diagonalize", request).success

@@ -7,9 +7,8 @@ from collections import deque
 
 import numpy as np
 
-from diag_dynamics.dynamics.loops import LoopBalance
-from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.model.followers import loop_title
+from diag_dynamics.exceptions import LoopError
+from diag_dynamics.model.followers import FollowerMotion, loop_title
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.watch import Watch
@@ -246,47 +245,38 @@ class EnergyWatch(Watch):
 
 
 class LoopWatch(Watch):
-    """Report near singularities of loops, and the energy of measured rates that break them.
-
-    Both are those at the last state.
-    """
+    """Report near singularities of loops at the last state."""
 
     def __init__(self, robot, node):
         super().__init__(robot, node)
-        self._model = self._balance = None
+        self._model = self._motion = None
 
     def configure(self, dynamics, settings):
         """See Watch."""
         if dynamics.model is not self._model:
             self._model = dynamics.model
-            self._balance = LoopBalance(self._model) if self._model.loops else None
+            self._motion = FollowerMotion(self._model) if self._model.loops else None
 
     def report(self):
         """See Watch."""
-        return [self._status()] if self._balance else []
+        return [self._status()] if self._motion else []
 
     def _status(self):
-        """Return the status at the last state, by measured rates of followers, NaN if unknown."""
         state = self._robot.state
-        rates = self._robot.assembler.follower_rates
         if state is None:
             return Status("loops", STALE, "no state")
         try:
-            energies, now = self._balance.energies(state.position, state.velocity, rates)
-        except (DiagDynamicsError, np.linalg.LinAlgError) as error:
+            now = self._motion.at(state.position, state.velocity)
+        except LoopError as error:
             return problem_status("loops", [str(error)], "", {})._replace(level=ERROR)
-        measured = np.array(now.names)[np.isfinite(rates)].tolist()
-        singular = []
-        values = {"followers with measured rates": counted(measured)}
-        for name, energy in energies.items():
-            values[f"energy that breaks '{name}' [J]"] = f"{energy:.4g}"
-        for number, singularity in enumerate(now.singularity):
-            title = loop_title(self._model, number)
-            values[f"singularity of {title}"] = f"{singularity:.3g}"
-            if singularity < NEARLY_SINGULAR:
-                singular.append(title)
-        if singular:
-            return Status("loops", WARN, f"nearly singular: {'; '.join(singular)}", values)
+        titles = [loop_title(self._model, number) for number in range(len(now.singularity))]
+        values = {
+            f"singularity of {title}": f"{singularity:.3g}"
+            for title, singularity in zip(titles, now.singularity, strict=True)
+        }
+        nearly = np.array(titles)[np.array(now.singularity) < NEARLY_SINGULAR]
+        if nearly.size:
+            return Status("loops", WARN, f"nearly singular: {'; '.join(nearly)}", values)
         return Status("loops", OK, "closed", values)
 
 
