@@ -29,5 +29,6 @@ names = [
 np.savetxt("swing.csv", rows, delimiter=",", header=",".join(names), comments="")
 recording = dd.read_recording("swing.csv", model)
 
-dd.plot.energy(recording).figure.savefig("energy.png")
+batch = dyn.evaluate(recording.q, recording.qd)
+dd.plot.energy(batch, recording.t).figure.savefig("energy.png")
 print(recording, "as energy.png")

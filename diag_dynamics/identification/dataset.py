@@ -99,7 +99,6 @@ class Dataset:
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES, in_torque=True):
-        self.origin = {"path": None, "robot": model.name, "states": 0, "start": 0.0, "end": 0.0}
         self.delay = 0.0
         self.findings = []
         self.name = name
@@ -182,58 +181,54 @@ class Dataset:
         InputError if they have more than a number of values.
         """
         limit = max_values // (model.nq + 2 * model.nv)
-        parts = []
+        pieces = []
         count = 0
-        findings = []
-        estimated = 0
-        efforts = EffortRange(model)
-        unknown = np.zeros(model.nv, int)  # number of states without an effort, by joint
         for piece in _pieces(self.name, recording):
             if piece.model.dof_names != model.dof_names:
                 raise InputError(
                     f"{self.name} is of robot '{piece.model.name}', whose degrees of freedom are "
                     "not those of the model."
                 )
-            states = piece.states
-            self._counts = piece.counts
-            findings = piece.findings
             if piece.path is not None:
                 self.name = f"'{piece.path}'"
-            if len(piece) and not count:
-                self.origin |= {
-                    "path": piece.path,
-                    "robot": piece.model.name,
-                    "start": float(piece.t[0]),
-                }
-            estimated += int(states.velocity_estimated.sum())
-            efforts.add_values(states.position, states.effort)
-            unknown += np.isnan(states.effort).sum(axis=0)
-            parts.append(states)
+            pieces.append(piece)
             count += len(piece)
             if count > limit:
                 raise InputError(
                     f"{self.name} has more than {limit} states, which all recordings share. Select "
                     "a part by --start and --end, or give fewer recordings."
                 )
-            if len(piece):
-                self.origin |= {"states": count, "end": float(piece.t[-1])}
+        findings = pieces[-1].findings if pieces else []  # of all pieces
         require_plausible(findings)
         if not count:
             raise no_states_error(self.name, findings)
+        self._counts = pieces[-1].counts
+        times = np.concatenate([piece.t for piece in pieces])
+        self.origin = {
+            "path": pieces[-1].path,
+            "robot": model.name,
+            "states": count,
+            "start": float(times[0]),
+            "end": float(times[-1]),
+        }
+        states = States.concatenate([piece.states for piece in pieces])
+        unknown = np.isnan(states.effort).sum(axis=0)
         if np.all(unknown == count):
             raise self._no_efforts()
+        efforts = EffortRange(model)
+        efforts.add_values(states.position, states.effort)
         if efforts.unmeasured() and not efforts.measures:
             raise InputError(f"{self.name}: {efforts.unmeasured()}. Record efforts.")
         self._lacking = np.array(model.dof_names)[2 * unknown > count].tolist()
         for word, joints in efforts.groups().items():
             self._set_unknown(model, joints, word)
         self._add(
-            estimated,
+            states.velocity_estimated.sum(),
             "velocity estimated",
             "velocities were estimated from positions. Record the velocities of the driver if it "
             "sends any",
         )
-        return States.concatenate(parts)
+        return states
 
     def _clean(self, states):
         """Return segments of usable states, and add findings on the others."""

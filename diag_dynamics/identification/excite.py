@@ -26,16 +26,17 @@ from diag_dynamics.yaml_files import yaml_text
 HARMONICS = 5
 RANDOM_TRIALS = 24  # before the best trajectory is improved
 MIN_EIGENVALUE = 1e-10  # of a combination of unknowns that motions excite, relative to the largest
-# Larger limits are placeholders, such as 1e16 [rad/s, m/s; rad, m]
-MAX_VELOCITY, MAX_POSITION = 100.0, 1000.0
-CONTINUOUS_RANGE = 0.5 * np.pi  # of a joint without limits, to both sides [rad]
 MARGIN = 0.05  # fraction of a range at either end that is left free, unless the range is given
-MIN_TRAVEL = 1e-3  # below this a joint stands still [rad, m]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
-LACKS = {
-    "Velocity": "expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT (velocity_limits).",
-    "Position": "expected lower < upper. Give --range JOINT=LOWER:UPPER (ranges).",
+LIMITS = {
+    "Velocity": (
+        100.0,
+        "expected finite numbers > 0. Give --velocity-limit JOINT=LIMIT (velocity_limits).",
+    ),
+    "Position": (1000.0, "expected lower < upper. Give --range JOINT=LOWER:UPPER (ranges)."),
 }
+"""Largest limits, as larger ones are placeholders such as 1e16 [rad/s, m/s; rad, m], and what to do
+about others."""
 
 
 class Excitation(NamedTuple):
@@ -131,7 +132,8 @@ def excite(
         Joints that move, by default all; the others rest in the middle of their range.
     ranges : mapping, optional
         Lower and upper bound of a joint's position [rad, m], by name, within its limits. A joint
-        for which the model has no limits requires a range. ``*`` stands for all such joints.
+        for which the model has no limits, such as a continuous one, requires a range. ``*`` stands
+        for all such joints.
     velocity_limits : mapping, optional
         Limits [rad/s, m/s] by name, required of joints for which the model has none: zero,
         negative, infinite or absent. ``*`` stands for all such joints.
@@ -153,7 +155,7 @@ def excite(
     ------
     InputError
         An argument has a wrong value, a joint that moves has no limit of velocity or position, the
-        robot has no degrees of freedom, or a joint would stand still or need too much effort.
+        robot has no degrees of freedom, or a joint would need too much effort.
     UnsupportedError
         The robot has a floating base, or a joint of several degrees of freedom.
     """
@@ -189,7 +191,7 @@ def excite(
             f"rate is {rate_text} 1/s; expected at least {bound} 1/s. Increase rate or period."
         )
     ranges = dict(ranges or {})
-    fastest, low, high = _find_limits(model, moving, velocity_limits or {}, ranges)
+    (_, fastest), (low, high) = _find_limits(model, moving, velocity_limits or {}, ranges)
     free = np.where(np.isin(names, list(ranges)), 0.0, MARGIN) * (high - low)
     time = np.arange(round(duration * rate) + 1) / rate
     series = _Series(
@@ -200,56 +202,39 @@ def excite(
         series, np.random.default_rng(seed), whole("trials", trials), progress
     )
     q, qd, qdd, tau = series.motion(best)
-    travel = np.ptp(q, axis=0)
-    for k in np.flatnonzero(moving & (travel < MIN_TRAVEL)):
-        raise InputError(
-            f"joint '{names[k]}' stands still: it moves over {travel[k]:.2g} rad or m. Widen its "
-            "limits or its range, or remove it from joints."
-        )
     return Excitation(names, time, q, qd, qdd, tau, period, condition, unknowns)
 
 
 def _find_limits(model, moving, velocities, positions):
-    """Return velocity, lower and upper limits.
+    """Return lower and upper limits of velocity and of position, (2, nv) each.
 
     They are the model's, arguments within them, or arguments where the model has none.
     """
-    names = np.array(model.dof_names)
     texts = []
-    velocity = model.velocity_limit.copy()
-    lower = model.lower.copy()
-    upper = model.upper.copy()
-    slow = moving & ~((velocity > 0.0) & (velocity <= MAX_VELOCITY))
-    widest = np.maximum(np.abs(lower), np.abs(upper))
-    unbounded = (
-        moving
-        & ~np.isin(names, model.continuous_joints)
-        & ~((widest <= MAX_POSITION) & (lower < upper))
-    )
-    velocity[slow] = np.inf
-    lower[unbounded] = -np.inf
-    upper[unbounded] = np.inf
-    velocities = {name: (0.0, largest) for name, largest in velocities.items()}
-    limits = (velocities, np.zeros(model.nv), velocity, slow), (positions, lower, upper, unbounded)
-    for (kind, lack), (bounds, low, high, missing) in zip(LACKS.items(), limits, strict=True):
+    results = []
+    arguments = {name: (0.0, largest) for name, largest in velocities.items()}, positions
+    limits = (np.zeros(model.nv), model.velocity_limit), (model.lower, model.upper)
+    for (kind, (largest, advice)), bounds, limit in zip(
+        LIMITS.items(), arguments, limits, strict=True
+    ):
         for name in bounds:
             choice(f"{kind} limits: a joint", name, (*model.dof_names, ALL))
-        for k, name in enumerate(names):
-            if name in bounds or (missing[k] and ALL in bounds):
-                low[k], high[k] = _read_bounds(
-                    kind, name, bounds.get(name, bounds.get(ALL)), low[k], high[k]
-                )
-                missing[k] = False
-        if missing.any():
-            texts.append(f"{kind} limits of {', '.join(names[missing])} are missing; {lack}")
+        is_limited = (limit[0] < limit[1]) & (np.abs(limit).max(axis=0) <= largest)
+        result = np.where(is_limited, limit, [[-1.0], [1.0]])
+        missing = []
+        for k, name in enumerate(model.dof_names):
+            if name in bounds or (ALL in bounds and not is_limited[k]):
+                within = result[:, k] if is_limited[k] else (-np.inf, np.inf)
+                entry = bounds.get(name, bounds.get(ALL))
+                result[:, k] = _read_bounds(kind, name, entry, *within)
+            elif moving[k] and not is_limited[k]:
+                missing.append(name)
+        if missing:
+            texts.append(f"{kind} limits of {', '.join(missing)} are missing; {advice}")
+        results.append(result)
     if texts:
         raise InputError(" ".join(texts))
-    turns = ~(np.isfinite(lower) & np.isfinite(upper))
-    return (
-        velocity,
-        np.where(turns, -CONTINUOUS_RANGE, lower),
-        np.where(turns, CONTINUOUS_RANGE, upper),
-    )
+    return results
 
 
 def _read_bounds(kind, name, entry, low, high):

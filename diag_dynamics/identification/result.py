@@ -193,7 +193,6 @@ def payload_certainty(layout, fit, fits):
         "inertia": inertia.tolist(),
         "mass_deviation": float(deviations[0]),
         "com_deviation": deviations[1:4].tolist(),
-        "inertia_deviation": deviations[4:13].reshape(3, 3).tolist(),
         "inertia_known": INERTIA_KNOWN[
             bool(0.0 < deviations[-1] <= MAX_DEVIATION * abs(np.trace(inertia)))
         ],
@@ -201,6 +200,6 @@ def payload_certainty(layout, fit, fits):
 
 
 def _numbers(parameters):
-    """Return mass, centre, inertia about it, and the trace of that."""
+    """Return mass, centre, and the trace of the inertia about it."""
     mass, centre, inertia = inertias.about_centre(parameters)
-    return np.r_[mass, centre, inertia.ravel(), np.trace(inertia)]
+    return np.r_[mass, centre, np.trace(inertia)]

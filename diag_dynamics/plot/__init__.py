@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A plot in one line: ``dd.plot.energy(recording)``.
+"""A plot in one line: ``dd.plot.energy(dyn.evaluate(recording.q, recording.qd), recording.t)``.
 
 It raises InputError without states, at an array of another shape, and without matplotlib, which is
 imported on first use and whose style colours text and axes.

@@ -50,9 +50,8 @@ def find_peaks(values: Array) -> npt.NDArray[np.intp]:
     rows = np.arange(len(values))
     if len(values) <= 2 * MAX_PARTS:
         return rows
-    low, high = (np.where(np.isnan(values), x, values) for x in (np.inf, -np.inf))
     parts = np.array_split(rows, MAX_PARTS)
-    peaks = [(part[low[part].argmin()], part[high[part].argmax()]) for part in parts]
+    peaks = [(part[values[part].argmin()], part[values[part].argmax()]) for part in parts]
     return np.unique(peaks)
 
 

@@ -112,7 +112,7 @@ class Analysis:
         # parameters without which no collision is reported
         self._missing = settings.unjudged_without
         self._dynamics = DiagonalDynamics(model)
-        self._windows = WindowSums(model.nv, model.has_friction)
+        self._windows = WindowSums(model.has_friction)
         self._observer = Observer(
             self._dynamics,
             gain,
@@ -125,7 +125,7 @@ class Analysis:
         points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
         self._exposure = ContactExposure(self._points) if self._points else None
-        self._balance = Balance(names)
+        self._balance = Balance()
         self._quality = Quality(model)
         self._peaks = {}  # largest value, its stamp [ns], and its joint or None, by quantity
         self._shares = np.full(model.nv, -np.inf)
@@ -224,8 +224,8 @@ class Analysis:
             return states, s
         motion = states.position, states.velocity
         with np.errstate(all="ignore"):
-            changes = np.gradient(motion[1], axis=0) / np.gradient(states.stamp / SECOND)[:, None]
-        changes = np.where(np.isfinite(changes), changes, 0.0)
+            changes = np.gradient(states.velocity, states.stamp / SECOND, axis=0)
+        changes = np.nan_to_num(changes, posinf=0.0, neginf=0.0)
         torque = self._dynamics.inverse_dynamics(*motion, changes, **self._options)
         effort = np.where(unknown, torque, states.effort)
         is_known = np.isfinite(effort).all(axis=1)
@@ -393,11 +393,6 @@ def _list_alarms(alarms, time):
             "end": time(alarm.end),
             "joints": list(alarm.joints),
             "norm": alarm.norm,
-            "first": alarm.first,
-            "exceeded": {
-                event.detector: {"value": event.value, "threshold": event.threshold}
-                for event in alarm.exceeded
-            },
             "text": alarm.describe(),
         }
         | ({"link": alarm.link, "confidence": alarm.confidence} if alarm.chi_square else {})

@@ -9,7 +9,6 @@ import numpy as np
 
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.windows import SampleChain, WindowIntegrals
-from diag_dynamics.results import energy_shares
 
 WINDOW, MAX_GAP = 0.1, 0.1
 """Length of a window, as noise of velocities spoils shorter ones, and longest interval that is
@@ -27,7 +26,7 @@ AROUND, MAX_TOUCHED = 0.2, 0.5
 class Windows(NamedTuple):
     """Windows that ended in a batch of states.
 
-    Stamps are in ns, shape (W,), mean powers in W, shapes (W,) and (W, nv).
+    Stamps are in ns, mean powers in W, shape (W,) each.
     """
 
     begin: np.ndarray
@@ -36,7 +35,6 @@ class Windows(NamedTuple):
     effort: np.ndarray  # νᵀε
     gravity: np.ndarray  # νᵀε_g, the rate of potential energy
     friction: np.ndarray  # νᵀε_fric
-    joints: np.ndarray  # residual of each: change of ½ν_k² less ν_k(ε_k − C_k − ε_g,k − ε_fric,k)
 
     @property
     def residual(self):
@@ -50,47 +48,41 @@ class WindowSums:
     C does no work on K (Lemma 7.2).
     """
 
-    def __init__(self, count, friction=False):
+    def __init__(self, friction=False):
         self._friction = friction
         self._chain = SampleChain(MAX_GAP)
         self._integrals = WindowIntegrals(WINDOW)
-        # Stamp, powers and ½ν² of the last sample.
-        self._last = 0, np.zeros(3 + count), np.zeros(count)
+        # Stamp, powers and K of the last sample.
+        self._last = 0, np.zeros(3), np.zeros(1)
 
     def integrate_states(self, states, s):
         """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
         rows = samples.rows
-        stamp, power, share = self._last
+        stamp, power, energy = self._last
         nu = s.nu[rows]
-        epsilon = s.epsilon[rows]
-        gravity = s.gravity[rows]
         friction = s.friction[rows] if self._friction else np.zeros_like(nu)
-        forces = epsilon, gravity, friction
+        forces = s.epsilon[rows], s.gravity[rows], friction
         powers = [np.einsum("tk,tk->t", nu, force) for force in forces]
-        by_joint = nu * (epsilon - (s.coriolis[rows] + gravity + friction))
-        powers = np.vstack([power, np.column_stack([*powers, by_joint])])
-        shares = np.vstack([share, energy_shares(nu)])
+        powers = np.vstack([power, np.column_stack(powers)])
+        energies = np.vstack([energy, s.kinetic_energy[rows, None]])
         work = 0.5 * samples.interval[:, None] * (powers[:-1] + powers[1:])
         steps = np.vstack([np.zeros_like(power), work])
         stamps = np.append(stamp, states.stamp[rows])
-        self._last = stamps[-1], powers[-1], shares[-1]
+        self._last = stamps[-1], powers[-1], energies[-1]
         follows = np.append(False, samples.interval > 0.0)
-        begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, shares)
-        span = ((end - begin) / SECOND)[:, None]
-        gained /= span
-        work /= span
-        return Windows(begin, end, gained.sum(axis=1), *work[:, :3].T, gained - work[:, 3:])
+        begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, energies)
+        span = (end - begin) / SECOND
+        return Windows(begin, end, gained[:, 0] / span, *(work.T / span))
 
 
 class Balance:
     """Balance of power over all windows; `moved` is whether the robot has moved."""
 
-    def __init__(self, names):
-        self._names = names
+    def __init__(self):
         self.moved = True
         empty = np.zeros((2, 0), np.int64)
-        self._parts = [Windows(*empty, *np.zeros((4, 0)), np.zeros((0, len(names))))]
+        self._parts = [Windows(*empty, *np.zeros((4, 0)))]
 
     def add_windows(self, windows):
         """Add :class:`Windows`."""
@@ -144,15 +136,8 @@ class Balance:
             return None
         return float(np.sqrt(np.square(self.windows.residual).mean()))
 
-    def _summarize_joints(self):
-        """Return root mean square residual `residual_power` [W] and `share` of all squares."""
-        squares = np.square(self.windows.joints).sum(axis=0) / max(self.count, 1)
-        columns = np.sqrt(squares).tolist(), (squares / (squares.sum() or 1.0)).tolist()
-        rows = zip(self._names, *columns, strict=True)
-        return {name: {"residual_power": rms, "share": share} for name, rms, share in rows}
-
     def summary(self, fault, is_beside, partial):
-        """Return numbers of windows and joints, and the judgement with the likely fault of efforts.
+        """Return the number of windows, and the judgement with the likely fault of efforts.
 
         `is_beside` tells whether efforts explain enough outside of collisions. `partial` are the
         only joints that are judged; the efforts of others are the model's.
@@ -165,7 +150,6 @@ class Balance:
             "explained_beside_collisions": is_beside,
             "moved": self.moved,
             "partial": partial,
-            "joints": self._summarize_joints(),
         }
 
     def _judgement(self, fault):

@@ -173,7 +173,7 @@ class Quality:
         ]
 
     def _report_velocities(self):
-        """Return the median delay of velocities, and errors and delays by joint.
+        """Return the median delay of velocities, and errors by joint.
 
         The median is None if less than half of the joints in motion show a delay.
         """
@@ -183,11 +183,11 @@ class Quality:
         left = relation.error_without_delay
         shows = np.isfinite(error) & np.isfinite(delay) & (left < MAX_ERROR_LEFT * error)
         is_common = shows.any() and 2 * shows.sum() >= np.isfinite(error).sum()
-        rows = zip(*(map(_known, column) for column in (error, delay, left)), strict=True)
-        names = "velocity_error", "velocity_delay", "velocity_error_without_delay"
-        joints = [dict(zip(names, row, strict=True)) for row in rows]
-        median = float(np.median(delay[shows])) if is_common else None
-        return median, dict(zip(self._joints, joints, strict=True))
+        joints = {
+            name: {"velocity_error": None if np.isnan(x) else float(x)}
+            for name, x in zip(self._joints, error, strict=True)
+        }
+        return float(np.median(delay[shows])) if is_common else None, joints
 
     def _warnings(self, report):
         """Return warnings, a sentence each, but for those of ratios."""
@@ -220,11 +220,6 @@ class Quality:
             f"{same_state} of {self._count} states repeat the previous state": same_state > many,
         }
         return [text for text, applies in warnings.items() if applies]
-
-
-def _known(number):
-    """Return a number, None for NaN."""
-    return None if np.isnan(number) else float(number)
 
 
 def _judge_ratios(ratios):

@@ -169,8 +169,6 @@ def _about_balance(summary):
             "  the balance includes collisions, whose power no effort contains: select a part "
             "without contact (--start, --end)"
         )
-    joints = {name: numbers["residual_power"] for name, numbers in balance["joints"].items()}
-    yield f"  residual by joint: {_largest(joints, '{} {:.2g} W')}"
 
 
 def _about_collisions(summary):

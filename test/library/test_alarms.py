@@ -765,13 +765,11 @@ def test_the_command(ur5, tables, tmp_path, capsys):
         and result["norm"] > 0.0
         and joint in summary["observer"]["judged"]
     )
-    assert result["exceeded"][joint]["value"] > 8.0 > result["exceeded"][joint]["threshold"]
     assert len(summary["collisions"]) < 15
     assert result["link"] in ur5.link_names and 0.0 < result["confidence"] <= 1.0
     contacts = summary["contacts"]  # an interval around each collision, by lower thresholds
     assert len(contacts) > len(summary["collisions"])
     (touch,) = (entry for entry in contacts if entry["start"] <= result["start"] <= entry["end"])
-    assert touch["exceeded"][joint]["threshold"] < result["exceeded"][joint]["threshold"]
     assert touch["end"] >= result["end"] and touch["link"] in ur5.link_names
 
 

@@ -13,7 +13,6 @@ import pytest
 import desk_arm
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
-from diag_dynamics.identification import quality
 from examples import some_of
 from motions import changed, efforts, fourier, recorded
 from oracles import Oracle
@@ -240,22 +239,6 @@ def test_the_spread_of_external_torque_is_that_of_the_observer(worn):
         np.testing.assert_allclose(content, spread, rtol=0.25)
     before, after = np.transpose(list(result.quality["observer_spread"].values()))
     assert (after < 0.5 * before).all()
-
-
-def test_a_worse_external_torque_is_a_warning(worn, monkeypatch):
-    validate = quality.validate
-    count = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
-
-    def validate_with_one_quiet_joint(models, *arguments):
-        result, curves = validate(models, *arguments)
-        factor = count if models[0] is worn.model else 1.0
-        return result | {"observer_spread": result["observer_spread"] * factor}, curves
-
-    monkeypatch.setattr(quality, "validate", validate_with_one_quiet_joint)
-    warnings = dd.identify(worn, worn.model, "friction").quality["warnings"]
-    texts = [text for text in warnings if "external torque" in text]
-    assert len(texts) == 1
-    assert "external torque of joint 'elbow_joint' increased from 0 to" in texts[0]
 
 
 def test_the_end_of_the_search_is_no_delay(worn):

@@ -14,7 +14,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.plot import recordings
-from motions import fourier, recorded
+from motions import fourier
 from robots import description, joint, link
 
 mpl.use("agg")
@@ -35,7 +35,7 @@ MODEL = dd.load_urdf(
 PANDA = dd.load_robot("panda")
 DYN = dd.DiagonalDynamics(PANDA)
 T = np.arange(2500) * 1e-3
-Q, QD, QDD = fourier(np.random.default_rng(1), T, PANDA.lower, PANDA.upper, base=0.6)
+Q, QD, _ = fourier(np.random.default_rng(1), T, PANDA.lower, PANDA.upper, base=0.6)
 
 
 @pytest.fixture(autouse=True)
@@ -43,11 +43,6 @@ def _closed():
     plt.close("all")
     yield
     plt.close("all")
-
-
-@pytest.fixture(scope="module")
-def recording():
-    return recorded(PANDA, T, Q, QD, DYN.inverse_dynamics(Q, QD, QDD, friction=True))
 
 
 def curve(axes, label):
@@ -61,7 +56,7 @@ def sliding(velocity):
 
 
 @pytest.mark.parametrize("count", [5, 7])
-def test_energy_is_stacked_by_joint(count, recording, monkeypatch):
+def test_energy_is_stacked_by_joint(count, monkeypatch):
     """The top of the stack is K, each layer is as thick as the share of its joint; one layer is of
     several others.
     """
@@ -87,14 +82,13 @@ def test_energy_is_stacked_by_joint(count, recording, monkeypatch):
     assert not others and axes.get_ylabel() == "kinetic energy [J]"
 
 
-def test_gaps_have_no_line(recording):
+def test_gaps_have_no_line():
     """Ten seconds without a state are a gap, states that come every two seconds are a line."""
-    gappy = recorded(PANDA, np.where(T < 1.0, T, T + 10.0), Q, QD, recording.tau)
-    at, y = curve(dd.plot.energy(gappy), "K")
+    at, y = curve(dd.plot.energy(DYN.evaluate(Q, QD), np.where(T < 1.0, T, T + 10.0)), "K")
     (gap,) = np.flatnonzero(np.isnan(y))
     assert at[gap - 1] < 1.0 and 10.9 < at[gap + 1] < 11.2
-    seldom = recorded(PANDA, 2.0 * np.arange(30.0), Q[:30], QD[:30], None)
-    assert not np.isnan(curve(dd.plot.energy(seldom), "K")).any()
+    seldom = dd.plot.energy(DYN.evaluate(Q[:30], QD[:30]), 2.0 * np.arange(30.0))
+    assert not np.isnan(curve(seldom, "K")).any()
 
 
 def test_peaks_are_drawn():
@@ -112,16 +106,15 @@ def test_peaks_are_drawn():
 
 
 def test_errors_name_the_argument():
-    empty = recorded(PANDA, T[:0], Q[:0], QD[:0], None)
     fixed = dd.DiagonalDynamics(dd.load_urdf(description("fixed", link("base"))))
     for draw, key in (
-        (lambda: dd.plot.energy([1.0]), "expected a Recording"),
-        (lambda: dd.plot.energy(DYN.evaluate(Q[0], QD[0])), "evaluation of many states"),
+        (lambda: dd.plot.energy([1.0]), "BatchEvaluation"),
+        (lambda: dd.plot.energy(DYN.evaluate(Q[0], QD[0])), "BatchEvaluation"),
         (
             lambda: dd.plot.energy(DYN.evaluate(Q, QD), t=[0.0, 1.0, 2.0]),
             r"t has shape \(3,\)",
         ),
-        (lambda: dd.plot.energy(empty), "no states"),
+        (lambda: dd.plot.energy(DYN.evaluate(Q[:0], QD[:0])), "no states"),
         (lambda: dd.plot.energy(fixed.evaluate([[]], [[]])), "no joint that moves"),
     ):
         with pytest.raises(dd.InputError, match=key):

@@ -345,7 +345,7 @@ def test_times_behind_a_long_gap_are_right(recording):
         "value": "25.0",
         "default": False,
     }
-    assert {"yes", "no", "none"} <= {row["value"] for row in content["parameters"]}
+    assert {"true", "false"} <= {row["value"] for row in content["parameters"]}
 
 
 def test_a_page_that_is_not_built(tmp_path):

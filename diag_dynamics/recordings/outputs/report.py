@@ -3,6 +3,8 @@
 
 """The report of a recording: the page of a live robot, with a recording, in one HTML file."""
 
+import json
+
 import numpy as np
 
 import diag_dynamics
@@ -135,16 +137,7 @@ class ReportOutput:
     def _parameters(self):
         """Return the monitor's parameters, those that differ from the default first."""
         rows = [
-            {"name": name, "value": format_value(x), "default": bool(x == PARAMETERS[name].default)}
+            {"name": name, "value": json.dumps(x), "default": bool(x == PARAMETERS[name].default)}
             for name, x in self._reading.settings.values.items()
         ]
         return sorted(rows, key=lambda row: row["default"])
-
-
-def format_value(value):
-    """Return the value of a parameter as people write it."""
-    if isinstance(value, (bool, np.bool_)):
-        return "yes" if value else "no"
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return ", ".join(map(format_value, value)) or "none"
-    return str(value) or "none"
