@@ -138,10 +138,6 @@ def format_summary(result):
         "",
         *aligned(_joint_rows(quality, result.parameters.joints)),
     ]
-    for name, motor in result.parameters.couplings.items():
-        if "motor_damping" in quality["deviations"].get(name, {}):
-            values = f"damping {motor.damping:.3g} N m s/rad, friction {motor.friction:.3g} N m"
-            lines.append(f"  motor of {name} at its rate: {values}")
     if quality["partial"]:
         joints = ", ".join(quality["partial"])
         lines.append(f"  partial: of {joints} alone; the model's efforts stand for those of others")

@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.atomic_file import write_text
-from diag_dynamics.checks import choice, mapping, not_negative, number, numbers, positive
+from diag_dynamics.checks import choice, mapping, not_negative, numbers, positive
 from diag_dynamics.description.records import (
     LARGEST_INERTIA,
-    Coupling,
     Description,
     FlexibleJoint,
     Link,
@@ -98,11 +97,6 @@ class Parameters:
         the URDF says; and :class:`Payload` by link, added to its own inertia and not listed by
         `RobotModel.payloads`. The mass of a payload is negative if the robot lacks a part that the
         URDF has.
-    couplings : mapping
-        :class:`Coupling` by the joint whose motor also turns others, as in wrists of six-axis arms.
-    motor_efforts : bool
-        Whether reported efforts are of these motors, at the side of the joints: τ = Tᵀu with motor
-        rates T q̇.
     friction_velocity : float or None
         v₀ of Coulomb friction f tanh(q̇/v₀) [rad/s, m/s].
     origin : mapping
@@ -115,14 +109,12 @@ class Parameters:
     joints: Mapping[str, JointParameters] = field(default_factory=dict)
     links: Mapping[str, Payload] = field(default_factory=dict)
     payloads: Mapping[str, Payload] = field(default_factory=dict)
-    couplings: Mapping[str, Coupling] = field(default_factory=dict)
-    motor_efforts: bool = False
     friction_velocity: float | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
     flexible_joints: Mapping[str, FlexibleJoint] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("joints", "links", "payloads", "couplings", "origin", "flexible_joints"):
+        for name in ("joints", "links", "payloads", "origin", "flexible_joints"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, entry in self.joints.items():
             _joint(entry, f"parameters: joint '{name}'", name)
@@ -135,7 +127,7 @@ class Parameters:
     @property
     def joint_count(self) -> int:
         """Number of joints with parameters."""
-        return len({*self.joints, *self.couplings, *self.flexible_joints})
+        return len({*self.joints, *self.flexible_joints})
 
     def with_effort_scale(self, scale: Mapping[str, float]) -> Parameters:
         """Return these parameters with another effort by reported unit, by joint.
@@ -170,12 +162,10 @@ class Parameters:
         if isinstance(content, Parameters):
             return content
         content = mapping(source, content, tuple(cls.__dataclass_fields__))
-        motors = content.get("motor_efforts", False)
         velocity = content.get("friction_velocity")
-        choice(f"{source}: motor_efforts", motors, (True, False))
         if velocity is not None:
             velocity = not_negative("friction_velocity", velocity, "[rad/s, m/s]")
-        fields: dict[str, Any] = {"motor_efforts": motors, "friction_velocity": velocity}
+        fields: dict[str, Any] = {"friction_velocity": velocity}
         for key, (kind, read) in READERS.items():
             fields[key] = {}
             for name, entry in mapping(f"{source}: {key}", content.get(key) or {}).items():
@@ -185,7 +175,6 @@ class Parameters:
     def to_dict(self) -> dict[str, Any]:
         """Return plain dicts, lists and numbers, as the file has them, without empty entries."""
         content: dict[str, Any] = {key: _plain(getattr(self, key)) for key in READERS}
-        content["motor_efforts"] = self.motor_efforts or None
         content["friction_velocity"] = self.friction_velocity
         content["origin"] = dict(self.origin)
         return {key: value for key, value in content.items() if value not in (None, {})}
@@ -208,8 +197,6 @@ class Parameters:
             joints,
             {**self.links, **later.links},
             payloads,
-            {**self.couplings, **later.couplings},
-            self.motor_efforts or later.motor_efforts,
             self.friction_velocity if velocity is None else velocity,
             later.origin,
             {**self.flexible_joints, **later.flexible_joints},
@@ -258,22 +245,6 @@ def _flexible(entry: object, source: str, _: str) -> FlexibleJoint:
     return FlexibleJoint(**values)
 
 
-def _coupling(entry: object, source: str, motor: str) -> Coupling:
-    entry = mapping(source, entry, Coupling._fields)
-    joints = {motor: 1.0}
-    for name, ratio in mapping(source, entry.get("joints") or {}).items():
-        joints[str(name)] = number(f"{source}: {name}", ratio, "a finite number")
-    if len(joints) < 2 or joints[motor] != 1.0:
-        raise InputError(
-            f"{source} has joints {joints}, expected others by ratio, and 1 for '{motor}'."
-        )
-    damping, friction = (
-        not_negative(f"{source}: {key}", entry.get(key, 0.0), _UNITS[key])
-        for key in ("damping", "friction")
-    )
-    return Coupling(joints, damping, friction)
-
-
 def checked_body(
     body: Payload, before: str, after: str = "", may_be_negative: bool = False
 ) -> Payload:
@@ -308,7 +279,6 @@ READERS: dict[str, tuple[str, Callable[[object, str, str], object]]] = {
     "joints": ("joint", _joint),
     "links": ("link", _body),
     "payloads": ("payload", partial(_body, may_be_negative=True)),
-    "couplings": ("coupling", _coupling),
     "flexible_joints": ("flexible joint", _flexible),
 }
 """Kind of the entries of each key of a file, and how one is read: content, text for errors,
@@ -338,8 +308,6 @@ def with_parameters(description: Description, parameters: Parameters) -> Descrip
     return description._replace(
         joints=joints,
         links=links,
-        couplings={**description.couplings, **parameters.couplings},
-        motor_efforts=description.motor_efforts or parameters.motor_efforts,
         friction_velocity=description.friction_velocity if velocity is None else velocity,
     )
 

@@ -76,19 +76,6 @@ class FlexibleJoint(NamedTuple):
         return self.gear**2 * self.rotor_inertia
 
 
-class Coupling(NamedTuple):
-    """Motor that turns several joints: ratios of its rate, its damping and Coulomb friction.
-
-    `joints` maps names to ratios, 1 for the joint that the coupling is named after. Friction [N m
-    s/rad, N m] at the motor's rate acts on each of the joints times its ratio, beside friction of
-    the joints themselves.
-    """
-
-    joints: Mapping[str, float]
-    damping: float = 0.0
-    friction: float = 0.0
-
-
 class Mimic(NamedTuple):
     """Coupling of a joint to another one: position = multiplier · leader's position + offset.
 
@@ -323,9 +310,9 @@ class Description(NamedTuple):
 
     `driven` are joints with an actuator, `remarks` probable mistakes of the file. An MJCF states
     `floating_base`, `gravity` [m/s²] and positions of `locked` joints [rad, m] too; `omitted` has
-    its forces that no model has, `balls` its ball joints, each of three hinges. `couplings`,
-    `motor_efforts` and `friction_velocity` are those of :class:`Parameters`. Arguments of
-    :func:`load_urdf` are merged, too; `held` are positions of joints that massless="lock" locks.
+    its forces that no model has, `balls` its ball joints, each of three hinges. `friction_velocity`
+    is that of :class:`Parameters`. Arguments of :func:`load_urdf` are merged, too; `held` are
+    positions of joints that massless="lock" locks.
     """
 
     name: str
@@ -340,8 +327,6 @@ class Description(NamedTuple):
     locked: Mapping[str, float] = {}
     omitted: tuple[str, ...] = ()
     balls: tuple[str, ...] = ()
-    couplings: Mapping[str, Coupling] = {}
-    motor_efforts: bool = False
     friction_velocity: float = FRICTION_VELOCITY
     mimic: str = "embed"
     massless: str = "error"

@@ -81,9 +81,6 @@ class SweepCaller:
         )
         self._followers = FollowerMotion(model) if model.has_follower_friction else None
         self._ratios = self._workspace.couplings.ratio if model.loops else np.zeros(0)
-        self._motors = np.array(
-            [(motor.damping, motor.friction) for motor in model.couplings.values()]
-        ).T
 
     # --- Calls
 
@@ -262,10 +259,6 @@ class SweepCaller:
         if self._depends_on_load or self._has_friction:
             load = np.abs(self.gravity_torque(at)) if self._depends_on_load else 0.0
             resisting += (model.friction + model.load_friction * load) * direction(qd, v0)
-        if model.couplings:
-            rates = qd @ model.motor_rates.T
-            damping, friction = self._motors
-            resisting += (damping * rates + friction * direction(rates, v0)) @ model.motor_rates
         if self._followers:
             rows = zip(at.q.reshape(-1, model.nq), qd.reshape(-1, model.nv), strict=True)
             resisting += np.reshape(

@@ -91,11 +91,11 @@ def list_recordings(name, recordings):
 class Dataset:
     """Segments of a recording that can be fitted.
 
-    Velocities are at the time of the positions: `delay` [s] was removed. `known` are the joints with
-    efforts (bool); those of the others are the model's. Errors begin with `name`, the path if there
-    is one. `origin` has path, robot, number of all states, and times of the first and the last one
-    [s]. Raises InputError if the recording is of another robot, too long, lacks states or efforts,
-    or has velocities in another unit. Efforts that are not `in_torque` may be of any size.
+    Velocities are at the time of the positions: `delay` [s] was removed. `known` are the joints
+    with efforts (bool); those of the others are the model's. Errors begin with `name`, the path if
+    there is one. `origin` has path, robot, number of all states, and times of the first and the
+    last one [s]. Raises InputError if the recording is of another robot, too long, lacks states or
+    efforts, or has velocities in another unit. Efforts that are not `in_torque` may be of any size.
     """
 
     def __init__(self, name, recording, model, max_values=MAX_VALUES, in_torque=True):

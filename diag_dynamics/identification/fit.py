@@ -86,9 +86,8 @@ class Layout:
 
     They are those of :class:`Regressors`, then the ten of a payload in its link's frame. The first
     `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are
-    positive, and which are of bodies with mass; `motors` has places of damping and friction of each
-    coupled motor. Arguments `rows` are lists of pairs: normal equations, and whether the robot
-    carries the payload in them.
+    positive, and which are of bodies with mass. Arguments `rows` are lists of pairs: normal
+    equations, and whether the robot carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -109,10 +108,6 @@ class Layout:
         for k, body in enumerate(self.bodies.tolist()):
             self.known[self.block(k)] = inertias.parameters_of_record(model.bodies[body])
             self.inertial[self.block(k)] = model.bodies["mass"][body] > 0.0
-        self.motors = [regressors.of_motors([motor]) for motor in range(len(model.couplings))]
-        for places, coupling in zip(self.motors, model.couplings.values(), strict=True):
-            self.known[places] = coupling.damping, coupling.friction
-            self.positive[places] = True
         for name, column in COLUMNS.items():
             self.known[self.own(column)] = getattr(model, name)
             self.positive[self.own(column)] = column != OFFSET

@@ -112,10 +112,6 @@ def identify(
             f"what is {what!r}; expected payload:<link>, because reference is a recording without "
             "it."
         )
-    if "gains" in names and model.motor_efforts:
-        raise InputError(
-            f"what is {what!r}, but gains of joints cannot be identified with motor_efforts: true."
-        )
     if model.flexible_joints:
         raise UnsupportedError(
             f"joint '{min(model.flexible_joints)}' is flexible; expected rigid joints, because "

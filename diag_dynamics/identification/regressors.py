@@ -42,12 +42,11 @@ class Regressors:
     """Rows Y_p and Y_g − Y_∂ with d/dt(Y_p π) + (Y_g − Y_∂) π = τ, without friction and rotors.
 
     Unknowns are ten parameters of each body with inertia, and of those in `also`, then damping,
-    Coulomb friction, offset, rotor inertia, load and root friction of each degree of freedom, and
-    damping and Coulomb friction of coupled motors. The load is the torque of gravity of the
-    dynamics `load_of`, 0 if None. The row of a degree of freedom has `columns` of them, of the
-    bodies that it moves and its own, and then the effort. `rows` are their places in the row of
-    all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ] of each degree of freedom, and the
-    sum of weights.
+    Coulomb friction, offset, rotor inertia, load and root friction of each degree of freedom. The
+    load is the torque of gravity of the dynamics `load_of`, 0 if None. The row of a degree of
+    freedom has `columns` of them, of the bodies that it moves and its own, and then the effort.
+    `rows` are their places in the row of all. Normal equations are an array of objects: [Y τ]ᵀ[Y τ]
+    of each degree of freedom, and the sum of weights.
     """
 
     def __init__(self, model, also=()):
@@ -55,9 +54,7 @@ class Regressors:
         nv = model.nv
         self.bodies = np.union1d(np.flatnonzero(bodies["mass"][1:] > 0.0) + 1, np.array(also, int))
         inertial = PARAMETERS * len(self.bodies)
-        self.size = inertial + len(OWN) * nv + 2 * len(model.couplings)
-        self._motor_rates = model.motor_rates
-        self._motors = [np.flatnonzero(rates) for rates in model.motor_rates.T]  # by joint
+        self.size = inertial + len(OWN) * nv
         moved = np.zeros((nv, len(self.bodies)), bool)
         for number, body in enumerate(self.bodies.tolist()):
             while body > 0:
@@ -70,10 +67,7 @@ class Regressors:
         for k in range(nv):
             numbers = np.flatnonzero(moved[k])
             blocks = (PARAMETERS * numbers[:, None] + np.arange(PARAMETERS)).ravel()
-            of_motors = self.of_motors(self._motors[k])
-            self.columns.append(
-                np.r_[blocks, of_motors, inertial + len(OWN) * k + np.arange(len(OWN))]
-            )
+            self.columns.append(np.r_[blocks, inertial + len(OWN) * k + np.arange(len(OWN))])
             self._first[k, self.bodies[numbers]] = end + PARAMETERS * np.arange(len(numbers))
             self.rows.append(slice(end, end + len(self.columns[k]) + 1))
             end = self.rows[k].stop
@@ -85,11 +79,6 @@ class Regressors:
     def own(self, column):
         """Return the unknowns of one kind, of all degrees of freedom."""
         return PARAMETERS * len(self.bodies) + len(OWN) * np.arange(len(self.rows)) + column
-
-    def of_motors(self, motors):
-        """Return the unknowns of coupled motors: damping and Coulomb friction of each."""
-        first = self.size - 2 * len(self._motor_rates)
-        return (first + 2 * np.asarray(motors, int)[:, None] + np.arange(2)).ravel()
 
     def evaluate(self, q, qd):
         """Return Y_p and Y_g − Y_∂ at states (T, nq) and (T, nv).
@@ -130,7 +119,6 @@ class Regressors:
                     np.abs(self.load_of.gravity_torque(q[part])) * y[:, first_own + FRICTION]
                 )
             y[:, first_own + ROOT] = root_of_rate(rates, v0)
-            self._fill_motors(y, rates)
             filtered = np.empty_like(y)
             filtered[0] = -momentum[0] if state is None else state
             low_pass(time, y, filtered)
@@ -139,18 +127,6 @@ class Regressors:
             for k in np.flatnonzero(~(known & np.ones(len(self.rows), bool))):
                 rows[:, self.rows[k]] = 0.0
             yield rows, np.minimum(1.0, 0.5 * np.diff(time))
-
-    def _fill_motors(self, y, rates):
-        """Write rates and directions of coupled motors, times ratios, into rows of their joints."""
-        rates = rates @ self._motor_rates.T
-        turned = direction(rates, self._friction_velocity)
-        for k, motors in enumerate(self._motors):
-            first = self.rows[k].stop - 1 - len(OWN) - 2 * len(motors)
-            for column, motor in enumerate(motors):
-                ratio = self._motor_rates[motor, k]
-                at = first + 2 * column
-                y[:, at] = ratio * rates[:, motor]
-                y[:, at + 1] = ratio * turned[:, motor]
 
     def sum_rows(self, rows, weights):
         """Return the normal equations of rows."""

@@ -69,7 +69,7 @@ class Identification:
 
 
 def parameters_of(layout, x, free, origin=None):
-    """Return the :class:`Parameters` of the `free` unknowns (bool) and of all couplings."""
+    """Return the :class:`Parameters` of the `free` unknowns (bool)."""
     model = layout.model
     links = {}
     payloads = {}
@@ -78,17 +78,11 @@ def parameters_of(layout, x, free, origin=None):
     for k, body in enumerate(layout.bodies.tolist()):
         if free[layout.block(k)].all():
             links |= _split_body(model, body, x[layout.block(k)])
-    motors = {
-        name: coupling._replace(damping=float(x[places[0]]), friction=float(x[places[1]]))
-        for (name, coupling), places in zip(model.couplings.items(), layout.motors, strict=True)
-    }
     is_velocity_used = any(free[layout.own(column)].any() for column in (FRICTION, LOAD, ROOT))
     return Parameters(
         joints=_joints(layout, x, free),
         links=links,
         payloads=payloads,
-        couplings=motors,
-        motor_efforts=model.motor_efforts,
         friction_velocity=model.friction_velocity if is_velocity_used else None,
         origin=origin or {},
     )
@@ -120,11 +114,6 @@ def deviations_of(layout, free, fit, fits):
     larger = np.sqrt(np.maximum(noise, jackknife(fits)))
     names = layout.model.dof_names
     deviations = {name: layout.fitted_of(k, larger, free) for k, name in enumerate(names)}
-    for name, places in zip(layout.model.couplings, layout.motors, strict=True):
-        if free[places].all():
-            deviations[name] |= dict(
-                zip(("motor_damping", "motor_friction"), larger[places].tolist(), strict=True)
-            )
     return {name: numbers for name, numbers in deviations.items() if numbers}
 
 

@@ -144,13 +144,6 @@ class Selection:
                 free[self.layout.own(column)] = (
                     chosen[step] & self._data.able[column] & (self._loaded | (column != LOAD))
                 )
-        for places, rates in zip(self.layout.motors, self._model.motor_rates, strict=True):
-            turned = rates != 0.0
-            free[places] = (
-                "friction" in steps
-                and self._data.able[FRICTION][turned].all()
-                and chosen["friction"][turned].any()
-            )
         return free
 
     def fit_all(self):

@@ -9,7 +9,6 @@ mistake in a robot's file raises a UrdfError that names the element.
 
 from diag_dynamics.description.parameters import JointParameters, Parameters
 from diag_dynamics.description.records import (
-    Coupling,
     Curve,
     FlexibleJoint,
     FlexibleLink,
@@ -24,7 +23,6 @@ from diag_dynamics.model.loading import load_mjcf, load_robot, load_urdf
 from diag_dynamics.model.robot import RobotModel
 
 __all__ = [
-    "Coupling",
     "Curve",
     "FlexibleJoint",
     "FlexibleLink",

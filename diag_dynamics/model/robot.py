@@ -24,7 +24,6 @@ from diag_dynamics.description.parameters import (
     with_parameters,
 )
 from diag_dynamics.description.records import (
-    Coupling,
     Description,
     Flexible,
     FlexibleJoint,
@@ -103,11 +102,6 @@ class RobotModel:
     load_friction, root_friction : ndarray, shape (nv,)
         Coulomb friction by the torque of gravity [1], and friction by √|q̇| [N m √(s/rad), N
         √(s/m)], of parameters.
-    couplings, motor_efforts : mapping, bool
-        :class:`Coupling` of motors that turn several joints, by name; whether reported efforts are
-        of these.
-    motor_rates : ndarray, shape (m, nv)
-        Rate of each coupled motor by the rates of joints.
     effort_scale : mapping
         Effort by reported unit [N m, N] of joints whose parameters have it, by name; readers of
         joint states apply it.
@@ -182,14 +176,7 @@ class RobotModel:
                 if joint.effort_scale is not None
             }
         )
-        self.couplings = MappingProxyType(dict(description.couplings))
         self.flexible_joints = MappingProxyType(springs)
-        self.motor_efforts = description.motor_efforts
-        if self.motor_efforts and not self.couplings:
-            raise InputError(
-                "parameters: motor_efforts is true, but couplings are missing. Give both."
-            )
-        self.motor_rates = motor_rates(self.couplings, tree.dof_names)
         self.friction_velocity = description.friction_velocity
         self.mimics = MappingProxyType(dict(tree.mimics))
         self.followers = MappingProxyType(coupled.followers if coupled else {})
@@ -248,27 +235,7 @@ class RobotModel:
             self.load_friction,
             self.root_friction,
         )
-        return (
-            self.has_follower_friction
-            or any(kind.any() for kind in kinds)
-            or any(coupling.damping or coupling.friction for coupling in self.couplings.values())
-        )
-
-    def joint_efforts(self, efforts: Array) -> Array:
-        """Return efforts of joints, given reported ones, (…, nv): of motors if `motor_efforts`.
-
-        The result is NaN where a reported effort is NaN.
-        """
-        if not self.motor_efforts:
-            return efforts
-        T = np.eye(self.nv)
-        at = [self.dof_names.index(name) for name in self.couplings]
-        T[at] = self.motor_rates
-        unknown = np.isnan(efforts)
-        joint_efforts: Array = np.where(
-            unknown @ (T != 0.0), np.nan, np.where(unknown, 0.0, efforts) @ T
-        )
-        return joint_efforts
+        return self.has_follower_friction or any(kind.any() for kind in kinds)
 
     @property
     def has_follower_friction(self) -> bool:
@@ -566,20 +533,6 @@ def flexible_joints(tree: Tree) -> dict[str, FlexibleJoint]:
                 f"flexible_joints: '{name}' follows other joints, expected a degree of freedom."
             )
     return {name: springs[name] for name in tree.dof_names if name in springs}
-
-
-def motor_rates(couplings: Mapping[str, Coupling], names: tuple[str, ...]) -> Array:
-    """Return rates of coupled motors by those of joints, (m, nv)."""
-    rates = np.zeros((len(couplings), len(names)))
-    for row, (motor, coupling) in zip(rates, couplings.items(), strict=True):
-        for joint, ratio in coupling.joints.items():
-            if joint not in names:
-                raise InputError(
-                    f"parameters: coupling '{motor}' names '{joint}', "
-                    f"expected one of {', '.join(names)}."
-                )
-            row[names.index(joint)] = ratio
-    return rates
 
 
 def reject_friction(tree: Tree, followers: Iterable[str]) -> None:

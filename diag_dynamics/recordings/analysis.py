@@ -3,7 +3,6 @@
 
 """Analysis of a recording: evaluate, observe and judge states in batches, and sum them up."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -162,17 +161,14 @@ class Analysis:
         return summary
 
     def _analyse_batches(self, outputs, progress):
-        batches = (batch.states for batch in self.reading.pieces() if len(batch.states))
-        pieces = filter(None, map(self.analyse_batch, batches))
-        with ThreadPoolExecutor(1, thread_name_prefix="diag_dynamics") as pool:
-            pending = pool.submit(next, pieces, None)
-            while (piece := pending.result()) is not None:
-                states = self.states
-                pending = pool.submit(next, pieces, None)
-                for output in outputs:
-                    output.write(piece)
-                if progress:
-                    progress(states)
+        for batch in self.reading.pieces():
+            piece = self.analyse_batch(batch.states) if len(batch.states) else None
+            if piece is None:
+                continue
+            for output in outputs:
+                output.write(piece)
+            if progress:
+                progress(self.states)
 
     def analyse_batch(self, states):
         """Evaluate states, add them to the results, and return the :class:`Piece`.
@@ -283,7 +279,6 @@ class Analysis:
         counts = dict(sorted(self.reading.counts.items()))
         alarms = self._collisions.alarms
         quality, warnings = self._quality.report()
-        quality["longest_gap_at"] = time(quality["longest_gap_at"])
         balance = self._balance
         energy, at, _ = self._peaks["kinetic_energy"]
         unmeasured = self._efforts.unmeasured()

@@ -180,8 +180,6 @@ class Intake:
 
         Parameters may say that reported efforts do not.
         """
-        if self._model.motor_efforts:
-            states = replace(states, effort=self._model.joint_efforts(states.effort))
         without = self.assembler.efforts.without_gravity
         if without is None or not np.isfinite(states.effort).any():
             return states

@@ -61,7 +61,7 @@ class Quality:
         self._intervals = Counter()  # numbers of intervals by their lengths [RESOLUTION]
         self._sample = None
         self._ratios = None  # of Δq to ∫q̇dt
-        self._longest = 0.0, None
+        self._longest = 0.0
         counts = "repeated_states", "repeated_stamps", "without_effort"
         self._counts = dict.fromkeys(counts, 0)
         self._count = 0
@@ -94,10 +94,7 @@ class Quality:
         if not len(forward):
             return
         self._elapsed += int(forward.sum())
-        k = int(np.argmax(elapsed))
-        self._longest = max(
-            self._longest, (elapsed[k] * 1e-9, int(stamps[k])), key=lambda gap: gap[0]
-        )
+        self._longest = max(self._longest, float(forward.max() * 1e-9))
         rounded = np.maximum(np.round(forward / RESOLUTION), 1.0)
         lengths, numbers = np.unique(rounded, return_counts=True)
         self._intervals.update(dict(zip(lengths.tolist(), numbers.tolist(), strict=True)))
@@ -141,7 +138,7 @@ class Quality:
     def report(self):
         """Return numbers of all states and warnings, a dict with those of joints in `joints`.
 
-        Times are in s, stamps in ns.
+        Times are in s.
         """
         ratios = dict(zip(self._joints, self._ratios.tolist(), strict=True))
         wrong_unit, warnings = _judge_ratios(ratios)
@@ -152,8 +149,7 @@ class Quality:
             "rate": None if period is None else 1.0 / period,
             "jitter": jitter,
             "gaps": gaps,
-            "longest_gap": float(self._longest[0]),
-            "longest_gap_at": self._longest[1],
+            "longest_gap": self._longest,
             **self._counts,
             "velocity_delay": delay,
             "wrong_unit": wrong_unit,

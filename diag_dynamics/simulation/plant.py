@@ -109,10 +109,6 @@ class Plant:
     """
 
     def __init__(self, model, values):
-        if model.motor_efforts:
-            raise UnsupportedError(
-                "motor_efforts is true; expected false, because simulated efforts are of joints."
-            )
         for link in model.flexible_links:
             raise UnsupportedError(
                 f"link '{link}' is flexible, and no joint state has modes. Omit flexible_links."

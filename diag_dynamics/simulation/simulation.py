@@ -145,12 +145,6 @@ class Simulation:
         effort_offset: VectorLike | float | None = None,
     ) -> None:
         instance("model", model, RobotModel)
-        for name, motor in model.couplings.items():
-            if motor.damping or motor.friction:
-                raise UnsupportedError(
-                    f"the coupled motor of joint '{name}' has friction, which a simulation lacks. "
-                    "Omit its coupling."
-                )
         self._use(FlexibleDynamics(model))
         self._memory = Memory(self.dynamics.model)
         self._set_friction_of_followers()

@@ -216,14 +216,6 @@ def test_bad_parameters(make, key):
         make()
 
 
-def test_efforts_of_motors_are_not_simulated():
-    pair = {"panda_joint7": {"joints": {"panda_joint6": 1.0}}}
-    model = dd.load_urdf(robot(PANDA).path).with_parameters({"couplings": pair})
-    Plant(model, DEFAULTS)
-    with pytest.raises(dd.UnsupportedError, match="motor_efforts is true"):
-        Plant(model.with_parameters({"motor_efforts": True}), DEFAULTS)
-
-
 def test_measured_joints():
     """A command beyond the URDF's limits is cut to them; a mimic joint is measured where its source
     joint is.

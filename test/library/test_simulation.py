@@ -470,19 +470,6 @@ def test_bad_options(options, key):
         dd.Simulation(load(PANDA, mimic="free"), **options)
 
 
-def test_friction_of_coupled_motors_is_no_silent_omission():
-    model = load(UR5).with_parameters(
-        {"couplings": {"wrist_3_joint": {"joints": {"wrist_2_joint": 1.0}}}}
-    )
-    dd.Simulation(model)
-    for kind in ("damping", "friction"):
-        motor = model.couplings["wrist_3_joint"]._replace(**{kind: 0.1})
-        with pytest.raises(
-            dd.UnsupportedError, match="motor of joint 'wrist_3_joint' has friction"
-        ):
-            dd.Simulation(model.with_parameters({"couplings": {"wrist_3_joint": motor}}))
-
-
 @pytest.mark.parametrize(
     ("use", "key"),
     [

@@ -92,8 +92,7 @@ ALARMS = {
     "collision.release": 0.5,
 }
 
-IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}},
-couplings: {turn: {joints: {lift: -0.3}, friction: 0.4}}, motor_efforts: true}"""
+IDENTIFIED = """{joints: {lift: {friction: 4.0, damping: 0.1}, turn: {effort_offset: 0.5}}}"""
 
 FLEXIBLE = """{flexible_joints: {
   lift: {stiffness: 900, damping: 2, rotor_inertia: 2.0e-5, gear: 80, effort: spring},

@@ -154,7 +154,7 @@ class MonitoredRobot:
                 for values in (model.damping, model.friction, model.effort_offset)
             )
             self._resistance = *resistance, float(model.friction_velocity)
-            geared = model.load_friction.any() or model.root_friction.any() or model.couplings
+            geared = model.load_friction.any() or model.root_friction.any()
             self._geared = bool(geared or model.has_follower_friction)
         self._markers = None  # made when somebody first listens to them
         if revision != self.revision:
@@ -276,7 +276,6 @@ class MonitoredRobot:
 
     def _of_joints(self, effort, position):
         """Return efforts of joints with gravity."""
-        effort = self.model.joint_efforts(effort)
         without = self.assembler.efforts.without_gravity
         if without is None:
             return effort
