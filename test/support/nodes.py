@@ -158,7 +158,7 @@ class Peer(contextlib.AbstractContextManager):
         self._asking.stop()
         self.graph.__exit__()
 
-    def _joints_of_controller(self, node, controller, timeout):
+    def _joints_of_controller(self, node, controller):
         """Return the parameter `joints` of an effort controller on the graph; None without one."""
         service = self.graph.services.get(f"{controller}/get_parameters")
         if service is None:

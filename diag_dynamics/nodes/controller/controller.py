@@ -3,7 +3,6 @@
 
 """The controller node: joint_states and targets in, efforts out, by laws in total joint rates."""
 
-import time
 from array import array
 from collections import Counter
 from functools import partial
@@ -11,7 +10,7 @@ from functools import partial
 import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType
+from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -54,7 +53,6 @@ from diag_dynamics.nodes.support.diagnostics import Diagnostics, counted
 from diag_dynamics.nodes.support.graph import clock_notes, node_names
 from diag_dynamics.nodes.support.guard import Fault, attempt, offer
 from diag_dynamics.nodes.support.publishing import RateLimit, connected, newest
-from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.nodes.support.statuses import (
     ERROR,
     WARN,
@@ -76,11 +74,8 @@ from diag_dynamics.text import shortened
 COMMANDS, SCALE = "effort_controller/commands", "contact_scale"
 TRAJECTORY = "joint_trajectory"
 
-CHECK_TIMEOUT = 1.0
-"""Timeout for reading the parameter `joints` of the effort controller [s]."""
-
-RETRY_PERIOD = 0.3
-"""Time [s] after which a request is repeated.
+REQUESTS, RETRY_PERIOD = 5, 0.2
+"""Requests of the parameter `joints` of the effort controller, and time between them [s].
 
 A service that has not discovered its client yet drops the response.
 """
@@ -345,8 +340,8 @@ class ControllerNode(ManagedNode):
     def _compare_joints(self):
         """Raise InputError if the effort controller has another order of joints."""
         controller = self._controller
-        theirs = joints_of_controller(self, controller, CHECK_TIMEOUT)
-        if theirs is None:
+        theirs = joints_of_controller(self, controller)
+        if not theirs:
             self._order_known = f"not compared: no parameter 'joints' from {controller}"
             self.log_warning(f"The order of joints is {self._order_known}.")
         else:
@@ -604,14 +599,11 @@ class ControllerNode(ManagedNode):
         }
 
 
-def joints_of_controller(node, controller, timeout):
-    """Return the parameter `joints` of another node.
-
-    It is None if the node does not answer within the timeout [s].
+def joints_of_controller(node, controller):
+    """Return the parameter `joints` of another node; None if it does not answer.
 
     `node` asks, by a node of its own: its executor runs the callback that calls this.
     """
-    deadline = time.monotonic() + timeout
     asking = rclpy.create_node(
         f"{node.get_name()}_asking", context=node.context, use_global_arguments=False
     )
@@ -619,17 +611,12 @@ def joints_of_controller(node, controller, timeout):
     try:
         executor.add_node(asking)
         client = asking.create_client(GetParameters, f"{controller}/get_parameters")
-        while (left := deadline - time.monotonic()) > 0.0 and not Stop.requested:
-            if not client.service_is_ready():
-                executor.spin_once(timeout_sec=0.02)
-                continue
-            future = client.call_async(GetParameters.Request(names=["joints"]))
-            executor.spin_until_future_complete(future, timeout_sec=min(left, RETRY_PERIOD))
+        request = GetParameters.Request(names=["joints"])
+        for _ in range(REQUESTS):
+            future = client.call_async(request)
+            executor.spin_until_future_complete(future, timeout_sec=RETRY_PERIOD)
             if future.done():
-                values = future.result().values
-                if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY:
-                    return None
-                return list(values[0].string_array_value)
+                return [joint for x in future.result().values for joint in x.string_array_value]
         return None
     finally:
         executor.shutdown()
