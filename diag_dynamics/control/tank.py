@@ -49,7 +49,6 @@ class EnergyTank:
     """
 
     energy: float  #: x [J]
-    refused = 0.0  #: power that the filter removed from the last command [W]
 
     def __init__(
         self, dynamics: DiagonalDynamics, capacity: float, rate: float, gravity: bool = True
@@ -114,7 +113,6 @@ class EnergyTank:
         drift = h * np.asarray(qd) + 0.5 * h * h * self.dynamics.forward_dynamics(q, qd, tau)
         scale = self._covered(float(moving @ drift), 0.5 * h * h * float(epsilon @ epsilon))
         epsilon = epsilon if scale == 1.0 else scale * epsilon
-        self.refused = float(nu @ (command.epsilon - epsilon))
         if epsilon is command.epsilon:
             return command
         return command._replace(tau=command.gravity_torque + scale * moving, epsilon=epsilon)

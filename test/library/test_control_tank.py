@@ -135,7 +135,6 @@ def test_commands_of_the_filter(pushed):
         np.testing.assert_allclose(
             out.tau, t.m @ out.epsilon + t.g, rtol=0, atol=1e-8 * np.abs(command.tau).max()
         )
-        assert tank.refused == pytest.approx(power - nu @ out.epsilon, abs=1e-9 * (1 + abs(power)))
 
         def work(f, t=t, qd=qd, braked=braked, push=push):
             """Return the work [J] of a held effort by a step of second order."""
@@ -273,7 +272,7 @@ def test_the_loop_measures_what_it_sends(compensated):
             driven.aim()
         K = driven.plant.kinetic_energy
         sent = driven.cycle()
-        refused += sent.energy_limited and tank.refused > 1e-3
+        refused += sent.energy_limited
         assert K + tank.energy == pytest.approx(CAPACITY, abs=1e-9)
     assert refused > 50 and driven.loop.energy > 1e-3
     driven.loop.switch("damping")

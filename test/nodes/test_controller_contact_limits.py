@@ -5,13 +5,10 @@
 limit scales.
 """
 
-from types import SimpleNamespace
-
 import pytest
 from std_msgs.msg import Float64
 
 from controllers import begin_at_rest, lockstep_arm, record
-from diag_dynamics.nodes.controller.record import Record
 from nodes import UR5, robot
 
 BOUND = 0.12
@@ -55,22 +52,6 @@ def test_a_push_is_told_of(arm):
     assert above.contact_link
     arm.simulator.push("tool0", 0, 0, 0, 0, 0, 0)
     arm.wait_for(lambda s: s.contact_energy < 0.99 * BOUND, "the bound")
-
-
-def test_the_worst_contact_is_named():
-    """Of several contacts above their limits: the largest excess since the last report."""
-    reports = Record()
-    texts = []
-    sent = SimpleNamespace(silent=False, saturated=(), command=True)
-    supervisor = SimpleNamespace(phase=0, reason="")
-    for contacts in ((("hand", 0.9, 0.2), ("arm", 1.0, 0.5)), (("arm", 0.6, 0.5),)):
-        for link, energy, limit in contacts:
-            seen = SimpleNamespace(link=link, energy=energy, limit=limit)
-            limits = SimpleNamespace(scale=1.0, contact=SimpleNamespace(seen=seen))
-            loop = SimpleNamespace(supervisor=supervisor, limits=limits)
-            reports.command(0, sent, loop, 1.0)
-        texts.append(reports.command_status(reports.take_recent(), [], {}).message)
-    assert ["'hand'" in texts[0], "'arm'" in texts[1]] == [True, True]
 
 
 def test_a_scale_is_in_force_or_refused(arm):

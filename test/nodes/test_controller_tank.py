@@ -15,7 +15,7 @@ CAPACITY = 0.3
 
 
 def test_diagnostics_report_the_tank():
-    """Energy and refused power. A tenth of the capacity below zero is rounding of late efforts;
+    """Energy. A tenth of the capacity below zero is rounding of late efforts;
     more is a problem.
     """
     loop = loop_of(dd.load_urdf(robot(UR5).urdf), tank_energy=CAPACITY)
@@ -27,9 +27,7 @@ def test_diagnostics_report_the_tank():
         (-0.11 * CAPACITY, True),
     ):
         tank.energy = energy
-        tank.refused = 2.5
         values = values_of_loop(loop)
         problems = problems_of_limits(loop.limits)
         assert float(values["tank energy [J]"]) == pytest.approx(energy)
-        assert values["power refused by the tank [W]"] == "2.5"
         assert any("tank is overdrawn" in problem for problem in problems) == reported

@@ -30,19 +30,17 @@ ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""
 
 _ABOVE = "contact energy above its limit"
-_OF_COMMANDS = "commands", "commands limited", "stalls", "holds", _ABOVE
+_OF_COMMANDS = "commands", "stalls", "holds", _ABOVE
 
 
 class Record:
-    """Counts of commands and inputs since the start, and the extremes since the last report."""
+    """Counts of commands and inputs since the start, and the last reasons."""
 
     def __init__(self):
         self.counts = Counter()
         self._told = Counter()
         self._last_refusal = self._last_hold = ""
-        self._largest_gap = 0.0
-        self._smallest_scale = 1.0
-        self._worst_contact = 0.0, ""  # largest energy above its limit [J], and its link
+        self._link_above = ""  # of the last contact energy above its limit
         self.begin()
 
     def begin(self):
@@ -63,17 +61,13 @@ class Record:
             self._last_hold = supervisor.reason
         self._acted = supervisor.phase == IN_FORCE
         if self._last_sent is not None:
-            gap = (now - self._last_sent) * 1e-9
-            self._largest_gap = max(self._largest_gap, gap)
-            self.counts["stalls"] += gap > max_gap
+            self.counts["stalls"] += (now - self._last_sent) * 1e-9 > max_gap
         self._last_sent = now
         self.counts["commands"] += not sent.silent
-        self.counts["commands limited"] += bool(sent.saturated)
-        self._smallest_scale = min(self._smallest_scale, loop.limits.scale)
         seen = loop.limits.contact and loop.limits.contact.seen
         if seen and sent.command and seen.energy > seen.limit * ROUNDING:
             self.counts[_ABOVE] += 1
-            self._worst_contact = max(self._worst_contact, (seen.energy - seen.limit, seen.link))
+            self._link_above = seen.link
 
     def take_recent(self):
         """Return the counts since the last call."""
@@ -91,7 +85,6 @@ class Record:
                     f"{mode}; choose a mode to go on after the ramp: ", supervisor.cause, values
                 )
             if recent["holds"]:
-                values["last hold"] = self._last_hold
                 return _fault(f"{mode}; held gravity: ", self._last_hold, values)
             if loop.is_braking:
                 return Status("control", WARN, f"{mode}; {BRAKING}", values)
@@ -106,22 +99,13 @@ class Record:
 
     def command_status(self, recent, problems, values):
         """Return the status of commands; `problems` are those of receivers and limits."""
-        values = {key: self.counts[key] for key in _OF_COMMANDS} | {
-            "largest gap [s]": f"{self._largest_gap:.6f}",
-            "smallest scale by effort limits": f"{self._smallest_scale:.3f}",
-            **values,
-        }
+        values = {key: self.counts[key] for key in _OF_COMMANDS} | values
         if recent[_ABOVE]:
-            link = self._worst_contact[1]
-            above = f"{_ABOVE} at '{link}' (external push, or effort limits)"
+            above = f"{_ABOVE} at '{self._link_above}' (external push, or effort limits)"
             problems = [*problems, above]
         if recent["stalls"]:
             problems = ["gaps between commands beyond max_state_age", *problems]
-        self._largest_gap = 0.0
-        self._smallest_scale = 1.0
-        self._worst_contact = 0.0, ""
-        good = "limited" if recent["commands limited"] else "within limits"
-        return problem_status("commands", problems, good, values)
+        return problem_status("commands", problems, "no gaps", values)
 
     def input_status(self, recent, values, problems):
         """Return the status of states, targets and time; `problems` are those of time."""
@@ -170,11 +154,6 @@ def values_of_loop(loop):
     }
     if tank := loop.limits.tank:
         values["tank energy [J]"] = f"{tank.energy:.6g}"
-        values["power refused by the tank [W]"] = f"{tank.refused:.6g}"
-    if bound and bound.seen:
-        values["contact energy [J]"] = f"{bound.seen.energy:.6g}"
-        values["contact energy limit [J]"] = f"{bound.seen.limit:.6g}"
-        values["worst contact point at"] = bound.seen.link or "nothing moves"
     return values
 
 
