@@ -22,8 +22,8 @@ from diag_dynamics.description.text import folder_of
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 
-SIDES = 16
-"""Sides of the prism around a cylinder; its corners are 2 % outside."""
+SIDES, BALL = 16, 160
+"""Sides of the prism around a cylinder, and corners around a ball; they are 2 % outside."""
 
 CORNERS = 0.75
 """Fraction of a link's points that are corners; the others lie between them, on its surface."""
@@ -48,11 +48,10 @@ def link_geometry(
     """Return at most `most` points of every link, for ContactPoints.
 
     They are of its collision shapes, or of its visual ones. Boxes and hulls of meshes have their
-    own corners, cylinders those of a prism around them. If these are too many, or a shape is round,
-    corners are the support points in many directions, moved outward until their hull holds the
-    shapes. Speed is largest at a corner, but the transferable energy may be larger at the points
-    between them. A link without such shapes has its frames: its own origin and those of the joints
-    that it carries.
+    own corners, round shapes those of a polyhedron around them. If these are too many, corners are
+    the support points in many directions, moved outward until their hull holds the shapes. Speed is
+    largest at a corner, but the transferable energy may be larger at the points between them. A
+    link without such shapes has its frames: its own origin and those of the joints that it carries.
 
     The URDF is that of the model, and `most` at least 8. Meshes need trimesh, and open the files
     that the URDF names: they are not for untrusted descriptions.
@@ -85,19 +84,15 @@ def link_geometry(
     return LinkGeometry(tuple(points), left_out)
 
 
-_Hull = tuple[Array, float, Array]
-"""Centres (number, 3) and radius [m] of balls in a link's axes, and normals of the faces of their
-convex hull."""
-
-
 def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
     """Return points whose hull holds shapes, and more between them, in the link's axes."""
-    hulls = [_hull(shape, meshes) for shape in shapes]
-    dense = np.concatenate([_directions(DENSE), *(normals for _, _, normals in hulls)])
-    support = np.einsum("nk,nk->n", _support_points(hulls, dense), dense)
-    corners = np.unique(np.concatenate([centres for centres, _, _ in hulls]), axis=0)
-    if any(radius for _, radius, _ in hulls) or len(corners) > CORNERS * most:
-        corners = np.unique(_support_points(hulls, _directions(int(CORNERS * most))), axis=0)
+    corners = np.unique(np.concatenate([_corners(shape, meshes) for shape in shapes]), axis=0)
+    axes = [sign * shape.placement[:3, :3].T for shape in shapes for sign in (-1.0, 1.0)]
+    dense = np.concatenate([_directions(DENSE), *axes])
+    support = (corners @ dense.T).max(axis=0)
+    if len(corners) > CORNERS * most:
+        farthest = np.argmax(corners @ _directions(int(CORNERS * most)).T, axis=0)
+        corners = corners[np.unique(farthest)]
         centre = corners.mean(axis=0)
         reach = support - dense @ centre
         hull_reach = ((corners - centre) @ dense.T).max(axis=0)
@@ -115,57 +110,28 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
     return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays])
 
 
-def _hull(shape: Shape, meshes: Meshes) -> _Hull:
+def _corners(shape: Shape, meshes: Meshes) -> Array:
+    """Return the corners of a shape, or of a polyhedron around a round one, in the link's axes."""
     numbers = np.array(shape.numbers)
-    radius = 0.0
-    normals = np.zeros((0, 3))
     if shape.kind == "box":
-        centres = CUBE * (0.5 * numbers)
-        normals = np.concatenate([np.eye(3), -np.eye(3)])
-    elif shape.kind == "cylinder":
-        ends = np.array([[0.0, 0.0, -0.5 * numbers[1]], [0.0, 0.0, 0.5 * numbers[1]]])
-        ring = numbers[0] / math.cos(math.pi / SIDES) * _ring(0.0)
-        centres = np.concatenate([ring + end for end in ends])
-        normals = np.concatenate([_ring(0.5), 2.0 / numbers[1] * ends])
+        corners = CUBE * (0.5 * numbers)
     elif shape.kind == "mesh":
         mesh = meshes.mesh(shape.file).copy()
         mesh.apply_transform(np.diag([*numbers, 1.0]))
         try:
-            hull = mesh.convex_hull
-            centres = np.asarray(hull.vertices)
-            normals = np.asarray(hull.face_normals)
-        except (
-            ValueError,
-            RuntimeError,
-            ImportError,
-        ):  # all in a plane, or no Qhull: they hold it themselves
-            centres = np.asarray(mesh.vertices)
+            corners = np.asarray(mesh.convex_hull.vertices)
+        except (ValueError, RuntimeError, ImportError):  # all in a plane, or no Qhull
+            corners = np.asarray(mesh.vertices)
     else:
-        half = 0.5 * numbers[1] if shape.kind == "capsule" else 0.0
-        centres = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
-        radius = float(numbers[0])
-    R = shape.placement[:3, :3]
-    r = shape.placement[:3, 3]
-    return centres @ R.T + r, radius, normals @ R.T
-
-
-def _ring(shift: float) -> Array:
-    """Return unit vectors across z, around a full turn."""
-    angle = 2.0 * math.pi * (np.arange(SIDES) + shift) / SIDES
-    return np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
-
-
-def _support_points(hulls: list[_Hull], directions: Array) -> Array:
-    """Return the point of several hulls that lies farthest along each direction."""
-    best = np.zeros_like(directions)
-    most = np.full(len(directions), -np.inf)
-    for centres, radius, _ in hulls:
-        points = centres[np.argmax(directions @ centres.T, axis=1)] + radius * directions
-        reach = np.einsum("nk,nk->n", points, directions)
-        better = reach > most
-        best[better] = points[better]
-        most[better] = reach[better]
-    return best
+        radius, length = (*numbers, 0.0)[:2]
+        around = _directions(BALL)
+        if shape.kind == "cylinder":
+            angle = 2.0 * math.pi * np.arange(SIDES) / SIDES
+            around = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
+        end = np.array([0.0, 0.0, 0.5 * length])
+        ring = radius / math.cos(math.pi / SIDES) * around
+        corners = np.concatenate([ring - end, ring + end])
+    return corners @ shape.placement[:3, :3].T + shape.placement[:3, 3]
 
 
 def _directions(count: int) -> Array:
