@@ -121,8 +121,6 @@ class Impact(NamedTuple):
     nu: Array  #: ν before it [J^½]
     nu_after: Array  #: ν⁺ = ν − (1+e) μ v_u w [J^½], w = ℓJᵀu
     qd_after: Array  #: q̇⁺ = ℓᵀν⁺ [rad/s, m/s]
-    along: Array  #: ŵ(ŵᵀν) [J^½], the part of ν that changes: ½|along|² is the transferable energy
-    rest: Array  #: ν − along [J^½], the part that stays
     speed: float  #: v_u before it [m/s]; unless it is above zero, nothing changes
     reflected_mass: float  #: m_u [kg]
     impulse: float  #: (1+e) μ v_u [N s] along −u on the robot
@@ -141,14 +139,11 @@ def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0
     e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
     square = float(w @ w)
     speed = float(w @ nu)
-    moves = square > 0.0
-    along = w * (speed / square) if moves else np.zeros_like(nu)
-    reflected = 1.0 / square if moves else math.inf
-    closing = max(speed, 0.0) if moves else 0.0
+    reflected = 1.0 / square if square > 0.0 else math.inf
+    closing = max(speed, 0.0)
     mu = 1.0 / (1.0 / reflected + 1.0 / mass) if closing else 0.0
     impulse = (1.0 + e) * mu * closing
     mass_speed = 0.0 if mass == math.inf else impulse / mass
     loss = 0.5 * (1.0 - e * e) * mu * closing**2
     after = nu - impulse * w
-    rest = nu - along
-    return Impact(nu, after, np.empty(0), along, rest, speed, reflected, impulse, mass_speed, loss)
+    return Impact(nu, after, np.empty(0), speed, reflected, impulse, mass_speed, loss)

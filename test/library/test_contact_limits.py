@@ -248,8 +248,6 @@ def test_impact_with_what_is_clamped(one, restitution):
         before = 0.5 * result.nu @ result.nu
         then = 0.5 * result.nu_after @ result.nu_after
         assert before - then == pytest.approx((1.0 - restitution**2) * energy, rel=1e-9)
-        close(result.rest + result.along, result.nu, 1e-13)
-        assert 0.5 * result.along @ result.along == pytest.approx(energy, rel=1e-9)
 
 
 def test_impact_with_a_free_mass():
@@ -273,7 +271,8 @@ def test_impact_with_a_free_mass():
             result.loss, rel=1e-9, abs=1e-12
         )
         w = dyn.epsilon_from_wrench(q, "panda_hand", [*u, 0, 0, 0], r)
-        close(result.nu_after - w * (w @ result.nu_after) / (w @ w), result.rest, 1e-12)
+        change = result.nu_after - result.nu
+        close(change - w * (w @ change) / (w @ w), 0.0, 1e-12, 1.0)
     away = dyn.impact(q, "panda_hand", qd, -u, r)
     assert away.impulse == away.loss == 0.0
     np.testing.assert_array_equal(away.nu_after, away.nu)
