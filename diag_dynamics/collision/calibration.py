@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from textwrap import indent
 from typing import Any
 
@@ -301,67 +302,55 @@ class _HeldOut:
         self._names = names
         self._template = template
         self._rate = rate
-        self._parts = []
-        self._limits = []
+        self._parts = []  # and thresholds from the others
         for k in range(int(numbers.max()) + 1):
-            inside = numbers == k
-            outside = rows.select(~inside)
+            outside = rows.select(numbers != k)
             if not outside.duration:
                 continue
             limits, level = fit_limits(outside, rate, template.release, template.hold_off)
             if level:
-                self._parts.append(rows.select(inside))
-                self._limits.append(limits)
-        self._time = np.array([part.duration for part in self._parts])
-        self._counts = [[self._judge(k, 1.0) for k in range(len(self._parts))]]
+                self._parts.append((rows.select(numbers == k), limits))
+        self._judge = cache(self._count)
 
-    def _judge(self, k: int, factor: float) -> tuple[int, float]:
+    def _count(self, k: int, factor: float) -> tuple[int, float]:
         """Return the number of alarms in a part, and their time [s]."""
-        part = self._parts[k]
+        part, limits = self._parts[k]
         judged = _detect(
-            part, self._names, _thresholds(self._names, self._template, factor * self._limits[k])
+            part, self._names, _thresholds(self._names, self._template, factor * limits)
         )
         return int(judged.begins.sum()), float(judged.alarm.mean() * part.duration)
 
     def describe_largest(self) -> str:
         """Return where the largest value is; empty without an alarm by the largest factor."""
-        parts = zip(self._parts, self._limits, strict=True)
-        ratios = [part.values / limits for part, limits in parts]
+        ratios = [part.values / limits for part, limits in self._parts]
         maxima = np.array([ratio.max() for ratio in ratios])
         largest = maxima.max(initial=0.0)
         if largest <= FACTORS[-1]:
             return ""
         k = int(np.argmax(maxima))
         row, detector = np.unravel_index(np.argmax(ratios[k]), ratios[k].shape)
-        number = self._parts[k].recording[row]
-        stamp = self._parts[k].stamps[row]
+        part = self._parts[k][0]
+        number = part.recording[row]
         begin = self._rows.stamps[self._rows.recording == number][0]
         return (
-            f"may contain contact: {(stamp - begin) / SECOND:.4g} s after the begin of recording "
-            f"{number} there is {largest:.3g} times the threshold of "
+            f"may contain contact: {(part.stamps[row] - begin) / SECOND:.4g} s after the begin of "
+            f"recording {number} there is {largest:.3g} times the threshold of "
             f"'{(*self._names, TOTAL, NORM)[detector]}' from the other parts"
         )
 
-    def _chosen(self, without: int | None = None) -> int:
-        """Return the number of the first factor with the allowed alarms, or at most one."""
-        counted = np.arange(len(self._parts)) != without
-        for k in range(len(FACTORS)):
-            if k == len(self._counts):
-                self._counts.append(
-                    [self._judge(part, FACTORS[k]) for part in range(len(self._parts))]
-                )
-            count = sum(np.array([alarms for alarms, _ in self._counts[k]])[counted])
-            if count <= max(1.0, allowed_alarms(self._rate, self._time[counted].sum())):
+    def factor(self, without: int | None = None) -> float:
+        """Return the smallest factor at which held-out parts have the allowed alarms, or one."""
+        counted = [k for k in range(len(self._parts)) if k != without]
+        time = sum(self._parts[k][0].duration for k in counted)
+        allowed = max(1.0, allowed_alarms(self._rate, time))
+        for factor in FACTORS:
+            if sum(self._judge(k, factor)[0] for k in counted) <= allowed:
                 break
-        return k
-
-    def factor(self) -> float:
-        """Return the smallest factor at which held-out parts have the allowed alarms."""
-        return float(FACTORS[self._chosen()])
+        return float(factor)
 
     def alarms(self) -> tuple[int, float]:
         """Return number and time [s] of the alarms of each part with the factor of the others."""
-        counts = [self._counts[self._chosen(k)][k] for k in range(len(self._parts))]
+        counts = [self._judge(k, self.factor(k)) for k in range(len(self._parts))]
         return sum(alarms for alarms, _ in counts), sum(time for _, time in counts)
 
 

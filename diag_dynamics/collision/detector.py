@@ -271,22 +271,18 @@ class Alarm(NamedTuple):
     confidence: float = 0.0  # its probability
     chi_square: float = 0.0
 
-    def at_link(self, touched: TouchedLink | None, rows: IntArray) -> Alarm:
+    def at_link(self, touched: TouchedLink, rows: IntArray) -> Alarm:
         """Return the collision with the link of the largest χ² of states.
 
         The collision is unchanged if its own χ² is as large.
         """
-        if touched is None or not np.isfinite(touched.chi_square[rows]).any():
+        chi_square = np.nan_to_num(touched.chi_square[rows])
+        k = int(np.argmax(chi_square))
+        if chi_square[k] <= self.chi_square:
             return self
-        k = rows[int(np.nanargmax(touched.chi_square[rows]))]
-        link = touched.link[k]
-        confidence = touched.confidence[k]
-        chi_square = touched.chi_square[k]
-        if chi_square <= self.chi_square:
-            return self
-        return self._replace(
-            link=str(link), confidence=float(confidence), chi_square=float(chi_square)
-        )
+        link = str(touched.link[rows[k]])
+        confidence = float(touched.confidence[rows[k]])
+        return self._replace(link=link, confidence=confidence, chi_square=float(chi_square[k]))
 
     def describe(self) -> str:
         """Return what rose in words: the joints, or else the detector with the largest ratio."""
@@ -309,18 +305,21 @@ class Alarms:
         """Add states: stamps [ns], |r|, results of the detector, and touched links or None."""
         on = np.flatnonzero(judged.alarm)
         for rows in np.split(on, np.flatnonzero(judged.begins[on])):
-            if len(rows):
-                begins = bool(judged.begins[rows[0]]) or not self.alarms
-                self._add_alarm(stamps[rows], norm[rows], judged.values[rows], begins)
-                self.alarms[-1] = self.alarms[-1].at_link(touched, rows)
+            if not len(rows):
+                continue
+            values = judged.values[rows]
+            if judged.begins[rows[0]] or not self.alarms:
+                first = self._detectors[int(np.argmax(values[0] / self._limits))]
+                self.alarms.append(Alarm(int(stamps[rows[0]]), 0, (), 0.0, first))
+                self._peaks = np.zeros(len(self._limits))
+            alarm = self._with_peaks(values.max(axis=0))
+            largest = max(alarm.norm, float(norm[rows].max()))
+            alarm = alarm._replace(end=int(stamps[rows[-1]]), norm=largest)
+            self.alarms[-1] = alarm if touched is None else alarm.at_link(touched, rows)
 
-    def _add_alarm(self, stamps: IntArray, norm: Array, values: Array, begins: bool) -> None:
-        """Add states of one alarm, which begins, or continues the last one."""
-        if begins:
-            first = self._detectors[int(np.argmax(values[0] / self._limits))]
-            self.alarms.append(Alarm(int(stamps[0]), 0, (), 0.0, first))
-            self._peaks = np.zeros(len(self._limits))
-        peaks = self._peaks = np.maximum(self._peaks, values.max(axis=0))
+    def _with_peaks(self, values: Array) -> Alarm:
+        """Return the last alarm after further values, with the detectors that rose in it."""
+        peaks = self._peaks = np.maximum(self._peaks, values)
         ratios = peaks / self._limits
         exceeded = [
             Exceeded(self._detectors[k], float(peaks[k]), float(self._limits[k]))
@@ -329,9 +328,5 @@ class Alarms:
         ]
         of_joints = ratios[:-2] if ratios[:-2].any() else peaks[:-2]
         joints = np.flatnonzero(ratios[:-2] > 1.0).tolist() or [int(np.argmax(of_joints))]
-        self.alarms[-1] = self.alarms[-1]._replace(
-            end=int(stamps[-1]),
-            exceeded=tuple(exceeded),
-            joints=tuple(self._detectors[k] for k in joints),
-            norm=max(self.alarms[-1].norm, float(norm.max())),
-        )
+        names = tuple(self._detectors[k] for k in joints)
+        return self.alarms[-1]._replace(exceeded=tuple(exceeded), joints=names)
