@@ -74,7 +74,8 @@ class Calibration(Thresholds):
     contact : Calibration
         Lower thresholds, for contact, and how far they can be trusted; None in those themselves.
     covariance : ndarray, shape (nv, nv)
-        Noise of m r: its second moment about zero [N² m², N² of prismatic joints].
+        Noise of m r: its second moment about zero [N² m², N² of prismatic joints]. None where a
+        joint has no noise of its own.
     names : tuple of str
         Degrees of freedom, in the order of `covariance`.
     """
@@ -158,7 +159,7 @@ class Calibration(Thresholds):
             values["contact"] = {"threshold": _entries(self.contact)}
         head += [*self.warnings, *notes, UNITS]
         torque: dict[str, Any] = {}
-        if self.covariance is not None and not singular_joint(self.names, self.covariance):
+        if self.covariance is not None:
             numbers = [float(f"{x:.10g}") for x in self.covariance.ravel().tolist()]
             torque |= {"covariance_joints": list(self.names), "covariance": numbers}
         torque |= {"gain": float(self.gain), "friction": bool(self.friction)}
@@ -233,7 +234,7 @@ def calibrate_residuals(
         result,
         warnings=tuple(warnings),
         contact=contact,
-        covariance=residuals.covariance,
+        covariance=None if joint else residuals.covariance,
         names=tuple(names),
     )
 

@@ -65,14 +65,12 @@ class BodyRegion:
     def __post_init__(self) -> None:
         for name, si in (("mass", "[kg]"), ("force", "[N]"), ("energy", "[J]")):
             value = getattr(self, name)
-            object.__setattr__(
-                self, name, value if value == math.inf else positive(name, value, si)
-            )
-        if self.stiffness != 0.0 or self.force != math.inf:
-            object.__setattr__(self, "stiffness", positive("stiffness", self.stiffness, "[N/m]"))
-            if self.stiffness < MIN_STIFFNESS:
-                least = f"expected {MIN_STIFFNESS:g} at least; tables have N/mm, 1 N/mm is 1000 N/m"
-                raise InputError(f"stiffness is {self.stiffness:g} N/m, {least}.")
+            if value != math.inf:
+                positive(name, value, si)
+        is_elastic = self.stiffness != 0.0 or self.force != math.inf
+        if is_elastic and positive("stiffness", self.stiffness, "[N/m]") < MIN_STIFFNESS:
+            least = f"expected {MIN_STIFFNESS:g} at least; tables have N/mm, 1 N/mm is 1000 N/m"
+            raise InputError(f"stiffness is {self.stiffness:g} N/m, {least}.")
 
     @property
     def is_limited(self) -> bool:

@@ -148,7 +148,6 @@ class Detector:
         self._active: BoolArray = np.zeros(len(self.detectors), dtype=bool)
         self._floor: Array = np.zeros(len(self.detectors))
         self._offset: Array = np.zeros(2 * len(self._names))
-        self._last: int | None = None  # stamp of the last state
         self._memory: IntArray = np.zeros(MEMORY, dtype=np.int64)
 
     @property
@@ -212,19 +211,12 @@ class Detector:
         x = np.concatenate([external_torque, residual], axis=1)
         x[~valid] = 0.0
         values = detector_values(x) if maxima is None else maxima.copy()
-        elapsed = np.zeros(len(x), dtype=np.int64)
-        # np.diff costs 7 µs of each live state
-        np.subtract(stamps[1:], stamps[:-1], out=elapsed[1:])
-        if len(x) and self._last is not None:
-            elapsed[0] = stamps[0] - self._last
         restart = np.zeros(len(x), dtype=bool) if restarts is None else restarts
         alarm, begins = np.zeros((2, len(x)), dtype=bool)
         joints = np.zeros((len(x), len(self._names)), dtype=bool)
-        rows = np.ascontiguousarray(stamps), elapsed, x, np.ascontiguousarray(valid), restart
+        rows = np.ascontiguousarray(stamps), x, np.ascontiguousarray(valid), restart
         memory = self._active, self._offset, self._floor, self._memory
         judge_states(*rows, self._limits, self._options, values, *memory, alarm, begins, joints)
-        if len(x):
-            self._last = int(stamps[-1])
         return Judged(alarm, begins, joints, values)
 
 

@@ -193,8 +193,12 @@ def singular_joint(names: Sequence[str], covariance: Array) -> str:
 
 def poisson_interval(count: int) -> tuple[float, float]:
     """Return the exact 95 % interval (Garwood, 1936) of an expected number, given a count."""
-    gammaincinv = require("scipy.special", "calibrate").gammaincinv  # half a quantile of χ²
-    return float(gammaincinv(count, 0.025)) if count else 0.0, float(gammaincinv(count + 1, 0.975))
+    return _half_quantile(count, 0.025) if count else 0.0, _half_quantile(count + 1, 0.975)
+
+
+def _half_quantile(count: float, probability: float) -> float:
+    """Return half a quantile of χ² of twice as many degrees of freedom."""
+    return float(require("scipy.special", "calibrate").gammaincinv(count, probability))
 
 
 def allowed_alarms(rate: float, duration: float) -> float:
@@ -203,9 +207,8 @@ def allowed_alarms(rate: float, duration: float) -> float:
     A detector with the requested rate has more of them in nine of ten recordings. A recording too
     short to show the rate has the expected number, at most one.
     """
-    gammaincinv = require("scipy.special", "calibrate").gammaincinv
     expected = rate * duration
-    return max(min(1.0, expected), float(gammaincinv(expected, QUANTILE)))
+    return max(min(1.0, expected), _half_quantile(expected, QUANTILE))
 
 
 def peaks_above(segments: Segments, level: float, release: float, hold_off: float) -> Array:

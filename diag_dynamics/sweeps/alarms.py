@@ -28,9 +28,9 @@ FLOOR_TIME = 0.5e9
 MAX_GAP = 1_000_000_000
 """Longest time between rows without a restart [ns]."""
 
-BEGIN, END, COUNT, EVENT, EXTENDS, MEMORY = range(6)
+BEGIN, END, COUNT, EVENT, EXTENDS, LAST, MEMORY = range(7)
 """Entries of the memory: stamps of begin and end of the last alarm that had an event, whether there
-was one, the stamp of its last event, and whether the current alarm had one."""
+was one, the stamp of its last event, whether the current alarm had one, and the last stamp."""
 
 
 @nk.entry_kernel(
@@ -65,11 +65,11 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torq
 
 
 @nk.entry_kernel(
-    *[STAMPS] * 2, nk.MATRIX, *[FLAGS] * 2, nk.MATRIX, nk.VECTOR, nk.FILLED_MATRIX, FILLED_FLAGS,
+    STAMPS, nk.MATRIX, *[FLAGS] * 2, nk.MATRIX, nk.VECTOR, nk.FILLED_MATRIX, FILLED_FLAGS,
     *[nk.FILLED_VECTOR] * 2, FILLED_STAMPS, *[FILLED_FLAGS] * 2, FLAGS_OF_JOINTS, nogil=True
 )  # fmt: skip
 def judge_states(
-    stamps, elapsed, x, valid, restart, limits, options, values, active, offset, floor, memory,
+    stamps, x, valid, restart, limits, options, values, active, offset, floor, memory,
     alarm, begins, joints
 ):  # fmt: skip
     """Judge rows x of [m r, r] as Detector has it; lower `values` by the offset, write the flags.
@@ -79,7 +79,9 @@ def judge_states(
     """
     n = values.shape[1]
     for t in range(len(stamps)):
-        if restart[t] or not 0 <= elapsed[t] <= MAX_GAP:
+        elapsed = stamps[t] - memory[LAST]
+        memory[LAST] = stamps[t]
+        if restart[t] or not 0 <= elapsed <= MAX_GAP:
             memory[COUNT] = 0
             active[:] = False
             offset[:] = 0.0
@@ -106,7 +108,7 @@ def judge_states(
         if begin:
             memory[BEGIN] = stamps[t]
         if on:
-            rises = _follow_floor(stamps[t], elapsed[t], values[t], limits[0], begin, floor, memory)
+            rises = _follow_floor(stamps[t], elapsed, values[t], limits[0], begin, floor, memory)
             begins[t] = begin or rises
             if begins[t] or not was_on:
                 memory[EXTENDS] = begins[t]
@@ -119,7 +121,7 @@ def judge_states(
         is_standing = on and stamps[t] - memory[BEGIN] > options[1]
         if not released or is_standing:
             if is_standing or is_offset:
-                _move_offset(offset, x[t], is_standing, -math.expm1(-2.0 * elapsed[t] / options[1]))
+                _move_offset(offset, x[t], is_standing, -math.expm1(-2.0 * elapsed / options[1]))
         else:
             offset[:] = 0.0
 
