@@ -4,7 +4,6 @@
 """Assembler of robot states from joint states, each of which may have only some of the joints."""
 
 import struct
-import sys
 from collections import Counter
 from itertools import islice
 from typing import NamedTuple
@@ -57,8 +56,6 @@ MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
 """Names of joints in messages that are kept, and the length of each."""
 
 NAME_BYTES = 64  # memory of a name, apart from its letters
-
-NATIVE = "<" if sys.byteorder == "little" else ">"
 
 MESSAGE = struct.Struct("=4q")  # A memory.MESSAGE
 
@@ -279,45 +276,17 @@ class StateAssembler:
         except ValueError as error:
             self._judge_one(self._one, memory.UNREADABLE, now)
             return Rejected("malformed", f"joint_states: {error}")
-        layout = self._layouts.get(places) or self._layout_of(places)
-        if layout is None:
-            part = places.read(np.frombuffer(message, np.uint8)[None], np.zeros(1, int))
-            fields = part.position[0], part.velocity[0], part.effort[0]
-            return self.accept_values(
-                part.names, int(part.sec[0]), int(part.nanosec[0]), fields, now
-            )
-        layout.buffer[:] = message
-        return self._accept(layout, *places.stamp.unpack_from(message, 4), now)
+        kind = f"{places.order}f8"
+        fields = [
+            np.frombuffer(message, kind, count, first)
+            for first, count in zip(places.first, places.counts, strict=True)
+        ]
+        return self.accept_values(places.names, *places.stamp.unpack_from(message, 4), fields, now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""
         layout = self._layout(names, *map(len, fields))
-        layout.batch.numbers[0] = np.concatenate([np.asarray(field, float) for field in fields])
-        return self._accept(layout, sec, nanosec, now)
-
-    def _layout_of(self, places):
-        """Return the layout of serialized messages with a buffer.
-
-        It is None if their numbers are not aligned there.
-        """
-        begins = [
-            first + 4 if count else 0
-            for first, count in zip(places.first, places.counts, strict=True)
-        ]
-        if places.order != NATIVE or any(begin % 8 for begin in begins):
-            return None
-        numbers = np.zeros((1, (places.length + 11) // 8))  # the message begins at the fourth byte
-        layout = self._make_layout(
-            places.names, places.counts, [begin // 8 for begin in begins], numbers
-        )
-        layout = layout._replace(
-            buffer=memoryview(numbers.view(np.uint8)[0])[4 : 4 + places.length]
-        )
-        self._layouts.keep(places, layout, places.length)
-        return layout
-
-    def _accept(self, layout, sec, nanosec, now):
-        """Judge the message in the arrays of its layout."""
+        layout.batch.numbers[0] = np.concatenate(fields)
         code, events, stuck, newest, oldest, with_effort, received, estimated = self._judge_one(
             layout.batch, 0, now, sec, nanosec
         )
@@ -369,6 +338,7 @@ class StateAssembler:
         if base:
             stamp = -1 if base.stamp is None else base.stamp
             _write(self._shared, base_stamp=stamp, base_unstamped=base.unstamped)
+        batch.outcome.fill(0)
         judge_messages(*self._memory, *batch)
         if base and base.stamp is not None and self._shared["base_stamp"] < 0:
             base.forget()
@@ -411,16 +381,12 @@ class StateAssembler:
         """Return the layout of messages with one list of names, and lengths of the fields."""
         layout = self._layouts.get((names, lengths))
         if layout is None:
-            begins = np.cumsum([0, *lengths[:2]])
-            numbers = np.zeros((1, sum(lengths)))
-            layout = self._make_layout(names, lengths, begins, numbers)
-            self._layouts.keep(
-                (names, lengths), layout, sum(NAME_BYTES + len(name) for name in names)
-            )
+            layout = self._make_layout(names, lengths)
+            size = sum(NAME_BYTES + len(name) for name in names)
+            self._layouts.keep((names, lengths), layout, size)
         return layout
 
-    def _make_layout(self, names, lengths, begins, numbers):
-        """Return the layout of messages whose fields begin at these places of their numbers."""
+    def _make_layout(self, names, lengths):
         short = (name for name in names if len(name) <= MAX_NAME_LENGTH)
         self.arrived |= dict.fromkeys(islice(short, MAX_NAMES - len(self.arrived)))
         joints = [self._map_name(name) for name in names]
@@ -430,12 +396,10 @@ class StateAssembler:
         places = {index[joint]: joints.index(joint) for joint in listed}
         if code == codes.DUPLICATE_NAME:
             places = {}
-        begins = [
-            begin if length and not code else memory.UNUSED
-            for begin, length in zip(begins, lengths, strict=True)
-        ]
+        begins = np.cumsum([0, *lengths[:2]])
+        begins[[code > 0 or not length for length in lengths]] = memory.UNUSED
         row = memory.layout_row(self._memory, code, places, begins)
-        batch = self._one._replace(layouts=row[None], numbers=numbers)
+        batch = self._one._replace(layouts=row[None], numbers=np.zeros((1, sum(lengths))))
         return _Layout(names, listed, text, lengths, row, batch)
 
     def _count(self, outcome, layout, names):
@@ -458,7 +422,7 @@ class StateAssembler:
 
     def _event_text(self, event, outcome):
         if event == codes.MOVED:
-            name = self._labels[outcome["moved"]]
+            name = self._labels[outcome["moved"] - 1]
             first, second = outcome[["moved_from", "moved_to"]]
             return codes.STEP.format(name=name, first=first, second=second)
         if event == codes.DISAGREES:
@@ -487,9 +451,6 @@ class _Layout(NamedTuple):
     lengths: tuple
     row: np.ndarray  # of memory.Batch.layouts
     batch: memory.Batch  # of one such message
-    buffer: memoryview = memoryview(
-        b""
-    )  # the bytes of a serialized one, with its numbers at their places in the batch
 
 
 def _write(array, **fields):

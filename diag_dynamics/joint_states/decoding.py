@@ -64,17 +64,9 @@ class Places:
     """Indices of the bytes that are neither numbers nor padding."""
     text: np.ndarray
     """Values of these bytes."""
-    parts: tuple
-    """Slices between the numbers, padding included, and their bytes.
-
-    A message that has them is alike for certain.
-    """
 
     def holds(self, raw):
         """Whether a message of this length has these names and lengths."""
-        (a, start), (b, names), (c, gap), (d, last) = self.parts
-        if raw[b] == names and raw[c] == gap and raw[d] == last and raw[a] == start:
-            return True
         return bool((np.frombuffer(raw, np.uint8)[self.fixed] == self.text).all())
 
     def read(self, raw, rows):
@@ -182,7 +174,6 @@ def find_places(raw):
     for begin, end in spans:
         reader.used[begin:end] = bytes(end - begin)
     fixed = np.flatnonzero(np.frombuffer(reader.used, np.uint8))
-    parts = [slice(0, 4), *(slice(end, at) for (_, end), at in zip(spans, first, strict=False))]
     return Places(
         names=tuple(message.name),
         length=len(raw),
@@ -192,5 +183,4 @@ def find_places(raw):
         counts=counts,
         fixed=fixed,
         text=np.frombuffer(raw, np.uint8)[fixed],
-        parts=tuple((part, raw[part]) for part in parts),
     )

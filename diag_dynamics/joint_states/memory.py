@@ -101,7 +101,7 @@ OUTCOME = _record(
     ("i8", "code events stuck_kind"),  # codes.py
     ("i8", "newest oldest with_effort received estimated"),  # of a state
     ("i8", "joint"),  # that a text is on; followers come after joints
-    ("i8", "moved"),  # joint of the event MOVED, and its positions
+    ("i8", "moved"),  # 1 and the joint of the event MOVED, and its positions
     ("f8", "moved_from moved_to"),
     ("f8", "first second third fourth fifth sixth"),  # numbers of a text
     ("i8", "stuck_joint stuck_more"),  # of a comparison with earlier states
@@ -165,11 +165,10 @@ def row_length(memory):
 
 def layout_row(memory, error, places, begins):
     """Return a row of Batch.layouts; `places` has the place in a message by joint or follower."""
-    count = len(memory.joints)
     row = np.zeros(row_length(memory), np.int64)
-    joints = [index for index in places if index < count]
-    indices = joints + [index for index in places if index >= count]
-    row[:HEAD] = error, len(joints), len(indices), *begins
+    indices = sorted(places)
+    joints = sum(index < len(memory.joints) for index in indices)
+    row[:HEAD] = error, joints, len(indices), *begins
     row[HEAD:].reshape(2, -1)[:, : len(indices)] = indices, [places[index] for index in indices]
     return row
 

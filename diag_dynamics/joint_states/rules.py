@@ -70,7 +70,6 @@ def judge_messages(shared, joints, followers, scratch, layouts, messages, number
     batch = Batch(layouts, messages, numbers, outcome, states)
     for k in range(len(messages)):
         record = outcome[k]
-        _clear(record)
         layout = messages[k].layout
         if layout == FORGET:
             _forget(memory)
@@ -85,16 +84,6 @@ def judge_messages(shared, joints, followers, scratch, layouts, messages, number
             record.code = _complete_by_base(shared[0], record)
         if record.code == codes.STATE:
             watch_stuck_sensors(memory, states[0, k], states[1, k], record.newest, record)
-
-
-@kernel
-def _clear(outcome):
-    """Forget the message before, whose outcome may be in the same place."""
-    outcome.code = outcome.events = outcome.newest = outcome.oldest = outcome.with_effort = (
-        outcome.received
-    ) = outcome.estimated = 0
-    outcome.stuck_kind = outcome.stuck_joint = outcome.stuck_more = outcome.joint = 0
-    outcome.moved = -1
 
 
 @large_kernel
@@ -153,12 +142,8 @@ def _judge(memory, batch, k, layout):
     # The message is accepted.
     _accept_stamp(memory, source, anew, stamp, unstamped, message.now)
     accept_step(memory, indices, outcome)
-    implausible = _store_joints(memory, indices, position, velocity, effort, stamp, unstamped)
-    implausible |= _store_followers(
-        memory, follower_indices, position, velocity, effort, stamp, outcome
-    )
-    if implausible:
-        outcome.events |= codes.IMPLAUSIBLE_EFFORT
+    _store_joints(memory, indices, position, velocity, effort, stamp, unstamped, outcome)
+    _store_followers(memory, follower_indices, position, velocity, effort, stamp, outcome)
     if len(indices) == 0:
         return codes.FOLLOWERS_ONLY
     return _assemble(memory, batch, k)
@@ -174,15 +159,6 @@ def _spread(numbers, layout, names, row):
         if begin >= 0:
             for i in range(HEAD, HEAD + layout[COUNT]):
                 row[field * names + layout[i]] = numbers[begin + layout[names + i]]
-
-
-@kernel
-def _first(indices):
-    """Return the first of some joints, which stands for their publisher."""
-    first = indices[0]
-    for j in indices:
-        first = min(first, j)
-    return first
 
 
 @kernel
@@ -242,7 +218,7 @@ def _judge_stamp(memory, indices, follower_indices, stamp, unstamped, now, outco
         if np.isfinite(memory.joints[named].span):
             span = max(float(SECOND), memory.joints[named].span)
         if last >= 0:
-            source = _first(indices)
+            source = indices[0]  # it stands for their publisher
     else:
         outcome.joint = follower_indices[0]
     if memory.shared[0].max_age and now and not unstamped:
@@ -390,7 +366,7 @@ def _estimate(memory, indices, position, velocity, stamp, unstamped, outcome):
 def _continues(memory, j, elapsed, unstamped, outcome):
     """Whether an estimate goes on: no restart, no other clock, no jump, no pause."""
     joint = memory.joints[j]
-    moved = outcome.moved >= 0 and memory.scratch[FAR, j] > 0.0
+    moved = outcome.moved > 0 and memory.scratch[FAR, j] > 0.0
     if not joint.estimate_known or joint.unstamped != unstamped or moved or elapsed < 0:
         return False
     longest = joint.span if np.isfinite(joint.span) else 0.0
@@ -405,40 +381,35 @@ def _estimate_step(joint, position):
 
 
 @kernel
-def _store_joints(memory, indices, position, velocity, effort, stamp, unstamped):
-    """Store the values of joints; return whether an effort is implausible, which is as unknown."""
-    implausible = False
+def _plausible(effort, largest, outcome):
+    """Return an effort, or NaN for one that is implausible, which is an event."""
+    if abs(effort) > largest:
+        outcome.events |= codes.IMPLAUSIBLE_EFFORT
+        return np.nan
+    return effort
+
+
+@kernel
+def _store_joints(memory, indices, position, velocity, effort, stamp, unstamped, outcome):
+    """Store the values of joints."""
     for j in indices:
         joint = memory.joints[j]
-        torque = effort[j] * joint.factor
-        if abs(torque) > joint.strongest:
-            torque = np.nan
-            implausible = True
         joint.position = position[j]
         joint.velocity = velocity[j]
-        joint.effort = torque
+        joint.effort = _plausible(effort[j] * joint.factor, joint.strongest, outcome)
         joint.stamp = stamp
         joint.unstamped = unstamped
         joint.known = 1
-    return implausible
 
 
 @kernel
 def _store_followers(memory, indices, position, velocity, effort, stamp, outcome):
-    """Store values of followers and compare their positions.
-
-    Return whether an effort is implausible.
-    """
-    implausible = False
+    """Store values of followers and compare their positions."""
     for j in indices:
         follower = memory.followers[j - len(memory.joints)]
-        torque = effort[j] * follower.factor
-        if abs(torque) > MAX_EFFORT:
-            torque = np.nan
-            implausible = True
         follower.position = position[j]
         follower.velocity = velocity[j]
-        follower.effort = torque
+        follower.effort = _plausible(effort[j] * follower.factor, MAX_EFFORT, outcome)
         follower.stamp = stamp
         source = memory.joints[follower.source]
         is_stale = not source.known or abs(source.stamp - stamp) > source.span
@@ -446,7 +417,6 @@ def _store_followers(memory, indices, position, velocity, effort, stamp, outcome
             continue
         expected = follower.multiplier * source.position + follower.offset
         _compare_follower(memory, follower, expected, outcome)
-    return implausible
 
 
 @kernel

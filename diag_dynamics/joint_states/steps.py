@@ -49,7 +49,7 @@ def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
     if memory.shared[0].refuse_foreign:  # a controller goes on with its arm
         moves = False
     if moves or (in_row >= STATES and not interleaved):
-        outcome.moved = far
+        outcome.moved = far + 1
         outcome.moved_from = joint.position
         outcome.moved_to = position[far]
         return codes.STATE
@@ -71,12 +71,12 @@ def judge_step(memory, indices, position, velocity, stamp, unstamped, outcome):
 @kernel
 def accept_step(memory, indices, outcome):
     """End the row of the candidate; exchange it for the state in force where it takes its place."""
-    if outcome.moved >= 0:
+    if outcome.moved > 0:
         outcome.events |= codes.MOVED
     for j in indices:
         joint = memory.joints[j]
         joint.other_count = 0
-        if outcome.moved >= 0:
+        if outcome.moved > 0:
             _store_candidate(joint, joint.position, joint.velocity, joint.stamp)
 
 
