@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.wire.definitions import Reader
-
 MAX_LAYOUTS, MAX_BYTES = 64, 1 << 20
 """Lists of names and lengths about which entries are kept, and the length of their messages
 together [bytes]. An entry takes about ten times the length of its message."""
@@ -167,15 +165,15 @@ class Decoder:
 
 def find_places(raw):
     """Return the Places of a message; ValueError if it is no joint state."""
-    reader = Reader(raw)
-    message = reader.message("sensor_msgs/msg/JointState")
-    first, counts = zip(*(reader.arrays[field] for field in FIELDS), strict=True)
-    spans = [(4, 12), *((at, at + 8 * count) for at, count in zip(first, counts, strict=True))]
-    for begin, end in spans:
-        reader.used[begin:end] = bytes(end - begin)
-    fixed = np.flatnonzero(np.frombuffer(reader.used, np.uint8))
+    if len(raw) < 12 or raw[0] != 0 or raw[1] > 1:
+        raise ValueError("the encapsulation is not that of plain CDR, or the stamp is missing")
+    reader = _Reader(raw)
+    reader.skip(1, reader.read_count())  # frame_id
+    names = tuple(reader.read_text() for _ in range(reader.read_count()))
+    first, counts = zip(*(reader.skip_doubles() for _ in FIELDS), strict=True)
+    fixed = np.flatnonzero(reader.is_fixed)
     return Places(
-        names=tuple(message.name),
+        names=names,
         length=len(raw),
         order=reader.order,
         stamp=struct.Struct(f"{reader.order}iI"),
@@ -184,3 +182,37 @@ def find_places(raw):
         fixed=fixed,
         text=np.frombuffer(raw, np.uint8)[fixed],
     )
+
+
+class _Reader:
+    """Place in a message behind its stamp; `is_fixed` are bytes neither of numbers nor padding."""
+
+    def __init__(self, raw):
+        self.order = "<" if raw[1] else ">"
+        self.is_fixed = np.zeros(len(raw), bool)
+        self.is_fixed[:2] = True
+        self._raw = raw
+        self._at = 12
+
+    def skip(self, alignment, size, is_fixed=True):
+        """Return the first byte of so many bytes."""
+        begin = self._at + -(self._at - 4) % alignment
+        self._at = begin + size
+        if self._at > len(self._raw):
+            raise ValueError("the message ends before its content does")
+        self.is_fixed[begin : self._at] = is_fixed
+        return begin
+
+    def read_count(self):
+        """Return a number of entries or letters."""
+        return struct.unpack_from(f"{self.order}I", self._raw, self.skip(4, 4))[0]
+
+    def read_text(self):
+        """Return a text."""
+        begin = self.skip(1, self.read_count())
+        return self._raw[begin : self._at].split(b"\0")[0].decode(errors="replace")
+
+    def skip_doubles(self):
+        """Return the first byte and the number of a sequence of doubles."""
+        count = self.read_count()
+        return self.skip(8 if count else 1, 8 * count, False), count

@@ -32,6 +32,7 @@ from diag_dynamics.recordings.messages import (
     group_rows,
     merge_parts,
 )
+from diag_dynamics.wire.definitions import typestore
 
 METADATA = "metadata.yaml"  # file that rosbag2 writes into a folder when it closes a recording
 ZSTD = b"\x28\xb5\x2f\xfd"
@@ -191,7 +192,7 @@ def _find_conversion(name, md5):
         return None
     typesys = require("rosbags.typesys", REASON)
     noetic = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
-    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)  # its headers have no `seq`
+    store = typestore()  # its headers have no `seq`
     is_known = md5 in ("", "*", noetic.generate_msgdef(name, ros_version=1)[1])
 
     def convert(raw):

@@ -14,11 +14,23 @@ import struct
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.wire.definitions import PRIMITIVES
 
 HEADER = b"\x00\x01\x00\x00"  # encapsulation: plain CDR, little-endian, no options
 
-_PRIMITIVES = {name: f"<{kind}" for name, kind in PRIMITIVES.values() if name != "octet"}
+_PRIMITIVES = {
+    "boolean": "?",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "<i2",
+    "uint16": "<u2",
+    "int32": "<i4",
+    "uint32": "<u4",
+    "int64": "<i8",
+    "uint64": "<u8",
+    "float": "<f4",
+    "double": "<f8",
+}
+"""Types of NumPy by the name in IDL."""
 
 _SEQUENCE = re.compile(r"sequence<(\w+)>")
 _ARRAY = re.compile(r"(\w+)\[\d+\]")

@@ -17,7 +17,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from hypothesis import given
 from hypothesis import strategies as st
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import ListParametersResult, ParameterDescriptor, ParameterValue
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.interfaces import Nodetype
@@ -29,6 +28,7 @@ import diag_dynamics as dd
 from commands import quiet_compiler  # noqa: F401 (a fixture)
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.joint_states.decoding import find_places
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_status
 from diag_dynamics.nodes.support import messages
@@ -41,7 +41,7 @@ from diag_dynamics.nodes.support.messages import (
 from diag_dynamics.parameters.monitor import Settings
 from diag_dynamics.parameters.robots import model_of
 from diag_dynamics.wire.cdr import Template
-from diag_dynamics.wire.definitions import definition_with_parts, read_message
+from diag_dynamics.wire.definitions import definition_with_parts
 from diag_dynamics.wire.fields import Alarming
 from examples import examples, shortened
 from joint_state_messages import INF, NOW, S
@@ -396,15 +396,6 @@ def some_joint_state(rng):
     return message
 
 
-def some_odometry(rng):
-    """Return an Odometry of any numbers."""
-    message = Odometry(child_frame_id=str(rng.choice(["", "base", "base_link", "€"])))
-    message.header.frame_id = str(rng.choice(["", "odom", "w"]))
-    message.pose.pose.position.x, message.twist.twist.angular.z = rng.normal(size=2).tolist()
-    message.pose.covariance = rng.normal(size=36)
-    return message
-
-
 def mutated(raw, rng):
     """Return these bytes with one or two faults."""
     data = bytearray(raw)
@@ -414,7 +405,7 @@ def mutated(raw, rng):
         if kind == 0 and data:
             data[at] = rng.integers(256)
         elif kind == 1 and len(data) > 1:
-            data[1] = rng.integers(14)  # the encoding
+            data[1] = rng.integers(3)  # the encoding
         elif kind == 2:
             del data[at : at + rng.integers(1, 99)]
         elif kind == 3:
@@ -427,45 +418,34 @@ def mutated(raw, rng):
     return bytes(data)
 
 
-def plain(value):
-    """Return the value of a field, in which NaN is equal to itself and a zero is not to its
-    negative.
-    """
-    if hasattr(value, "get_fields_and_field_types"):
-        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    if isinstance(value, float):
-        return np.float64(value).tobytes()
-    if isinstance(value, (int, str)):
-        return value
-    return (
-        list(value)
-        if len(value) and isinstance(value[0], str)
-        else np.array(value, dtype=float).tobytes()
-    )
+def columns_of(names, sec, nanosec, *fields):
+    """Return the content of a joint state, in which NaN is equal to itself."""
+    return list(names), sec, nanosec, *(np.array(field, dtype=float).tobytes() for field in fields)
 
 
-@pytest.mark.parametrize(
-    ("kind", "make"), [(JointState, some_joint_state), (Odometry, some_odometry)]
-)
-def test_read_as_rclpy_reads(kind, make):
-    """Good bytes and damaged ones: the same values, or an error."""
+def test_read_as_rclpy_reads():
+    """Good bytes of plain CDR and damaged ones: the same values, or an error."""
     rng = np.random.default_rng(1)
     result = Counter()
     count = shortened(20_000, 1500)
-    name = f"{'sensor' if kind is JointState else 'nav'}_msgs/msg/{kind.__name__}"
     for k in range(count):
-        raw = serialize_message(make(rng))
+        raw = serialize_message(some_joint_state(rng))
         raw = mutated(raw, rng) if k % 50 else raw
         raw = raw[:2] + bytes(2) + raw[4:]  # options, from which Kilted takes the padding
         try:
-            expected = plain(deserialize_message(raw, kind))
+            message = deserialize_message(raw, JointState)
+            stamp = message.header.stamp
+            values = message.position, message.velocity, message.effort
+            expected = columns_of(message.name, stamp.sec, stamp.nanosec, *values)
         except Exception:
             expected = None
         try:
-            actual = plain(read_message(raw, name))
+            part = find_places(raw).read(np.frombuffer(raw, np.uint8)[None], np.zeros(1, int))
+            fields = part.position[0], part.velocity[0], part.effort[0]
+            actual = columns_of(part.names, part.sec[0], part.nanosec[0], *fields)
         except ValueError:
             actual = None
-        assert actual == expected, raw.hex()
+        assert actual == (None if raw[1:2] > b"\1" else expected), raw.hex()
         result["refused" if expected is None else "read"] += 1
     assert result["read"] > count // 5 and result["refused"] > count // 10
 

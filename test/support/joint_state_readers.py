@@ -118,7 +118,7 @@ class Reader:
                 return self.assembler.accept_odometry(
                     read_message(message.raw, ODOMETRY), message.now
                 )
-            except ValueError as error:
+            except Exception as error:
                 return Rejected(
                     "malformed",
                     f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})",
