@@ -289,22 +289,8 @@ def less_products(P, G, H, u):
 
 @nk.kernel
 def less_rank_two(P, G, H):
-    """P − G Hᵀ − H Gᵀ."""
-    return Inertia(
-        mirror(
-            matrix_difference(
-                matrix_difference(P.A, outer(G.force, H.force)), outer(H.force, G.force)
-            )
-        ),
-        matrix_difference(
-            matrix_difference(P.B, outer(G.force, H.moment)), outer(H.force, G.moment)
-        ),
-        mirror(
-            matrix_difference(
-                matrix_difference(P.C, outer(G.moment, H.moment)), outer(H.moment, G.moment)
-            )
-        ),
-    )
+    """P − G Hᵀ − H Gᵀ: lower triangles, which no difference needs, follow from the upper ones."""
+    return less_rank_one(less_rank_one(P, G, H), H, G)
 
 
 # --- Degrees of freedom ---------------------------------------------------------------------------
