@@ -50,7 +50,7 @@ def aba_inward_group(robot, last, qd, qdd):
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
-    y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, qdd))
+    y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, -1.0, qdd))
     if bodies[first].parent > 0:
         records.add_to_force(work[bodies[first].parent].y, y)
     for i in range(first, last + 1):

@@ -189,8 +189,8 @@ def inward_coupled(robot, last, qd, tau, out):
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
-    y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, bias))
-    z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, kappa))
+    y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, -1.0, bias))
+    z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, -1.0, kappa))
 
     V_A = groups.base_motion(bodies, first, work)
     base = work[bodies[first].parent]

@@ -173,12 +173,12 @@ def _moments_inward(bodies, work, Q, is_kappa, moments):
             z = sp.force_to_parent(records.placement_of(w), z)
         elif is_kappa:
             # The group alone, then the moments of z of its bodies
-            z = groups.unfilter_moments(bodies, first, i, work, Q, moments)
+            z = groups.filter_moments(bodies, first, i, work, Q, 1.0, moments)
             z = sp.add_force(z, groups.gather(bodies, first, i, work, 1.0, moments))
         else:
             # The same steps in reverse order
             z = groups.gather(bodies, first, i, work, -1.0, moments)
-            z = sp.add_force(z, groups.filter_moments(bodies, first, i, work, Q, moments))
+            z = sp.add_force(z, groups.filter_moments(bodies, first, i, work, Q, -1.0, moments))
         records.add_to_force(work[bodies[first].parent].z, z)
         i = first - 1
 
@@ -280,8 +280,8 @@ def _fill_column(bodies, i, work, Q, rigid, articulated):
     base = bodies[body.first].parent
     if groups.is_grouped(body):
         # Rows of the group, and the wrenches on its base: H rigid, F articulated
-        groups.unfilter_moments(bodies, body.first, i, work, Q, rigid)
-        F = groups.filter_moments(bodies, body.first, i, work, Q, articulated)
+        groups.filter_moments(bodies, body.first, i, work, Q, 1.0, rigid)
+        F = groups.filter_moments(bodies, body.first, i, work, Q, -1.0, articulated)
         H = records.force_of(w.G)
     else:
         F = H = sp.force_to_parent(records.placement_of(w), records.force_of(w.G))

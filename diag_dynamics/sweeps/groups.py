@@ -251,35 +251,22 @@ def induced_rate(bodies, i, V_A, qd, Q, G):
 
 
 @nk.kernel
-def filter_moments(bodies, first, last, work, Q, moments):
-    """Turn moments τ of a group's degrees of freedom into κ, in place; return Σ G κ on the base."""
-    F = sp.NO_FORCE
-    for i in range(last, first - 1, -1):
-        if is_leader(bodies, i):
-            c = bodies[i].dof
-            start = bodies[i].start
-            # κ_b = τ_b − Σ g_b κ_c over later c, from the last on
-            F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
-            for b in range(start, c):
-                moments[b] -= Q[b, c - start] * moments[c]
-    return F
+def filter_moments(bodies, first, last, work, Q, sign, moments):
+    """Turn moments τ of a group's degrees of freedom into κ, in place; return Σ G κ on the base.
 
-
-@nk.kernel
-def unfilter_moments(bodies, first, last, work, Q, moments):
-    """Turn moments κ into their τ alone, in place, by [I + HφK] within the group.
-
-    Returns Σ G κ on the base.
+    With a positive sign κ become their τ alone, by [I + HφK] within the group.
     """
     F = sp.NO_FORCE
-    for i in range(first, last + 1):
+    for step in range(last - first + 1):
+        # From the last on to κ and from the first on to τ: moments of later ones are κ
+        i = first + step if sign > 0.0 else last - step
         if is_leader(bodies, i):
             c = bodies[i].dof
             start = bodies[i].start
-            # τ_b = κ_b + Σ g_b κ_c over later c, from the first on: later moments are still κ
             F = sp.add_force(F, sp.scale_force(records.force_of(work[i].G), moments[c]))
+            # τ_b = κ_b + Σ g_b κ_c over later c
             for b in range(start, c):
-                moments[b] += Q[b, c - start] * moments[c]
+                moments[b] += sign * Q[b, c - start] * moments[c]
     return F
 
 
@@ -314,7 +301,9 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
         w = work[i]
         if is_grouped(body):
             F = moments_of_wrench(bodies, i, body.first, work, F, kappa)
-            F = sp.subtract_force(F, filter_moments(bodies, body.first, body.last, work, Q, kappa))
+            F = sp.subtract_force(
+                F, filter_moments(bodies, body.first, body.last, work, Q, -1.0, kappa)
+            )
             i = bodies[body.first].parent
             continue
         # κ = Sᵀ F, and Xᵀ τ̄ F goes inboard
