@@ -3,15 +3,16 @@
 
 """Frames: all that a page shows of a state as one row of float32; of one state or of many."""
 
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.model.followers import FollowerMotion
-from diag_dynamics.model.links import wrenches_at
 from diag_dynamics.page.forces import Forces
 from diag_dynamics.page.layout import CAUSES, Layout, with_followers
-from diag_dynamics.sweeps import evaluation, factorization
+from diag_dynamics.sweeps import evaluation
 
 GAP = 0.5
 """Largest time between two states over which dK/dt is a difference [s]."""
@@ -22,10 +23,6 @@ model."""
 
 UPPER = np.triu_indices(3)
 """Entries of a symmetric matrix that a frame has, row by row."""
-
-ROUNDING = 1e-12
-"""Size of C, relative to ν and the largest rate [rad/s, m/s], below which it is 0 but for
-rounding."""
 
 
 class States(NamedTuple):
@@ -82,15 +79,6 @@ class States(NamedTuple):
         )
 
 
-def coriolis_work(nu, coriolis, qd):
-    """Return |ν·C| / (|ν| |C|) of states, shape (..., nv); NaN where C is within rounding."""
-    size = np.linalg.norm(nu, axis=-1)
-    speed = np.abs(qd).max(axis=-1, initial=0.0)
-    significant = np.linalg.norm(coriolis, axis=-1) > ROUNDING * size * speed
-    whole = np.where(significant, size * np.linalg.norm(coriolis, axis=-1), np.nan)
-    return np.abs((nu * coriolis).sum(axis=-1)) / whole
-
-
 class FrameMaker:
     """Make the frames of a robot.
 
@@ -116,7 +104,6 @@ class FrameMaker:
         self._forces = Forces(dynamics, covariance)
         self._before = np.nan, np.nan  # time and K of the last state
         self._workspace = model.new_workspace()
-        self._wrenches = {}
         self._motion = FollowerMotion(model) if model.followers else None
 
     def frames(self, states):
@@ -145,15 +132,9 @@ class FrameMaker:
         [1/kg]. Its symmetric root maps the unit sphere to the ellipsoid of velocities that ½ J
         allows; the frame has its upper triangle, row by row. The velocity is Fᵀν [m/s].
         """
-        if link not in self._wrenches:
-            self._wrenches[link] = wrenches_at(
-                self._model, link, np.eye(3, 6), np.zeros(3), "world"
-            )
-        factor = np.empty((self._model.nv, 3))
         fields = np.full(9, np.nan, dtype="<f4")
-        if not factorization.factor_of_wrenches(
-            self._workspace.robot, q, self._wrenches[link], True, factor
-        ):
+        with suppress(DiagDynamicsError):
+            factor = self._dynamics.wrench_factor(q, link, frame="world")[:, :3]
             values, axes = np.linalg.eigh(factor.T @ factor)
             fields[:6] = ((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)[UPPER]
             fields[6:] = nu @ factor
@@ -178,8 +159,6 @@ class FrameMaker:
             "p_external": p_external,
             "dK": self._energy_rate(states.t, K),
             "torque_norm": np.linalg.norm(terms[3], axis=-1),
-            # Zero but for rounding, NaN at rest. In doubles: floats would hide it.
-            "coriolis_work": coriolis_work(nu, states.coriolis, states.qd),
             "flags": _flags(
                 states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12
             ),

@@ -102,7 +102,7 @@ FIELDS = (
     ("coordinates", 1, "q"),
     ("dofs", 1, "qd effort gravity_torque external_torque nu epsilon coriolis gravity residual D"),
     ("links", 1, "link_energy"),
-    ("", 1, "K p_effort p_gravity p_friction p_external dK norm torque_norm coriolis_work flags"),
+    ("", 1, "K p_effort p_gravity p_friction p_external dK norm torque_norm flags"),
     ("contact_limits", 1, "contact_limits_worst"),
     ("contact_limits", 3, "contact_limits_position"),
     ("points", 1, "contact_limits_speed contact_limits_allowed contact_limits_mass"),

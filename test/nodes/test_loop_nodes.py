@@ -3,8 +3,6 @@
 
 """Nodes of robots with closed loops."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import yaml
@@ -14,7 +12,6 @@ from sensor_msgs.msg import JointState
 import diag_dynamics as dd
 from diag_dynamics.nodes import demo
 from diag_dynamics.nodes.support.statuses import OK, WARN
-from diag_dynamics.page.frames import coriolis_work
 from linkages import (
     BASE,
     COUPLER,
@@ -91,22 +88,6 @@ def test_simulator_of_a_four_bar(peer, loops_file):
     np.testing.assert_allclose(np.array(followers), four_bar_followers(crank), atol=1e-9)
     result = model.followers_at([crank, arm], message.velocity[:2])
     np.testing.assert_allclose(message.velocity[2:], result.rate, atol=1e-12)
-
-
-GRIPPER = Path(__file__).parents[2] / "examples/closed_loops/four_bar_gripper"
-
-
-def test_coriolis_work_of_one_degree_of_freedom():
-    """C of the gripper, 0 but for rounding, is no error of νᵀC = 0; C that does work is."""
-    dynamics = dd.DiagonalDynamics(dd.load_urdf(f"{GRIPPER}.urdf", loops=f"{GRIPPER}.yaml"))
-    for speed in (1e-3, 1.0, 30.0):
-        qd = np.array([speed])
-        s = dynamics.evaluate(dynamics.model.start + 0.2, qd)
-        assert not coriolis_work(s.nu, s.coriolis, qd) > 1e-9
-    nu = np.array([[0.3, 0.1], [0.3, 0.1], [0.0, 0.0]])
-    qd = np.array([[1.0, -2.0], [1.0, -2.0], [0.0, 0.0]])
-    result = coriolis_work(nu, np.array([[0.1, 0.2], [1e-14, 0.0], [0.0, 0.0]]), qd)
-    np.testing.assert_allclose(result, [0.05 / np.sqrt(0.1 * 0.05), np.nan, np.nan])
 
 
 @pytest.mark.filterwarnings("ignore::diag_dynamics.LoopWarning")

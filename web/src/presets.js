@@ -8,7 +8,7 @@ const RESULTS = ["overall", "limits", "quality"]; // of a report
 export const PRESETS = {
   monitoring: [...RESULTS, "energy", "external", "collisions", "diagnostics"],
   contact: ["limits", "contact-limits", "external", "norm", "collisions", "diagnostics"],
-  dynamics: ["energy", "power", "exchange", "torque", "inertia", "work"],
+  dynamics: ["energy", "power", "exchange", "torque", "inertia"],
 };
 export const DEFAULT = "monitoring";
 export const CARDS = [...new Set([...Object.values(PRESETS).flat(), "parameters"])];

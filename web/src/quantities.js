@@ -111,7 +111,7 @@ export function plotsOf(layout) {
   const limits = hasLimits(layout);
   const torque = unitOf(layout, "N m", "N");
   const thresholds = layout.thresholds.external_torque ?? [];
-  const plots = [
+  return [
     {
       id: "energy",
       title: "Kinetic energy",
@@ -181,17 +181,7 @@ export function plotsOf(layout) {
       lines: ofJoints(layout, (k) => field(layout, "D", k)),
       help: "Inertia at each joint while all outboard joints are free.",
     },
-    {
-      id: "work",
-      title: "Coriolis does no work",
-      unit: "",
-      log: true,
-      points: true,
-      lines: [single(layout, "coriolis_work", "|νᵀC| / (|ν||C|)", "#76b7b2")],
-      help: "Zero within rounding (Lemma 7.1).",
-    },
   ];
-  return plots.filter((plot) => plot.id !== "work" || layout.has("coriolis_work"));
 }
 
 // The largest lines that fit into a plot, and the others.

@@ -8,13 +8,13 @@ import { fromHash, toHash } from "../src/link.js";
 test("a state comes back from its link, exactly", () => {
   const state = {
     ...{ robot: "/cell 2/arm&#1", joint: "ellbögen=1", t: 1764184532.7281234, window: 0.02, colour: "torque" },
-    ...{ camera: "1.5,-2,0.25,0,0,1e-7", card: "power", cards: ["work", "parameters"], all: true },
+    ...{ camera: "1.5,-2,0.25,0,0,1e-7", card: "power", cards: ["power", "parameters"], all: true },
   };
   const hash = toHash(state);
   assert.deepEqual(fromHash(hash), { state, notes: [] });
   assert.deepEqual(fromHash(new URL(hash, "http://localhost/").hash), { state, notes: [] }, "as a browser writes it");
   assert.deepEqual(fromHash(toHash({ t: 0 })), { state: { t: 0 }, notes: [] });
-  assert.equal(toHash({ robot: "/arm", cards: ["work", "parameters"] }), "#robot=/arm&cards=work,parameters");
+  assert.equal(toHash({ robot: "/arm", cards: ["power", "parameters"] }), "#robot=/arm&cards=power,parameters");
 });
 
 test("what is not set is not in the link; no link is no state", () => {
