@@ -305,12 +305,6 @@ INTERFACES = {
         Interface(SERVICE, "~/pause", "std_srvs/SetBool", "pause and resume"),
         Interface(
             SERVICE,
-            "~/step",
-            "Step",
-            "advance some steps while paused; stamps start at the request",
-        ),
-        Interface(
-            SERVICE,
             "~/reset",
             "std_srvs/Trigger",
             "restore the initial state and clear the command; time continues, noise restarts",

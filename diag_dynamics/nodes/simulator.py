@@ -45,16 +45,13 @@ from diag_dynamics.parameters.simulator import DYNAMIC, PARAMETERS
 from diag_dynamics.simulation.drives import TIMED_OUT
 from diag_dynamics.simulation.pace import COMMAND_TIMEOUT, Lockstep, Pace
 from diag_dynamics.simulation.plant import Plant, require_consistent
-from diag_dynamics.srv import SetState, Step
+from diag_dynamics.srv import SetState
 from diag_dynamics.text import shortened
 
 MAX_OVERRUNS = 0.1
 """Skipped ticks, as a fraction of those that were not, above which the pace is a warning."""
 
 COMMANDS, WRENCHES = "effort_controller/commands", "external_wrench"
-
-MAX_STEPS = 10_000
-"""Steps that one request may have: nothing else is served meanwhile."""
 
 UNPACED = 1e-4
 """Period of ticks where simulated time runs as fast as possible [s].
@@ -174,7 +171,6 @@ class SimulatorNode(TableNode, Node):
         self._timeless = False
         self._failure = ""
         self._revision = 1  # of the model
-        self._latest = 0  # stamp [ns]
         self._reported = Counter()  # counts of inputs at the last report
         judge(self, PARAMETERS, self._take_parameters)
         self._diagnostics = Diagnostics(
@@ -250,28 +246,18 @@ class SimulatorNode(TableNode, Node):
             connected(self.create_subscription, kind, topic, take, QoSProfile(depth=10))
 
     def _offer_services(self):
-        for kind, name, answer, keep in (
-            (SetBool, "pause", self._pause, ()),
-            (Step, "step", self._step, ("stamp",)),
-            (Trigger, "reset", self._reset, ()),
-            (SetState, "set_state", self._set_state, ()),
+        for kind, name, answer in (
+            (SetBool, "pause", self._pause),
+            (Trigger, "reset", self._reset),
+            (SetState, "set_state", self._set_state),
         ):
-            offer(self, kind, name, answer, keep)
+            offer(self, kind, name, answer)
 
     # --- Time
 
     @property
     def _moving(self):
         return not self._paused and not self._failure
-
-    def _restart_stamps(self):
-        """Continue stamps that follow the clock from now.
-
-        Stamps of steps while paused never go back.
-        """
-        if not self._keeps_time:
-            now = max(self._now(), self._latest * self._paused)
-            self._start = now - round(self._plant.time * 1e9)
 
     def _now(self):
         """Return the time [ns] of the system if this node keeps simulated time, or of its clock."""
@@ -281,7 +267,8 @@ class SimulatorNode(TableNode, Node):
         """Continue simulated time from here."""
         self._timeless = not self._now()  # nothing on /clock yet
         self._pace.resume(1e-9 * self._now(), self._plant.time)
-        self._restart_stamps()
+        if not self._keeps_time:  # stamps follow the clock from now
+            self._start = self._now() - round(self._plant.time * 1e9)
         self._lockstep.resume(self.time.steady())
 
     def _tick(self):
@@ -320,11 +307,7 @@ class SimulatorNode(TableNode, Node):
     def _answer(self):
         """Advance in lockstep if the last joint state has been answered."""
         if self.values["lockstep"] and self._moving and self._lockstep.answered(self.time.steady()):
-            self._advance(self._steps_of_a_period)
-
-    @property
-    def _steps_of_a_period(self):
-        return round(1.0 / (self.values["rate"] * self._plant.simulation.step_size))
+            self._advance(round(1.0 / (self.values["rate"] * self._plant.simulation.step_size)))
 
     # --- Inputs
 
@@ -353,9 +336,7 @@ class SimulatorNode(TableNode, Node):
     @property
     def _stamp(self):
         """The time stamp of this moment [ns]."""
-        stamp = self._start + round(self._plant.time * 1e9)
-        self._latest = max(self._latest, stamp)
-        return stamp
+        return self._start + round(self._plant.time * 1e9)
 
     def _measure_and_publish(self):
         """Publish the time, measurements and the truth."""
@@ -389,26 +370,6 @@ class SimulatorNode(TableNode, Node):
             self._go_on()
             self._answer()  # which may have arrived meanwhile
         return "paused" if self._paused else "running"
-
-    def _step(self, request, response):
-        response.stamp = to_time(self._stamp)
-        self._require_running()
-        if not self._paused:
-            raise InputError("the simulation is not paused. Call pause first.")
-        if not 1 <= request.steps <= MAX_STEPS:
-            raise InputError(f"steps is {request.steps}, expected 1 to {MAX_STEPS}.")
-        self._restart_stamps()
-        remaining = request.steps
-        while remaining and not self._failure:
-            steps = min(remaining, self._steps_of_a_period)
-            self._advance(steps)
-            remaining -= steps
-        response.stamp = to_time(self._stamp)
-        self._require_running()
-
-    def _require_running(self):
-        if self._failure:
-            raise InputError(f"the simulation has stopped: {self._failure}")
 
     def _reset(self, *_):
         self._plant.reset()

@@ -7,7 +7,7 @@ them.
 
 import numpy as np
 import pytest
-from diag_dynamics.srv import SetState, Step
+from diag_dynamics.srv import SetState
 from geometry_msgs.msg import Pose, Twist
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -151,30 +151,9 @@ def assert_stamp_is_the_time(arm):
     assert 0 <= arm.peer.now() - arm.states.stamps[-1] <= 4 * MS
 
 
-def test_pause_step_reset_and_set_state(arm):
-    """Paused, time stands still but for steps; the robot can be put anywhere, and back to where it
-    began.
-    """
-    refused = arm.call(Step, "step", steps=1)
-    assert not refused.success and "not paused" in refused.message
+def test_pause_reset_and_set_state(arm):
+    """Paused, time stands still; the robot can be put anywhere, and back to where it began."""
     assert arm.call(SetBool, "pause", data=True).success
-    for steps, periods in ((1, 1), (7, 2)):  # a period has four
-        before = nanoseconds(arm.call(Step, "step", steps=1).stamp)
-        asked = arm.peer.now()
-        answer = arm.call(Step, "step", steps=steps)
-        assert answer.success
-        end = nanoseconds(answer.stamp)
-        assert asked <= end - steps * MS + 2
-        arm.peer.wait_until(lambda end=end: arm.states.stamps[-1] == end, "what came of the steps")
-        stepped = [stamp for stamp in arm.states.stamps if stamp > before]
-        assert len(stepped) == periods and end - stepped[0] == pytest.approx(
-            steps * MS - min(steps, 4) * MS, abs=2
-        )
-    answer = arm.call(Step, "step", steps=2000)  # seconds in next to no time
-    assert answer.success
-    for steps in (0, 10_001):
-        refused = arm.call(Step, "step", steps=steps)
-        assert not refused.success and f"steps is {steps}, expected 1 to 10000" in refused.message
     assert said(arm.reports.next(), "simulation") == "paused"
 
     names = arm.robot.names
@@ -286,7 +265,7 @@ def test_lockstep(peer, tmp_path):
 
 
 def test_lockstep_goes_on(peer):
-    """After a pause, steps, rejected commands, resets, rest, and another commander time goes on by
+    """After a pause, rejected commands, resets, rest, and another commander time goes on by
     itself.
     """
     wrong = []
@@ -312,12 +291,9 @@ def test_lockstep_goes_on(peer):
             )
 
         goes_on("the start")
-        for steps in (0, 7):
-            assert simulator.call(SetBool, "pause", data=True).success
-            for _ in range(steps):
-                assert simulator.call(Step, "step", steps=1).success
-            assert simulator.call(SetBool, "pause", data=False).success
-            goes_on(f"a pause with {steps} steps")
+        for pause in (True, False):
+            assert simulator.call(SetBool, "pause", data=pause).success
+        goes_on("a pause")
         peer.pass_time(
             3.0
         )  # until the commander is no newcomer, for which states are repeated anyway

@@ -47,11 +47,11 @@ def attempt(action, *arguments):
         return None, Fault(error)
 
 
-def offer(node, kind, name, answer, keep=()):
+def offer(node, kind, name, answer):
     """Return the service ``~/name`` of a node, whose failures are responses.
 
     Responses of a `kind` have `success` and `message`. `answer` takes request and response, and
-    returns the message of success or None. The response of a failure keeps the fields `keep`.
+    returns the message of success or None.
     """
 
     def callback(request, response):
@@ -63,7 +63,6 @@ def offer(node, kind, name, answer, keep=()):
         if fault.is_internal:
             text = shortened(f"{kind.__name__}: {fault.reason}")
             node.get_logger().error(text, throttle_duration_sec=5.0)
-        kept_fields = {field: getattr(response, field) for field in keep}
-        return kind.Response(success=False, message=fault.reason, **kept_fields)
+        return kind.Response(success=False, message=fault.reason)
 
     return node.create_service(kind, f"~/{name}", callback, qos_profile=SERVICE_QOS)
