@@ -5,7 +5,6 @@
 
 import json
 import time
-from threading import Lock
 from typing import ClassVar
 
 import numpy as np
@@ -144,15 +143,14 @@ class RobotSubscription:
         self._published_at = self._added_at
         self._points = ()
         self._diagnostics = {}
-        self._faults = {}
+        self._faults = dict.fromkeys(("silence", "parameters", "robot", "states"), "")
         self.difference = ""
-        self._lock = Lock()  # of the faults
-        self.stream.set_waiting(f"waiting for the parameters of {monitor}")
+        self.stream.waiting = f"waiting for the parameters of {monitor}"
 
     @property
     def fault(self):
         """Why the robot or its states cannot be shown; empty if nothing is wrong."""
-        return "; ".join(self._faults.values())
+        return "; ".join(filter(None, self._faults.values()))
 
     @property
     def has_gone(self):
@@ -221,13 +219,8 @@ class RobotSubscription:
 
     def _set_fault(self, source, text):
         """Show why something failed; an empty text removes the fault. Threads may call it."""
-        text = shortened(text)
-        with self._lock:
-            if text == self._faults.get(source, ""):
-                return
-            faults = {name: old for name, old in self._faults.items() if name != source}
-            self._faults = faults | ({source: text} if text else {})
-            self.stream.set_error(self.fault)
+        self._faults[source] = shortened(text)
+        self.stream.error = self.fault
 
     def _try(self, source, action, *arguments):
         """Return the result of an action, None if it fails; a fault stays until the next result."""
@@ -273,7 +266,7 @@ class RobotSubscription:
             return
         description = self._values["robot_description"] or self._description
         if not description:
-            self.stream.set_waiting(f"waiting for {self._topic}")
+            self.stream.waiting = f"waiting for {self._topic}"
             return
         request = description, json.dumps(self._values, sort_keys=True, default=str)
         if request != self._loaded:
@@ -482,7 +475,7 @@ class ViewNode(TableNode, Node):
             if monitor not in self._robots and self._is_selected(monitor):
                 self._robots[monitor] = RobotSubscription(self, monitor)
         self._missing = self._explain_absence()
-        self._absence.set_waiting(f"{self._missing}; {self._looked()}")
+        self._absence.waiting = f"{self._missing}; {self._looked()}"
         for robot in self._robots.values():
             _, fault = attempt(robot.update)
             if fault:

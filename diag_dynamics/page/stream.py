@@ -81,6 +81,10 @@ class RobotStream:
     Attributes
     ----------
     name : str
+    waiting : str
+        Why no state comes; the last state stays, with its age.
+    error : str
+        Why robot or states will not come; empty: they may.
     """
 
     def __init__(self, name, read):
@@ -93,10 +97,10 @@ class RobotStream:
         self._diagnostics = (0, "[]")
         self._number = 0
         self._frames = {}
-        self._waiting = "waiting for a robot"
+        self.waiting = "waiting for a robot"
         self._worst = ""
         self._end_effector = ""
-        self._error = self._diagnosed_error = self._difference = ""
+        self.error = self._diagnosed_error = self._difference = ""
         self._counted = 0
         self._since = 0.0
 
@@ -112,17 +116,9 @@ class RobotStream:
             self._meshes = meshes
             self._end_effector = end_effector_link(dynamics.model)
             self._last = None
-            self._waiting = ""
+            self.waiting = ""
             self._difference = difference
             self._lay_out((), ())
-
-    def set_error(self, reason):
-        """Set the reason for which robot or states will not come; empty: they may."""
-        self._error = reason
-
-    def set_waiting(self, reason):
-        """Set the reason why no state comes; the last state stays, with its age."""
-        self._waiting = reason
 
     def set_diagnostics(self, statuses):
         """Set the newest diagnostics, a list of dicts: level, name, message and values of each."""
@@ -167,8 +163,8 @@ class RobotStream:
                 "alive": alive,
                 "age": age,
                 "rate": self._rate,
-                "waiting": self._waiting or ("" if alive else missing),
-                "error": self._error or (self._diagnosed_error if age is None else ""),
+                "waiting": self.waiting or ("" if alive else missing),
+                "error": self.error or (self._diagnosed_error if age is None else ""),
                 "difference": self._difference,
             }
 

@@ -349,9 +349,9 @@ def test_why_no_state_comes():
     stale = {"level": 3, "name": "/arm/monitor: loops", "message": "no states"}
     stream.set_diagnostics([stale, error])
     assert stream.about()["error"] == "model: rejected"
-    stream.set_error("no description")
+    stream.error = "no description"
     assert stream.about()["error"] == "no description"
-    stream.set_waiting("waiting for robot_description")
+    stream.waiting = "waiting for robot_description"
     assert stream.about()["waiting"] == "waiting for robot_description"
 
 
