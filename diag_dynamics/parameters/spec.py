@@ -4,7 +4,6 @@
 """Spec of a parameter, and the check of a value."""
 
 import math
-import re
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -42,17 +41,8 @@ def while_unconfigured(specs):
 
 
 def nearest(name, names):
-    """Return the name that is spelled like an unknown one, or has words like it, or None."""
-    if matches := get_close_matches(name, names, n=1, cutoff=0.85):
-        return matches[0]
-    by_words = {_words(name): name for name in names}
-    matches = get_close_matches(_words(name), by_words, n=1, cutoff=0.65)
-    return by_words[matches[0]] if matches else None
-
-
-def _words(name):
-    """Return the words of a name in the order of the alphabet."""
-    return " ".join(sorted(re.split(r"[._]", name)))
+    """Return the name that is spelled like an unknown one, or None."""
+    return next(iter(get_close_matches(name, names, n=1, cutoff=0.8)), None)
 
 
 def check(name, value, spec):

@@ -136,14 +136,13 @@ def test_unknown_names(made, tmp_path, capfd):
         "0.001\n    update_rate: 5\n"
         "    robot_compensates_gravity: true\n    use_sim_tme: true\n    qos_overrides: "
         "{/x: {publisher: {depth: 3}}}\n"
-        "own:\n  ros__parameters: {energy_limt: 1.0, limit_of_energy: 1.0, max_rate: "
+        "own:\n  ros__parameters: {energy_limt: 1.0, max_rate: "
         "{statos: 1.0}, nothing: []}\n"
     )
     node = made("--params-file", str(file), specs=OF_CONTROLLER)
     logged = [line.split(": ", 1)[1] for line in capfd.readouterr().err.splitlines()]
     assert sorted(logged) == [
         "Unknown parameter 'energy_limt' ignored. Did you mean 'energy_limit'?",
-        "Unknown parameter 'limit_of_energy' ignored. Did you mean 'energy_limit'?",
         "Unknown parameter 'max_rate.statos' ignored. Did you mean 'max_rate.status'?",
         "Unknown parameter 'nothing' ignored.",
         "Unknown parameter 'update_rate' ignored.",
