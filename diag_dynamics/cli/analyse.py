@@ -10,7 +10,6 @@ from diag_dynamics.cli import common, fleet
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model.joint_types import single_joints
-from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
@@ -20,9 +19,8 @@ from diag_dynamics.recordings.sources import BagSource, open_source
 from diag_dynamics.recordings.summary import (
     describe_faults,
     format_summary,
-    make_row,
 )
-from diag_dynamics.text import Progress, aligned, plain, shortened
+from diag_dynamics.text import Progress, plain, shortened
 
 EPILOG = (
     "exit status: 0 no problem; 1 unreadable data, rejected messages, a wrong unit, a power "
@@ -30,17 +28,6 @@ EPILOG = (
     "recordings failed; 2 no result. Collisions are results. "
     "Formats and results: docs/recordings.md."
 )
-
-COLUMNS = {
-    "states": ("states", "d"),
-    "s": ("duration", ".6g"),
-    "K max [J]": ("kinetic_energy_max", ".4g"),
-    "explained": ("explained", ".3f"),
-    "residual [W]": ("residual_power", ".3g"),
-    "collisions": ("collisions", "d"),
-    "rejected": ("rejected", "d"),
-}
-"""Columns of the table of several recordings: their entries of a row, and formats."""
 
 OUTPUTS = {f"--{name}": name for name in ("mcap", "parquet", "csv", "report", "json")}
 
@@ -140,25 +127,14 @@ def _analyse(chosen, parameters, robot, write):
             print(text if is_single else f"{plain(recording)}\n\n{text}\n")
     write(summaries[0] if is_single else {"recordings": summaries, "failed": failed})
     faults = [fault for summary in summaries for fault in describe_faults(summary)]
-    if prints and is_single:
+    if prints:
         common.report_written(*(getattr(chosen, name) for name in OUTPUTS.values()))
         if faults:
             text = f"Problems (exit status {DOUBTFUL}): {'; '.join(faults)}."
             print(shortened(text), file=sys.stderr)
-    elif prints:
-        lines = aligned([[*COLUMNS, "recording"], *map(_format_row, summaries)])
-        print("\n".join([*lines, *(f"failed: {shortened(path)}" for path in failed)]))
     if not summaries:
         return FAILED
     return DOUBTFUL if failed or faults else DONE
-
-
-def _format_row(summary):
-    """Return the texts of a recording's row in the table of several recordings."""
-    row = make_row(summary)
-    columns = [(row[name], form) for name, form in COLUMNS.values()]
-    texts = ["-" if value is None else format(value, form) for value, form in columns]
-    return [*texts, plain(summary["recording"])]
 
 
 def _summary(chosen, recording, parameters, robot):
@@ -186,14 +162,7 @@ def _open_outputs(chosen, reading):
 
 def _parameters(chosen):
     """Return parameters of the monitor, with the thresholds of --alarms."""
-    alarms = [chosen.alarms] if chosen.alarms else []
-    if alarms and not parameters_of(alarms).get("collision.threshold"):
-        raise InputError(
-            f"--alarms is '{plain(chosen.alarms)}', which has no collision.threshold; expected a "
-            "file "
-            "of diag-dynamics calibrate. Use --parameters for other files."
-        )
-    parameters = common.chosen_parameters(chosen, *alarms)
+    parameters = common.chosen_parameters(chosen, *filter(None, [chosen.alarms]))
     # it counts only with a gain
     if chosen.gain is not None and parameters.get("collision.threshold"):
         parameters["external_torque.gain"] = parameters.get("external_torque.gain") or chosen.gain

@@ -307,7 +307,6 @@ WRONG = {
     ("--csv", "{out}", "--json", "{out}"): "--csv writes this file",
     ("--json", "{out}/a.json"): "there is no folder",
     ("--start", "50"): "contains no message between start and end",
-    ("--alarms", "{arm}"): "'{arm}', which has no collision.threshold",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
     ("--joint-names", "a=b", "a=c"): "parameter '--joint-names' has two entries for 'a'",
     ("--parameters", "{elbow}"): "'elbow' is not a joint of robot 'panda'",
@@ -317,7 +316,6 @@ WRONG = {
 @pytest.mark.parametrize("options", WRONG, ids=" ".join)
 def test_wrong_options(tmp_path, bag, analyse, options):
     files = {
-        "arm": "joints: {panda_joint1: {damping: 1.0}}",
         "elbow": "joints: {elbow: {damping: 1}}",
     }
     files["nonsense"] = "/**:\n  ros__parameters: {nonsense: 1}\n"
@@ -375,15 +373,15 @@ def test_what_makes_the_exit_status_1(table, analyse):
 
 
 def test_several_recordings(tmp_path, table, bag, analyse):
-    """Each has its summary, and all a table; one that cannot be read stops no other."""
+    """Each has its summary; one that cannot be read stops no other."""
     out = tmp_path / "all.json"
     none = tmp_path / "none.csv"
     status, printed, wrong = analyse(bag, none, table, "--json", out)
     assert status == 1 and "no file or folder" in wrong
-    *rows, failed = printed.splitlines()[-4:]
-    assert [row.split()[-1] for row in rows] == ["recording", str(bag), str(table)]
-    assert [row.split()[0] for row in rows] == ["states", str(COUNT), str(COUNT)]
-    assert failed == f"failed: {none}"
+    assert [line for line in printed.splitlines() if line in (str(bag), str(none), str(table))] == [
+        str(bag),
+        str(table),
+    ]
     summary = json.loads(out.read_text())
     assert list(summary["failed"]) == [str(none)]
     assert summary["recordings"][0] == json.loads(analyse(bag, "--json", "-")[1])
