@@ -56,10 +56,8 @@ def run_command(name, about, module, arguments):
     except BrokenPipeError:
         raise  # of `… | head`, which main handles
     except KeyboardInterrupt as error:
-        lost = " and ".join(f"'{path}'" for path in outputs.values() if path not in (None, "-"))
-        rest = f"; not written: {lost}" if lost else ""
         kind = "terminated" if isinstance(error, Terminated) else "interrupted"
-        print(shortened(f"diag-dynamics {name}: {kind}{rest}."), file=sys.stderr)
+        print(f"diag-dynamics {name}: {kind}.", file=sys.stderr)
         return getattr(error, "status", INTERRUPTED)
     except (DiagDynamicsError, OSError) as error:
         report_error(name, error, chosen)

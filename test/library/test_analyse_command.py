@@ -212,9 +212,7 @@ def reading(path, size, then):
     [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")],
 )
 def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
-    """What was there stays as it was, and what is not written is named. The signal comes while the
-    CSV is written.
-    """
+    """What was there stays as it was. The signal comes while the CSV is written."""
     pipe = tmp_path / "out.csv"
     older = tmp_path / "out.json"
     os.mkfifo(pipe)
@@ -225,8 +223,7 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
         bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older
     )
     reader.join(HANG)
-    assert result == status and f"diag-dynamics analyse: {word}; " in printed
-    assert all(str(path) in printed for path in (tmp_path / "out.mcap", pipe, older))
+    assert result == status and f"diag-dynamics analyse: {word}.\n" in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
     assert older.read_text() == "of yesterday"
 
