@@ -86,6 +86,10 @@ def require_consistent(values):
             f"parameter 'hold_time' is {hold} s; expected at least {least} s, twice "
             f"max_state_age = {age} s. Else a single invalid state lets the robot go."
         )
+    if values["initial_mode"] == POSE and not values["controlled_link"]:
+        raise InputError(
+            "parameter 'controlled_link' is ''; expected a link because initial_mode is pose."
+        )
 
 
 def _limits(dynamics, values, compensated, points):

@@ -185,7 +185,7 @@ def test_methods_are_compiled_for_one_state(two, monkeypatch):
     two.compile("mass_matrix")
     assert compiled == ["mass_matrix"]
     two.compile()
-    assert {"mass_matrix", "evaluate", "nu_from_qd"} <= set(compiled)
+    assert {"mass_matrix", "evaluate", "transform"} <= set(compiled)
 
 
 def test_vectors_of_any_kind(two):
