@@ -71,7 +71,7 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         position = ratio * q[bodies["q"]] + bodies["offset"]
     J = np.zeros((len(bodies), 6, model.nv))
     rotor = np.zeros((len(bodies), model.nv))
-    M = np.zeros((model.nv, model.nv))
+    P = np.zeros((len(bodies), 6, 6))
     outboard = np.zeros((len(bodies), 2))
     levers = np.zeros(len(bodies))
     for i in numbers:
@@ -86,10 +86,10 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         mass = body["mass"] * np.eye(3)
         moment = _cross(body["first_moment"])
         inertia = symmetric(body["inertia"])
-        M += J[i].T @ np.block([[mass, moment.T], [moment, inertia]]) @ J[i]
+        P[i] = np.block([[mass, moment.T], [moment, inertia]])
         outboard[i] = np.trace(mass), np.trace(inertia)
         levers[i] = p @ p
-    M += rotor.T @ (bodies["armature"][:, None] * rotor)
+    M = np.tensordot(J, P @ J, ((0, 1), (0, 1))) + rotor.T @ (bodies["armature"][:, None] * rotor)
     D = np.zeros(model.nv)
     size = np.zeros(model.nv)
     for i in reversed(numbers):
