@@ -21,7 +21,7 @@ from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
-from diag_dynamics.sweeps.factorization import factorize_at, scale_by_inertia, xi_from_qd
+from diag_dynamics.sweeps.factorization import convert_rates, factorize_at, scale_by_inertia
 from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
 
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
@@ -172,7 +172,7 @@ def contacts(robot, points, q, qd, nu, results):
     status = factorize_at(robot, q)
     if status != 0:
         return status
-    xi_from_qd(bodies, qd, work, table[0], nu)
+    convert_rates(bodies, work, table[0], True, qd, nu)
     scale_by_inertia(bodies, work, 0.5, nu)
     mobilities_outward(robot)
     for k in range(len(at.entries)):

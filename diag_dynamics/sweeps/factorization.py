@@ -106,50 +106,28 @@ def factor_of_wrenches(robot, q, wrenches, in_world, epsilon):
 
 
 @nk.large_kernel
-def xi_from_qd(bodies, qd, work, Q, xi):
-    """ξ = [I + HφK]ᵀq̇ (Table 1); xi is not qd."""
+def convert_rates(bodies, work, Q, to_xi, x, y):
+    """Fill y = ξ = [I + HφK]ᵀq̇ of x = q̇, or y = q̇ = [I − HψK]ᵀξ of x = ξ (Table 1).
+
+    In the second case y may be x.
+    """
+    qd = x if to_xi else y
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
-        body = bodies[i]
-        w = work[i]
-        if not groups.is_grouped(body):
-            # ξ = q̇ + Gᵀ V⁺ (5.3), where V⁺ is the velocity of the parent in the axes of the body
-            V_plus = sp.motion_to_child(
-                records.placement_of(w), records.motion_of(work[body.parent].V)
-            )
-            xi[body.dof] = qd[body.dof] + sp.power(records.force_of(w.G), V_plus)
-        elif groups.is_leader(bodies, i):
+        # All rates of a group, because the leader of a follower may lie further out
+        for j in range(i, bodies[i].last + 1):
+            if i > bodies[i].first or not groups.is_leader(bodies, j):
+                continue
+            k = bodies[j].dof
+            G = records.force_of(work[j].G)
             V_A = groups.base_motion(bodies, i, work)
-            xi[body.dof] = qd[body.dof] + groups.induced_rate(
-                bodies, i, V_A, qd, Q, records.force_of(w.G)
-            )
-        joints.update_velocity(body, qd, work, w)
-
-
-@nk.large_kernel
-def qd_from_xi(bodies, xi, work, Q, qd):
-    """q̇ = [I − HψK]ᵀξ (Table 1, right); qd may be xi."""
-    joints.set_base_at_rest(work)
-    for i in range(1, len(bodies)):
-        body = bodies[i]
-        w = work[i]
-        if not groups.is_grouped(body):
-            # q̇ = ξ − Gᵀ V⁺, the inverse of (5.3)
-            V_plus = sp.motion_to_child(
-                records.placement_of(w), records.motion_of(work[body.parent].V)
-            )
-            qd[body.dof] = xi[body.dof] - sp.power(records.force_of(w.G), V_plus)
-        elif (
-            i == body.first
-        ):  # after all rates are known: the leader of a follower may lie further out
-            V_A = groups.base_motion(bodies, i, work)
-            for j in range(i, body.last + 1):
-                if groups.is_leader(bodies, j):
-                    k = bodies[j].dof
-                    qd[k] = xi[k] - groups.induced_rate(
-                        bodies, j, V_A, qd, Q, records.force_of(work[j].G)
-                    )
-        joints.update_velocity(body, qd, work, w)
+            if groups.is_grouped(bodies[i]):
+                induced = groups.induced_rate(bodies, j, V_A, qd, Q, G)
+            else:
+                # ξ = q̇ + Gᵀ V⁺ (5.3), where V⁺ is the velocity of the parent in axes of the body
+                induced = sp.power(G, sp.motion_to_child(records.placement_of(work[i]), V_A))
+            y[k] = x[k] + induced if to_xi else x[k] - induced
+        joints.update_velocity(bodies[i], qd, work, work[i])
 
 
 @nk.large_kernel
@@ -198,11 +176,11 @@ def transform(robot, q, x, which, result):
         return status
     ws.copy(x, result)
     if which == NU_FROM_QD:
-        xi_from_qd(bodies, x, work, table[0], result)
+        convert_rates(bodies, work, table[0], True, x, result)
         scale_by_inertia(bodies, work, 0.5, result)
     elif which == QD_FROM_NU:
         scale_by_inertia(bodies, work, -0.5, result)
-        qd_from_xi(bodies, result, work, table[0], result)
+        convert_rates(bodies, work, table[0], False, result, result)
     elif which == EPSILON_FROM_TAU:
         _moments_inward(bodies, work, table[0], False, result)
         scale_by_inertia(bodies, work, -0.5, result)
@@ -229,7 +207,7 @@ def qd_from_momentum(robot, q, added, momentum, qd):
     ws.copy(momentum, qd)
     _moments_inward(bodies, work, table[0], False, qd)
     scale_by_inertia(bodies, work, -1.0, qd)
-    qd_from_xi(bodies, qd, work, table[0], qd)
+    convert_rates(bodies, work, table[0], False, qd, qd)
     return status
 
 
