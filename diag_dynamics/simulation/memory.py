@@ -8,7 +8,8 @@ import numpy as np
 from diag_dynamics.numerics.tables import Addresses, Table, array
 
 WORK, LOSS, N_ACCOUNTS = range(3)
-"""Energy accounts [J]: work of efforts and wrenches; loss by damping, friction and limits."""
+"""Energy accounts [J]: work of efforts and wrenches; loss by damping, friction and
+limits, whose elastic energy is no part of the loss in the audit."""
 
 STATE = "q", "qd", "nu", "accounts", "theta", "thetad"
 """Parts of the vector `state`: q, q̇, ν, the energy accounts, and θ and θ̇ of flexible joints."""

@@ -68,7 +68,6 @@ def midpoint_step(address, h, load):
         status = _move(address, h, load.tau)
     if status == 0:
         _account_for_friction(address, h)
-        _account_for_elastic_energy(address)
     if status == 0 and is_beyond_hard_limit(address):
         status = factorization.transform(sim.robot, sim.q, sim.qd, factorization.NU_FROM_QD, sim.nu)
         if status == 0:
@@ -217,23 +216,6 @@ def _account_for_friction(address, h):
             mean = 0.5 * (before + sim.qd[k]) if before * mode >= 0.0 else sim.qd[k]
             sliding -= h * sim.friction[k] * mode * mean
     sim.accounts[LOSS] += sliding + min(0.0, stopping)
-
-
-@kernel
-def _stored(sim, k, q):
-    """Energy [J] of a compliant limit at positions."""
-    x = q[sim.coordinate[k]]
-    depth = max(0.0, x - sim.upper[k], sim.lower[k] - x)
-    return 0.5 * sim.stiffness[k] * depth * depth
-
-
-@large_kernel
-def _account_for_elastic_energy(address):
-    """Add the change of energy stored in compliant limits; the loss has their work already."""
-    sim = opened(address)
-    for k in range(len(sim.stiffness)):
-        if sim.stiffness[k] < math.inf:
-            sim.accounts[LOSS] += _stored(sim, k, sim.q) - _stored(sim, k, sim.first_q)
 
 
 @kernel

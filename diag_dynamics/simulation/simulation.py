@@ -482,14 +482,18 @@ class Simulation:
     def _energies(self, state=None):
         """Return kinetic, potential and elastic energy [J], by default of the present state."""
         q, nu, theta, thetad = state or self._state()
+        flexible = self.flexible
+        elastic = flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
+        elastic = 0.5 * elastic + self._limit_energy(q) + self._bending_energy(q)
+        kinetic = nu @ nu + flexible.rotor_inertia @ thetad**2
+        return np.array([0.5 * kinetic, self.dynamics.potential_energy(q), elastic])
+
+    def _limit_energy(self, q):
+        """Return the energy of compliant limits and of linear springs of flexible links [J]."""
         depth = self._beyond_limits(q)
         stiffness = self._memory["stiffness"]
-        flexible = self.flexible
         leaning = np.isfinite(stiffness) & (depth > 0.0)
-        elastic = stiffness[leaning] @ depth[leaning] ** 2 + 2.0 * self._bending_energy(q)
-        elastic += flexible.stiffness @ (theta - q[flexible.coordinates]) ** 2
-        kinetic = nu @ nu + flexible.rotor_inertia @ thetad**2
-        return np.array([0.5 * kinetic, self.dynamics.potential_energy(q), 0.5 * elastic])
+        return 0.5 * stiffness[leaning] @ depth[leaning] ** 2
 
     def _bending_energy(self, q):
         """Return the strain energy of flexible links beyond that of linear springs [J]."""
@@ -507,8 +511,11 @@ class Simulation:
         """Work and change of energy since the last :meth:`reset`, an :class:`EnergyAudit`."""
         energy = (self._energies() - self._energies_at_start()).sum()
         work, loss = self._memory["accounts"].tolist()
-        bent = self._bending_energy(self._memory["q"]) - self._bending_energy(self._start[0])
-        return EnergyAudit(work + float(bent), loss, self._exchanged, float(energy))
+        q = self._memory["q"]
+        start = self._start[0]
+        work += float(self._bending_energy(q) - self._bending_energy(start))
+        loss += float(self._limit_energy(q) - self._limit_energy(start))
+        return EnergyAudit(work, loss, self._exchanged, float(energy))
 
 
 def _not_negative(name, value, names, unit):
