@@ -80,14 +80,15 @@ def placement(direction, body, position):
 
 
 @nk.kernel
-def floating_placement(body, position, quaternion):
-    """X of a floating body."""
-    rotation = records.matrix_of(body.rotation)
-    translation = records.vector_of(body.translation)
-    turned = sp.rotation_of_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
-    return sp.Placement(
-        sp.product(rotation, turned), sp.add(translation, sp.apply(rotation, position))
-    )
+def moved_pose(body, q):
+    """Displacement of a planar or floating joint by its positions."""
+    k = body.q
+    if body.kind == records.FLOATING:
+        x, y, z, w = quaternion_of(body, q)
+        return sp.Placement(sp.rotation_of_quaternion(x, y, z, w), (q[k], q[k + 1], q[k + 2]))
+    sine, cosine = sp.sine_and_cosine(sp.reduced_angle(q[k + 2]))
+    turned = ((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0))
+    return sp.Placement(turned, (q[k], q[k + 1], 0.0))
 
 
 @nk.kernel
@@ -103,15 +104,12 @@ def update_placement(body, q, w):
 
 @nk.large_kernel
 def _update_placement_general(body, q, w):
-    k = body.q
     X = sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
-    elif body.rank == 0 and body.kind == records.PLANAR:
-        moved = sp.add(X.translation, sp.apply(X.rotation, (q[k], q[k + 1], 0.0)))
-        X = sp.Placement(placement(sp.ANGULAR_Z, body, sp.reduced_angle(q[k + 2])).rotation, moved)
     elif body.rank == 0:
-        X = floating_placement(body, (q[k], q[k + 1], q[k + 2]), quaternion_of(body, q))
+        R, p = moved_pose(body, q)
+        X = sp.Placement(sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p)))
     records.set_placement(w, X)
 
 

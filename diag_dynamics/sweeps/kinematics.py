@@ -114,24 +114,20 @@ def integrate_positions(bodies, start, u, q):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0 and groups.is_leader(bodies, i):
             U = joints.joint_vector(body, u)
-            moved = sp.screw_translation(U)
+            R, p = joints.moved_pose(body, start)
+            p = sp.add(p, sp.apply(R, sp.screw_translation(U)))
+            q[k] = p[0]
+            q[k + 1] = p[1]
             if body.kind == records.FLOATING:
-                turn = (start[k + 3], start[k + 4], start[k + 5], start[k + 6])
-                R = sp.rotation_of_quaternion(turn[0], turn[1], turn[2], turn[3])
+                q[k + 2] = p[2]
+                turn = joints.quaternion_of(body, start)
                 x, y, z, w = sp.quaternion_product(turn, sp.rotation_quaternion(U.angular))
                 length = math.sqrt(x * x + y * y + z * z + w * w)
-                q[k], q[k + 1], q[k + 2] = sp.add(
-                    (start[k], start[k + 1], start[k + 2]), sp.apply(R, moved)
-                )
                 q[k + 3] = x / length
                 q[k + 4] = y / length
                 q[k + 5] = z / length
                 q[k + 6] = w / length
             else:
-                s = math.sin(start[k + 2])
-                c = math.cos(start[k + 2])
-                q[k] = start[k] + c * moved[0] - s * moved[1]
-                q[k + 1] = start[k + 1] + s * moved[0] + c * moved[1]
                 q[k + 2] = start[k + 2] + U.angular[2]
 
 
@@ -139,22 +135,15 @@ def integrate_positions(bodies, start, u, q):
 def _log(body, start, end):
     """Twist that moves a joint of several degrees of freedom from start to end positions."""
     k = body.q
+    R, p = joints.moved_pose(body, start)
+    _, target = joints.moved_pose(body, end)
     if body.kind == records.FLOATING:
-        back = (-start[k + 3], -start[k + 4], -start[k + 5], start[k + 6])
-        R = sp.rotation_of_quaternion(start[k + 3], start[k + 4], start[k + 5], start[k + 6])
-        moved = sp.subtract(
-            (end[k], end[k + 1], end[k + 2]), (start[k], start[k + 1], start[k + 2])
-        )
-        x, y, z, w = sp.quaternion_product(back, (end[k + 3], end[k + 4], end[k + 5], end[k + 6]))
-        return sp.screw_of_displacement(
-            sp.apply_transposed(R, moved), sp.rotation_vector(x, y, z, w)
-        )
-    s = math.sin(start[k + 2])
-    c = math.cos(start[k + 2])
-    x = end[k] - start[k]
-    y = end[k + 1] - start[k + 1]
-    turned = _wrapped(end[k + 2] - start[k + 2])
-    return sp.screw_of_displacement((c * x + s * y, c * y - s * x, 0.0), (0.0, 0.0, turned))
+        x, y, z, w = joints.quaternion_of(body, start)
+        turn = sp.quaternion_product((-x, -y, -z, w), joints.quaternion_of(body, end))
+        vector = sp.rotation_vector(turn[0], turn[1], turn[2], turn[3])
+    else:
+        vector = (0.0, 0.0, _wrapped(end[k + 2] - start[k + 2]))
+    return sp.screw_of_displacement(sp.apply_transposed(R, sp.subtract(target, p)), vector)
 
 
 @nk.kernel
