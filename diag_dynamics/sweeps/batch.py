@@ -57,11 +57,6 @@ def _accumulate(at, i):
             parent[k] += row[PARENT + k]
 
 
-@nk.kernel
-def _set_results(results, x):
-    records.set_matrix(results, ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
-
-
 # --- A joint of one degree of freedom ---
 
 
@@ -105,7 +100,7 @@ def _inward_joint(direction, at, i):
         rate = row.rate[0, b]
         effort = row.effort[0, b]
         results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
-        _set_results(row.results[:, b], results)
+        evaluation.set_results(row.results[:, b], results)
         count += 1 if singular else 0
     _accumulate(at, i)
     return count
@@ -156,7 +151,7 @@ def _inward_base(at, i):
         armature = at.bodies[j].armature
         for b in range(WIDTH):
             results, singular = evaluation.eliminate_last(direction, armature, lane_of(row.own, b))
-            _set_results(row.parent.P[:, b], results)
+            evaluation.set_results(row.parent.P[:, b], results)
             count += 1 if singular else 0
         for k in range(N_RESULTS * WIDTH):
             at.rows[j, RESULTS + k] = at.rows[i, PARENT + P + k]

@@ -82,17 +82,15 @@ def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
 
 
 @nk.kernel
+def set_results(column, x):
+    """Write the results of one degree of freedom to numbers in a row."""
+    records.set_matrix(column, ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])))
+
+
+@nk.kernel
 def write_outputs(out, k, results):
     """Write the results of one degree of freedom, ν̇ and ξ̇."""
-    out[ws.NU, k] = results[0]
-    out[ws.XI, k] = results[1]
-    out[ws.EPSILON, k] = results[2]
-    out[ws.KAPPA, k] = results[3]
-    out[ws.CORIOLIS, k] = results[4]
-    out[ws.CORIOLIS_UNNORMALIZED, k] = results[5]
-    out[ws.GRAVITY, k] = results[6]
-    out[ws.ARTICULATED_INERTIA, k] = results[7]
-    out[ws.ARTICULATED_INERTIA_RATE, k] = results[8]
+    set_results(out[:, k], results)
     # ν̇ = ε − C − ε_g, and ξ̇ = D⁻¹ (κ − κ_g − C_ξ) (Algorithm 8.1)
     root = math.sqrt(results[7])
     nu_dot = results[2] - results[4] - results[6]
