@@ -336,11 +336,9 @@ class SweepCaller:
     ) -> tuple[int, Array, Array]:
         """Return a link's body, a point in its axes, and their rotation to the axes of `frame`."""
         body, rotation, in_body = point_in_body(self.model, link, point, frame)
-        if frame == "link":
-            return body, in_body, rotation.T
         X = np.empty((3, 4))
         self.check(kinematics.placement(self.robot, q, body, X), States(q))
-        return body, in_body, X[:, :3]
+        return body, in_body, rotation.T if frame == "link" else X[:, :3]
 
     def motion(
         self, at: States, link: str, point: PointLike, frame: Frame
@@ -387,8 +385,7 @@ class SweepCaller:
         wrenches = external_wrench.estimate(self.robot, point, at.q[None], torque[None])
         status = 0
         if not len(wrenches.wrench):
-            J = np.empty((6, self.nv))
-            status = kinematics.jacobian(self.robot, at.q, point.body, point.point, J) or -1
+            status = kinematics.placement(self.robot, at.q, point.body, np.empty((3, 4))) or -1
         self.check(status, at)
         return results.ExternalWrench(*(rows[0] for rows in wrenches.as_read_only()))
 

@@ -38,10 +38,9 @@ METHODS = {
     derivatives.coriolis_matrix_times: "coriolis_matrix_times coriolis_bracket_times",
     derivatives.mass_matrix_rate: "mass_matrix_rate",
     kinematics.placement: "placement jacobian link_velocity link_acceleration",
-    kinematics.jacobian: "jacobian",
+    kinematics.jacobians: "jacobian wrench",
     kinematics.motion: "link_velocity link_acceleration",
     mobilities.mobilities: "mobilities",
-    external.jacobians: "wrench",
     external.touched_link: "touched_link",
     contacts.contacts: "contact_limits",
 }

@@ -14,7 +14,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.dynamics import noise
 from diag_dynamics.model import RobotModel
-from diag_dynamics.sweeps import external
+from diag_dynamics.sweeps import external, kinematics
 
 LEVELS = 0.16, 0.84
 """Quantiles at the ends of an interval."""
@@ -54,8 +54,8 @@ class ContactForce:
     def _rows(self, body: Any, q: Array) -> Array:
         """Return GWᵀ of torque τ = F Gᵀu by a standard normal u of six numbers, (T, 6, nv)."""
         J = np.empty((len(q), 6, self._dofs))
-        place = int(body["body"]), body["point"], np.eye(3).ravel(), False, np.ones(6)
-        external.jacobians(self._workspace.robot, *place, q, J)
+        place = int(body["body"]), body["point"], False
+        kinematics.jacobians(self._workspace.robot, *place, q, J)
         J[:, :3] *= external.SQRT_THIRD
         J[:, 3:] = body["spread"].reshape(3, 3) @ J[:, 3:]
         return J @ self._whitening.T

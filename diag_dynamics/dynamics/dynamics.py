@@ -486,7 +486,7 @@ class DiagonalDynamics:
         at = self._arguments.one(q)
         J = np.empty((6, self._nv))
         body, in_body, rotation = self._caller.point_frame(at.q, link, point, frame)
-        self._caller.check(kinematics.jacobian(self._robot, at.q, body, in_body, J), at)
+        kinematics.jacobians(self._robot, body, in_body, False, at.q[None], J[None])
         return calls.rotate(rotation, J)
 
     def link_velocity(

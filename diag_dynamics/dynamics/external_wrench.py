@@ -16,7 +16,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.links import point_in_body
 from diag_dynamics.results import ExternalWrench
-from diag_dynamics.sweeps import external
+from diag_dynamics.sweeps import kinematics
 
 ROUNDING = 1e-13
 """Singular value below which a direction is rounding error, as a fraction of the largest one."""
@@ -33,7 +33,7 @@ class PointOfWrench(NamedTuple):
 
     body: int
     point: Array  # in the body's axes
-    rotation: Array  # row-major, from the body's axes to those of the link
+    axes: Array  # S and the rotation from the body's axes to those of the link, shape (6, 6)
     in_world: bool  # whether the wrench is in the axes of the root link
     scale: Array  # max_deviation of each of six numbers
     weight: Array  # S: the scale, and zeros for the moment if there is a force alone
@@ -56,13 +56,15 @@ def point_of_wrench(
     if body == 0 and model.nv:
         raise InputError(f"link is '{link}'; expected a link that a joint moves.")
     W = noise.whitening(model, covariance)
+    weight = np.repeat(scale * (1.0, not force_only), 3)
+    turn = np.eye(3) if frame == "world" else rotation.T
     return PointOfWrench(
         body=body,
         point=in_body,
-        rotation=np.ascontiguousarray(rotation.T).ravel(),
+        axes=weight[:, None] * np.kron(np.eye(2), turn),
         in_world=frame == "world",
         scale=np.repeat(scale, 3),
-        weight=np.repeat(scale * (1.0, not force_only), 3),
+        weight=weight,
         whitening=np.pad(W.T, ((0, 0), (0, max(0, 6 - model.nv)))),
         largest=np.inf if covariance is None else 1.0,
     )
@@ -72,10 +74,11 @@ def estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> External
     """Return the wrenches at all states before the first that fails."""
     G = np.empty((len(Q), 7, TAU.shape[1]))  # S J, and below it the torque
     G[:, 6] = TAU
-    place = point.body, point.point, point.rotation, point.in_world, point.weight
-    valid = external.jacobians(robot, *place, Q, G)
+    valid = kinematics.jacobians(robot, point.body, point.point, point.in_world, Q, G)
+    G = G[:valid]
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        return _decompose(G[:valid] @ point.whitening, point)
+        G[:, :6] = point.axes @ G[:, :6]
+        return _decompose(G @ point.whitening, point)
 
 
 def estimate_each(

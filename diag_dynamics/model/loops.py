@@ -411,10 +411,10 @@ class _Cut:
         """Return position and Jacobian of a point of a link in the world."""
         body, point = self._on_body(link, point)
         X = np.empty((3, 4))
-        J = np.empty((6, len(self._dof)))
+        J = np.empty((1, 6, len(self._dof)))
         kinematics.placement(self._workspace.robot, q, body, X)
-        kinematics.jacobian(self._workspace.robot, q, body, point, J)
-        return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[:3]
+        kinematics.jacobians(self._workspace.robot, body, point, False, q[None], J)
+        return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[0, :3]
 
     def _equations(self, q: Array, names: list[str], group: Group) -> tuple[Array, Array]:
         """Return φ in the axes of the world, and its Jacobian by the joints."""

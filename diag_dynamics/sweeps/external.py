@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Jacobians of an external wrench, and the touched link from external torque τ with noise Σ.
+"""The touched link from external torque τ with noise Σ.
 
 W is upper triangular with WᵀW = Σ⁻¹.
 """
@@ -17,36 +17,6 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 
 SQRT_THIRD = math.sqrt(1.0 / 3.0)
-
-
-@nk.entry_kernel(
-    *(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.VECTOR, nk.FLAG, nk.VECTOR, nk.MATRIX, nk.FILLED_STATES),
-    nogil=True,
-)
-def jacobians(robot, body, point, rotation, in_world, scale, Q, results):
-    """S J of a point of a body at all states before the first that fails; return their number.
-
-    The axes of J are the body's after a rotation, or those of the root link if `in_world`. Further
-    rows of the results remain.
-    """
-    bodies, _, work, _ = ws.opened(robot)
-    for t in range(len(Q)):
-        J = results[t]
-        if joints.update_placements(bodies, Q[t], work) != 0:
-            return t
-        kinematics.set_jacobian(bodies, body, point, work, J)
-        R = records.matrix_of(rotation)
-        if in_world:
-            R = joints.pose(bodies, body, 0, work).rotation
-        for k in range(J.shape[1]):
-            for first in range(0, 6, 3):
-                v = sp.apply(R, (J[first, k], J[first + 1, k], J[first + 2, k]))
-                for axis in range(3):
-                    J[first + axis, k] = scale[first + axis] * v[axis]
-    return len(Q)
-
-
-# --- Touched link ---------------------------------------------------------------------------------
 
 
 @nk.kernel

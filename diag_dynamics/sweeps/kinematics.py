@@ -65,17 +65,25 @@ def set_jacobian(bodies, body, point, work, J):
     return width
 
 
-@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.COUNT, nk.VECTOR, nk.FILLED_MATRIX)
-def jacobian(robot, q, body, point, J):
-    """J of a point of a body, linear rows first, in the body's axes, shape (6, nv)."""
-    if not ws.positions_match(robot, q):
-        return ws.BAD_LENGTH
+@nk.entry_kernel(*(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.FLAG, nk.MATRIX, nk.FILLED_STATES), nogil=True)
+def jacobians(robot, body, point, in_world, Q, results):
+    """J of a point of a body at all states before the first that fails; return their number.
+
+    Linear rows are first, in the axes of the body or the world. Further rows of the results remain.
+    """
     bodies, _, work, _ = ws.opened(robot)
-    status = joints.update_placements(bodies, q, work)
-    if status != 0:
-        return status
-    set_jacobian(bodies, body, point, work, J)
-    return 0
+    for t in range(len(Q)):
+        J = results[t]
+        if joints.update_placements(bodies, Q[t], work) != 0:
+            return t
+        set_jacobian(bodies, body, point, work, J)
+        R = joints.pose(bodies, body, 0, work).rotation
+        for k in range(J.shape[1] if in_world else 0):
+            for first in range(0, 6, 3):
+                v = sp.apply(R, (J[first, k], J[first + 1, k], J[first + 2, k]))
+                for axis in range(3):
+                    J[first + axis, k] = v[axis]
+    return len(Q)
 
 
 @nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, nk.VECTOR, nk.COUNT, nk.FILLED_MATRIX)
