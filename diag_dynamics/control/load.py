@@ -18,7 +18,7 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload
 from diag_dynamics.rigid_body import RigidBody
 from diag_dynamics.sweeps.mobilities import FRAME
-from diag_dynamics.sweeps.regressors import LOAD, update_load
+from diag_dynamics.sweeps.regressors import LOAD, load_columns
 
 PRIOR = 3.0, 0.3  # standard deviations of mass [kg] and first moment [kg m] without any state
 MODEL_ERRORS = 5.0  # number of states that count as one beside those within the observer's memory
@@ -122,11 +122,11 @@ class LoadEstimator:
         self.gain = positive("gain", gain, "[1/s]")
         nv = dynamics.model.nv
         self._whitening = np.ascontiguousarray(whitening(dynamics.model, covariance))
-        self._prior = np.r_[PRIOR[0], 3 * [PRIOR[1]], math.inf] ** -2.0
-        self._columns = np.zeros((5, nv, LOAD))
-        self._matrices = np.zeros((3, LOAD + 1, LOAD + 1))
+        self._prior = np.diag(np.r_[PRIOR[0], 3 * [PRIOR[1]]] ** -2.0)
+        self._columns = np.zeros((2, nv, LOAD))  # Y_p and Y_g − Y_∂ of the last state
+        self._filtered = np.zeros((nv, LOAD))  # Φ
         self._time: float | None = None
-        update_load.compile()
+        load_columns.compile()
         self.dynamics = dynamics
         self.reset()
         self.use(dynamics)
@@ -153,7 +153,8 @@ class LoadEstimator:
     def reset(self) -> None:
         """Reset the estimate. If the observer restarts, too, its next result is None."""
         self._since = math.inf  # time from which on the conditions hold
-        self._matrices[:] = 0.0
+        self._information = np.zeros((LOAD + 1, LOAD + 1))  # of [π, m r]
+        self._solve()
         self._count = 0.0
         self._constant = np.zeros(self.dynamics.model.nv)
         self._energy = 0.0
@@ -191,27 +192,43 @@ class LoadEstimator:
             if interval == 0.0:
                 return self.last
         weight = min(1.0, 0.5 * self.gain * interval) / MODEL_ERRORS
-        rates = np.array([interval, self.gain, 1.0 / MEMORY, weight])
-        if update_load(
-            self._workspace.robot,
-            q,
-            qd,
-            self._frames,
-            torque,
-            self._whitening,
-            self._prior,
-            rates,
-            self._columns,
-            self._matrices,
-        ):
+        columns = np.zeros_like(self._columns)
+        status = load_columns(self._workspace.robot, q, qd, self._frames, *columns)
+        with np.errstate(over="ignore", invalid="ignore"):
+            if interval:
+                self._add_state(columns, torque, interval, weight)
+            else:
+                self._filtered[:] = 0.0
+            self._solve()
+        if status or not math.isfinite(self._unexplained):
             self._time = None
             self.reset()
             raise InputError("q, qd or external_torque is too large: the estimate overflows.")
+        self._columns = columns
         self._time = time
         self._add_constant(torque, interval, weight)
         if interval:
             self.last = self._result(time)
         return self.last
+
+    def _add_state(self, columns: Array, torque: Array, interval: float, weight: float) -> None:
+        """Add a state to the least squares m r = −Φπ, by the columns Y_p and Y_g − Y_∂.
+
+        The observer spreads their mean over the interval. The information decays.
+        """
+        change = (columns[0] - self._columns[0]) / interval
+        mean = change + 0.5 * (self._columns[1] + columns[1])
+        self._filtered -= math.expm1(-self.gain * interval) * (mean - self._filtered)
+        rows = self._whitening @ np.column_stack([-self._filtered, torque])
+        self._information *= math.exp(-interval / MEMORY)
+        self._information += weight * (rows.T @ rows)
+
+    def _solve(self) -> None:
+        """Compute the estimate, its covariance and the energy that it leaves of the information."""
+        along = self._information[:LOAD, LOAD]
+        self._covariance = np.linalg.inv(self._information[:LOAD, :LOAD] + self._prior)
+        self._estimate = self._covariance @ along
+        self._unexplained = float(self._information[LOAD, LOAD] - self._estimate @ along)
 
     def _add_constant(self, torque: Array, interval: float, weight: float) -> None:
         """Add a state to the least squares of a constant torque.
@@ -229,21 +246,20 @@ class LoadEstimator:
     def _is_moved(self) -> bool:
         """Return whether the load leaves less energy of m r than the best constant torque."""
         energy = (
-            self._matrices[0, LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
+            self._information[LOAD, LOAD] - float(self._constant @ self._constant) / self._energy
         )
-        return bool(self._matrices[1, LOAD, LOAD] < energy)
+        return bool(self._unexplained < energy)
 
     def _result(self, time: float) -> Load:
-        swept = self._matrices[1]
-        energy = float(self._matrices[0, LOAD, LOAD])
-        mass = float(swept[0, LOAD])
-        covariance = -swept[:LOAD, :LOAD]
+        energy = float(self._information[LOAD, LOAD])
+        mass = float(self._estimate[0])
+        covariance = self._covariance
         noise = len(self._whitening) * self._count
-        unexplained = max(0.0, float(swept[LOAD, LOAD]) - noise)
+        unexplained = max(0.0, self._unexplained - noise)
         explained = 1.0 - unexplained / (energy - noise) if energy > noise else 0.0
         load = Load(True, "", mass, np.zeros(3), covariance, explained)
         if load.is_significant:
-            load = load._replace(center=swept[1:LOAD, LOAD] / mass)
+            load = load._replace(center=self._estimate[1:] / mass)
         holds = (
             load.is_significant
             and self._known().mass + load.mass > -self._uncertain(load)
@@ -259,7 +275,7 @@ class LoadEstimator:
     @property
     def torque(self) -> Array:
         """External torque of the estimated load at the last state, −Φπ [N m, N], shape (nv,)."""
-        torque: Array = -self._columns[4] @ self._matrices[1, :LOAD, LOAD]
+        torque: Array = -self._filtered @ self._estimate
         return torque
 
     def _known(self) -> Payload:

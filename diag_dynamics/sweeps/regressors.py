@@ -8,8 +8,6 @@ Iyz, Izz about its frame's origin. With the columns Y_p of momentum, Y_∂ of �
 gravity, parameters π need the torque d/dt(Y_p π) + (Y_g − Y_∂)π.
 """
 
-import math
-
 from diag_dynamics.numerics import kernel as nk
 from diag_dynamics.numerics.tables import flat
 from diag_dynamics.sweeps import joints, records
@@ -91,18 +89,24 @@ def regressor(robot, q, qd, qdd, frames, Y):
     return 0 if joints.are_finite(flat(Y)) else -1
 
 
-@nk.kernel
-def _load_columns(bodies, frame, work, momentum, bias):
-    """Fill Y_p and Y_g − Y_∂ of a load on a frame, (nv, 4) each.
+@nk.entry_kernel(nk.ROBOT, nk.VECTOR, nk.VECTOR, FRAMES, nk.FILLED_MATRIX, nk.FILLED_MATRIX)
+def load_columns(robot, q, qd, frames, momentum, bias):
+    """Fill Y_p and Y_g − Y_∂ of a load (m, mc) on a frame, (nv, 4) each; return a status.
 
     It walks from the frame to the base.
     """
-    for k in range(len(momentum)):
-        ws.clear(momentum[k])
-        ws.clear(bias[k])
+    bodies, gravity, work, _ = ws.opened(robot)
+    if not ws.lengths_match(robot, q, qd, qd):
+        return ws.BAD_LENGTH
+    frame = frames[0]
+    status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
+    if status != 0:
+        return status
+    ws.clear(flat(momentum))
+    ws.clear(flat(bias))
     R = records.matrix_of(frame.rotation)
     p = records.vector_of(frame.translation)
-    i = frame.body
+    i = frames[0].body
     V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
     up = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
     while i > 0:
@@ -115,116 +119,13 @@ def _load_columns(bodies, frame, work, momentum, bias):
         turning = sp.motion_to_child(T, turning)
         S = sp.motion_to_child(T, S)
         own = coefficients(S, V)
-        gravity = coefficients(S, up)
+        weight = coefficients(S, up)
         kinetic = coefficients(turning, V)
         for j in range(LOAD):
             momentum[body.dof, j] += own[j]
-            bias[body.dof, j] += gravity[j] - kinetic[j]
+            bias[body.dof, j] += weight[j] - kinetic[j]
         X = records.placement_of(work[i])
         R = sp.product(X.rotation, R)
         p = sp.add(X.translation, sp.apply(X.rotation, p))
         i = body.parent
-
-
-@nk.kernel
-def _filter_columns(columns, share, interval):
-    """Low-pass d/dt Y_p + Y_g − Y_∂ as the observer does: its mean is spread over the interval."""
-    before = columns[0]
-    bias_before = columns[1]
-    momentum = columns[2]
-    bias = columns[3]
-    filtered = columns[4]
-    for k in range(len(momentum)):
-        for j in range(LOAD):
-            mean = (momentum[k, j] - before[k, j]) / interval + 0.5 * (
-                bias_before[k, j] + bias[k, j]
-            )
-            filtered[k, j] += share * (mean - filtered[k, j])
-            before[k, j] = momentum[k, j]
-            bias_before[k, j] = bias[k, j]
-
-
-@nk.kernel
-def _add_rows(whitening, filtered, torque, weight, decay, information, row):
-    """Add the whitened rows [−Φ, m r] to the information matrix, which decays."""
-    for a in range(LOAD + 1):
-        for b in range(LOAD + 1):
-            information[a, b] *= decay
-    for k in range(len(torque)):
-        ws.clear(row)
-        for i in range(k, len(torque)):  # the whitening is an upper triangle
-            for j in range(LOAD):
-                row[j] -= whitening[k, i] * filtered[i, j]
-            row[LOAD] += whitening[k, i] * torque[i]
-        for a in range(LOAD + 1):
-            for b in range(LOAD + 1):
-                information[a, b] += weight * row[a] * row[b]
-
-
-@nk.kernel
-def _solve(information, prior, result):
-    """Sweep the parameters out of the information.
-
-    The result has −covariance, estimate, and the remaining energy.
-    """
-    for a in range(LOAD + 1):
-        for b in range(LOAD + 1):
-            result[a, b] = information[a, b]
-        result[a, a] += prior[a]
-    for k in range(LOAD):
-        pivot = result[k, k]
-        for a in range(LOAD + 1):
-            for b in range(LOAD + 1):
-                if a != k and b != k:
-                    result[a, b] -= result[a, k] * result[k, b] / pivot
-        for a in range(LOAD + 1):
-            if a != k:
-                result[a, k] /= pivot
-                result[k, a] /= pivot
-        result[k, k] = -1.0 / pivot
-
-
-@nk.entry_kernel(
-    nk.ROBOT,
-    nk.VECTOR,
-    nk.VECTOR,
-    FRAMES,
-    nk.VECTOR,
-    nk.MATRIX,
-    nk.VECTOR,
-    nk.VECTOR,
-    nk.FILLED_STATES,
-    nk.FILLED_STATES,
-)
-def update_load(robot, q, qd, frames, torque, whitening, prior, rates, columns, matrices):
-    """Add a state to the least squares m r = −Φπ of a load π = (m, mc) on a frame.
-
-    `rates` are the interval since the last state [s], which is 0 for the first one, the filter's
-    and the forgetting rate [1/s], and the weight of a state. `columns`, (5, nv, 4), are Y_p and
-    Y_g − Y_∂ of the last state and of this one, and Φ, their low-pass. `matrices`, (3, 5, 5), are
-    the information of [π, m r], the same after the elimination of π (estimate, negative covariance,
-    energy of the residual), and memory. `whitening` is W of the covariance Σ of m r, upper
-    triangular with WᵀW = Σ⁻¹, `prior` the prior's information.
-    """
-    bodies, gravity, work, _ = ws.opened(robot)
-    if not ws.lengths_match(robot, q, qd, torque):
-        return -1
-    status = propagate_motions(bodies, frames[0].body, gravity, q, qd, work)
-    if status != 0:
-        return status
-    interval = rates[0]
-    gain = rates[1]
-    forgetting = rates[2]
-    weight = rates[3]
-    _load_columns(bodies, frames[0], work, columns[2], columns[3])
-    if interval == 0.0:
-        for k in range(len(torque)):
-            ws.copy(columns[2, k], columns[0, k])
-            ws.copy(columns[3, k], columns[1, k])
-            ws.clear(columns[4, k])
-        return 0
-    _filter_columns(columns, -math.expm1(-gain * interval), interval)
-    decay = math.exp(-forgetting * interval)
-    _add_rows(whitening, columns[4], torque, weight, decay, matrices[0], matrices[2, 0])
-    _solve(matrices[0], prior, matrices[1])
-    return 0 if math.isfinite(matrices[1, LOAD, LOAD]) else -1
+    return 0
