@@ -36,7 +36,6 @@ SHORT = 1e-2
 def midpoint_step(address, h, load):
     """Step (q, q̇), and add work and loss to the accounts; ν is scratch. Return a status."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     ws.copy(sim.q, sim.first_q)
     ws.copy(sim.q, sim.place)
     ws.copy(sim.qd, sim.before)
@@ -54,7 +53,7 @@ def midpoint_step(address, h, load):
         for k in range(len(sim.after)):
             sim.middle[k] = sim.after[k]
             sim.u[k] = 0.5 * h * sim.after[k]
-        kinematics.integrate_positions(bodies, sim.q, sim.u, sim.place)
+        kinematics.integrate_positions(sim.robot, sim.q, sim.u, sim.place)
         status = _wrench_efforts(address, load)
     if status == 0:
         status = solve_step(address, h, load.tau)
@@ -172,11 +171,10 @@ def _touches_spring(address, h):
 def _move(address, h, tau):
     """Move to the end of the step with the rates `after`; add all work but that of friction."""
     sim = opened(address)
-    bodies, _, _, _ = ws.opened(sim.robot)
     for k in range(len(tau)):
         sim.u[k] = _displacement(sim, k, h)
     ws.copy(sim.after, sim.qd)
-    kinematics.integrate_positions(bodies, sim.first_q, sim.u, sim.q)
+    kinematics.integrate_positions(sim.robot, sim.first_q, sim.u, sim.q)
     work = 0.0
     loss = 0.0
     for k in range(len(tau)):

@@ -193,18 +193,6 @@ def own_motion(body, w, rates):
 
 
 @nk.kernel
-def joint_vector(body, x):
-    """Twist of a joint of several degrees of freedom from its entries of x.
-
-    `body` is its first.
-    """
-    k = body.dof
-    if body.kind == records.FLOATING:
-        return sp.Motion((x[k], x[k + 1], x[k + 2]), (x[k + 3], x[k + 4], x[k + 5]))
-    return sp.Motion((x[k], x[k + 1], 0.0), (0.0, 0.0, x[k + 2]))
-
-
-@nk.kernel
 def joint_motion(bodies, i, rates, work):
     """v_J, the motion of body i's frame against its parent's; zero at later bodies of a joint."""
     if bodies[i].dofs == 1:

@@ -109,11 +109,12 @@ def motion(robot, q, qd, qdd, body, result):
 
 
 @nk.large_kernel
-def integrate_positions(bodies, start, u, q):
+def integrate_positions(robot, start, u, q):
     """Positions q displaced by u from those at the start.
 
     Quaternions have unit length. q may be the start.
     """
+    bodies, _, work, _ = ws.opened(robot)
     for i in range(1, len(bodies)):
         body = bodies[i]
         k = bodies[i].q
@@ -121,7 +122,7 @@ def integrate_positions(bodies, start, u, q):
             if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0 and groups.is_leader(bodies, i):
-            U = joints.joint_vector(body, u)
+            U = joints.joint_motion(bodies, i, u, work)
             R, p = joints.moved_pose(body, start)
             p = sp.add(p, sp.apply(R, sp.screw_translation(U)))
             q[k] = p[0]
@@ -168,10 +169,10 @@ def integrate(robot, q, v, result):
     """
     if not ws.lengths_match(robot, q, v, v):
         return ws.BAD_LENGTH
-    bodies, _, _, _ = ws.opened(robot)
+    bodies = ws.robot_of(robot).bodies
     if not (joints.are_positions(bodies, q) and joints.are_finite(v)):
         return -1
-    integrate_positions(bodies, q, v, result)
+    integrate_positions(robot, q, v, result)
     return 0 if joints.are_finite(result) else -1
 
 
