@@ -75,6 +75,9 @@ class EnergyAudit(NamedTuple):
         return self.energy - self.work - self.loss - self.exchanged
 
 
+GEAR_FRICTION = "load_friction", "root_friction", "follower_damping", "follower_friction"
+"""Parts of friction that change with the state."""
+
 SLOWEST = 1e-4
 """Rate below which root friction of a model with friction_velocity 0 is viscous [rad/s, m/s]."""
 
@@ -165,6 +168,7 @@ class Simulation:
         for name in ("load_friction", "root_friction"):
             self._memory[name][:] = getattr(model, name)
         self._memory["slowest"][:] = max(model.friction_velocity, SLOWEST)
+        self._is_geared = any(self._memory[name].any() for name in GEAR_FRICTION)
         self._set_limits(limits)
         flexible = self.flexible
         self._memory["spring_stiffness"][flexible.dofs] = flexible.stiffness
@@ -430,7 +434,8 @@ class Simulation:
         memory = self._memory
         tau = effort - self.effort_offset
         status = compiled.advance(
-            memory.address, self.step_size, steps, tau, wrenches, frame == "world"
+            *(memory.address, self.step_size, steps, tau, wrenches, frame == "world"),
+            self._is_geared,
         )
         self._effort = effort
         self._wanted = command

@@ -25,19 +25,6 @@ Load = namedtuple("Load", ["tau", "wrenches", "in_world"])
 
 
 @large_kernel
-def _has_gears(address):
-    """Whether friction of any joint depends on load, the root of the rate, or a changing ratio."""
-    sim = opened(address)
-    for k in range(len(sim.qd)):
-        if sim.load_friction[k] > 0.0 or sim.root_friction[k] > 0.0:
-            return True
-    for i in range(len(sim.follower_damping)):
-        if sim.follower_damping[i] > 0.0 or sim.follower_friction[i] > 0.0:
-            return True
-    return False
-
-
-@large_kernel
 def _update_friction(address):
     """Set damping and Coulomb friction of the step by the state at its begin; return a status."""
     sim = opened(address)
@@ -55,16 +42,18 @@ def _update_friction(address):
     return status
 
 
-@entry_kernel(ROBOT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, nogil=True)
-def advance(address, h, steps, tau, wrenches, in_world):
-    """Take `steps` steps of the simulation at an address; a failure leaves the last good state."""
+@entry_kernel(ROBOT, NUMBER, COUNT, VECTOR, records.WRENCHES, FLAG, FLAG, nogil=True)
+def advance(address, h, steps, tau, wrenches, in_world, geared):
+    """Take `steps` steps of the simulation at an address; a failure leaves the last good state.
+
+    Friction of `geared` joints depends on load, the root of the rate, or a changing ratio.
+    """
     sim = opened(address)
     load = Load(tau, wrenches, in_world)
     _, _, work, _ = ws.opened(sim.robot)
     ws.copy(sim.state, sim.last)
     status = 0
     count = 0
-    geared = _has_gears(address)
     if steps > 0 and midpoint.is_beyond_hard_limit(address):
         status = midpoint.resolve_impacts(address, h)
     while status == 0 and count < steps:
