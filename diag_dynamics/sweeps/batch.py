@@ -133,8 +133,8 @@ def _outward_base(at, i):
     for b in range(WIDTH):
         position = row.position[:, b]
         motion = records.motion_of(row.rate[:, b])
-        quaternion = (position[3], position[4], position[5], position[6])
-        X = joints.floating_placement(base, records.vector_of(position), quaternion)
+        R = sp.rotation_of_quaternion(position[3], position[4], position[5], position[6])
+        X = joints.displaced(base, sp.Placement(R, records.vector_of(position)))
         evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
 

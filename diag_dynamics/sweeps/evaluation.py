@@ -309,8 +309,8 @@ def inward_base(robot, last, tau, out):
     bodies, _, work, _ = ws.opened(robot)
     w = work[last]
     first = bodies[last].first
-    effort = joints.joint_vector(bodies[first], tau)
-    start_base(sp.Force(effort.linear, effort.angular), w)
+    k = bodies[first].dof
+    start_base(records.force_of(tau[k : k + 6]), w)
     for i in range(last, first - 1, -1):
         results, singular = eliminate_last(bodies[i].direction, bodies[i].armature, w)
         if singular:

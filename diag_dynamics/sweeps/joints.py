@@ -80,6 +80,16 @@ def placement(direction, body, position):
 
 
 @nk.kernel
+def displaced(body, pose):
+    """X of a body whose frame has this pose in that of its joint at zero."""
+    R = records.matrix_of(body.rotation)
+    translation = records.vector_of(body.translation)
+    return sp.Placement(
+        sp.product(R, pose.rotation), sp.add(translation, sp.apply(R, pose.translation))
+    )
+
+
+@nk.kernel
 def moved_pose(body, q):
     """Displacement of a planar or floating joint by its positions."""
     k = body.q
@@ -108,8 +118,7 @@ def _update_placement_general(body, q, w):
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0:
-        R, p = moved_pose(body, q)
-        X = sp.Placement(sp.product(X.rotation, R), sp.add(X.translation, sp.apply(X.rotation, p)))
+        X = displaced(body, moved_pose(body, q))
     records.set_placement(w, X)
 
 
