@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
-from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import (
     ENDS,
     driven_joints,
@@ -82,15 +81,8 @@ def describe_urdf(element: Any) -> Description:
     reject_large("URDF", joint_count, link_count)
     _reject_loops(element)
     name = element.get("name") or "robot"
-    reduced = _Reduced()
-    for link in element.findall("link"):
-        reduced.add_link(link)
-    if not reduced.links:
-        raise UrdfError(NO_LINK)
-    for joint in element.findall("joint"):
-        reduced.add_joint(joint)
     armature, ignored = reflected_inertias(element)
-    links, joints = reduced.read(armature)
+    links, joints = _read(element, armature)
     root = _root_link(links, {record.child: record.parent for record in joints.values()})
     joints = {record.name: checked_joint(record) for record in joints.values()}
     remarks = (*remarks_of(element), *ignored)
@@ -124,29 +116,6 @@ def checked_joint(joint: Joint) -> Joint:
         axis = " ".join(map(repr, joint.axis.tolist()))
         raise UrdfError(f"joint '{joint.name}': axis '{axis}' has no direction.")
     return joint
-
-
-def _link(link: Any, placements: Mapping[str, Array]) -> Link:
-    """Return the record of a link of yourdfpy."""
-    if link.inertial is None:
-        return Link(link.name)
-    inertial = Inertial(link.inertial.mass, placements[link.name], link.inertial.inertia)
-    return Link(link.name, inertial)
-
-
-def _joint(joint: Any, origins: Mapping[str, Array], armature: Mapping[str, float]) -> Joint:
-    """Return the record of a joint of yourdfpy."""
-    fields: dict[str, Any] = {}
-    for part, names in READ.items():
-        for name in names:
-            value = getattr(getattr(joint, part), name, None)
-            if value is not None:
-                fields[name] = float(value)
-    if joint.mimic is not None:
-        fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
-    fields["armature"] = armature.get(joint.name, 0.0)
-    ends = joint.parent, joint.child
-    return Joint(joint.name, joint.type, *ends, origins[joint.name], joint.axis, **fields)
 
 
 def _reject_loops(robot: Any) -> None:
@@ -215,104 +184,128 @@ def _reject_xacro(robot: Any) -> None:
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
-class _Reduced:
-    """Checked links and joints of a URDF, copied with the elements that yourdfpy has to read."""
+def _read(element: Any, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
+    """Return the records of links and joints, from a copy of the elements that yourdfpy needs.
 
-    def __init__(self) -> None:
-        self.links: dict[str, None] = {}
-        self._element = etree.Element("robot", name="robot")
-        self._carriers: dict[str, str] = {}  # joint of each link that has a parent
-        self._joints: dict[str, None] = {}
-        self._placements: dict[str, Array] = {}  # of inertials in their links
-        self._origins: dict[str, Array] = {}  # of joints
-
-    def add_link(self, link: Any) -> None:
-        """Copy a link."""
-        name = _name(link, self.links)
-        where = f"link '{name}'"
-        copy = etree.Element("link", name=name)
-        inertial = link.find("inertial")
-        if inertial is not None:
-            _copy_numbers(inertial, etree.SubElement(copy, "inertial"), INERTIAL, where)
-            self._placements[name] = placement_of(inertial.find("origin"), where)
-            for part, attributes in INERTIAL.items():
-                element = inertial.find(part)
-                missing = [a for a in attributes if element is None or element.get(a) is None]
-                if missing:
-                    raise UrdfError(f"{where}: <inertial> lacks <{part} {missing[0]}=…>.")
-            mass = inertial.find("mass").get("value")
-            if float(mass) < 0.0:
-                raise UrdfError(f"{where}: mass {mass} kg is negative.")
-        self._element.append(copy)
-
-    def add_joint(self, joint: Any) -> None:
-        """Copy a joint between links that are there."""
-        name = _name(joint, self._joints)
-        where = f"joint '{name}'"
-        kind = joint.get("type")
-        if kind not in JOINT_TYPES:
+    Importing yourdfpy takes a second.
+    """
+    try:
+        import yourdfpy
+    except Exception as error:  # also of a library for meshes that does not fit the NumPy
+        raise UrdfError(
+            f"The URDF reader yourdfpy cannot be imported: {error!r}. "
+            "Install it: pip install yourdfpy."
+        ) from error
+    links = _named(element, "link")
+    joints = _named(element, "joint")
+    if not links:
+        raise UrdfError(NO_LINK)
+    copy = etree.Element("robot", name="robot")
+    carriers: dict[str, str] = {}  # joint of each link that has a parent
+    for name, link in links.items():
+        copy.append(_copied_link(name, link))
+    for name, joint in joints.items():
+        child = _end(joint, name, "child", links)
+        if child in carriers:
             raise UrdfError(
-                f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}."
-            )
-        copy = etree.Element("joint", name=name, type=kind)
-        _copy_end(joint, copy, "parent", self.links)
-        child = _copy_end(joint, copy, "child", self.links)
-        if child in self._carriers:
-            raise UrdfError(
-                f"link '{child}' is the child of two joints, '{self._carriers[child]}' and "
+                f"link '{child}' is the child of two joints, '{carriers[child]}' and "
                 f"'{name}'; {TREE} Remove the joint that closes it."
             )
-        self._carriers[child] = name
-        _copy_numbers(joint, copy, JOINT, where)
-        self._origins[name] = placement_of(joint.find("origin"), where)
-        if (mimic := copy.find("mimic")) is not None:
-            mimic.set("joint", joint.find("mimic").get("joint", ""))
-        if kind == "planar" and copy.find("axis") is None:  # its default differs
-            etree.SubElement(copy, "axis", xyz="0 0 1")
-        self._element.append(copy)
-
-    def read(self, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
-        """Return the records of links and joints. Importing yourdfpy takes a second."""
-        try:
-            import yourdfpy
-        except Exception as error:  # also of a library for meshes that does not fit the NumPy
-            raise UrdfError(
-                f"The URDF reader yourdfpy cannot be imported: {error!r}. "
-                "Install it: pip install yourdfpy."
-            ) from error
-        text = etree.tostring(self._element)
-        if b"${" in text or b"$(" in text:
-            raise UrdfError(f"The URDF contains a name with $: {UNEXPANDED}")
-        stream = io.BytesIO(text)
-        robot = yourdfpy.URDF.load(stream, build_scene_graph=False, load_meshes=False).robot
-        links = {link.name: _link(link, self._placements) for link in robot.links}
-        joints = {joint.name: _joint(joint, self._origins, armature) for joint in robot.joints}
-        return links, joints
+        carriers[child] = name
+        copy.append(_copied_joint(name, joint, _end(joint, name, "parent", links), child))
+    text = etree.tostring(copy)
+    if b"${" in text or b"$(" in text:
+        raise UrdfError(f"The URDF contains a name with $: {UNEXPANDED}")
+    load = yourdfpy.URDF.load
+    robot = load(io.BytesIO(text), build_scene_graph=False, load_meshes=False).robot
+    return (
+        {link.name: _link(link, links[link.name]) for link in robot.links},
+        {joint.name: _joint(joint, joints[joint.name], armature) for joint in robot.joints},
+    )
 
 
-def _copy_end(joint: Any, copy: Any, end: str, links: Container[str]) -> str:
-    """Copy the one element of an end of a joint, and return its link."""
-    where = f"joint '{copy.get('name')}'"
+def _named(robot: Any, tag: str) -> dict[str, Any]:
+    """Return links or joints by name; reject missing names and duplicates."""
+    elements: dict[str, Any] = {}
+    for element in robot.findall(tag):
+        name = element.get("name")
+        if not name:
+            raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
+        if name in elements:
+            raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
+        elements[name] = element
+    return elements
+
+
+def _copied_link(name: str, link: Any) -> Any:
+    """Return a copy of a link with the numbers of its inertial."""
+    copy = etree.Element("link", name=name)
+    inertial = link.find("inertial")
+    if inertial is not None:
+        where = f"link '{name}'"
+        target = etree.SubElement(copy, "inertial")
+        _copy_numbers(inertial, target, INERTIAL, where)
+        names = [(part, attribute) for part in INERTIAL for attribute in INERTIAL[part]]
+        missing = [f"<{a} {b}=…>" for a, b in names if target.find(f"{a}[@{b}]") is None]
+        if missing:
+            raise UrdfError(f"{where}: <inertial> lacks {missing[0]}.")
+    return copy
+
+
+def _copied_joint(name: str, joint: Any, parent: str, child: str) -> Any:
+    """Return a copy of a joint with its numbers."""
+    where = f"joint '{name}'"
+    kind = joint.get("type")
+    if kind not in JOINT_TYPES:
+        raise UrdfError(f"{where}: unknown type {short(kind)}; known are {', '.join(JOINT_TYPES)}.")
+    copy = etree.Element("joint", name=name, type=kind)
+    etree.SubElement(copy, "parent", link=parent)
+    etree.SubElement(copy, "child", link=child)
+    _copy_numbers(joint, copy, JOINT, where)
+    mimic = copy.find("mimic")
+    if mimic is not None:
+        mimic.set("joint", joint.find("mimic").get("joint", ""))
+    if kind == "planar" and copy.find("axis") is None:  # its default differs
+        etree.SubElement(copy, "axis", xyz="0 0 1")
+    return copy
+
+
+def _end(joint: Any, name: str, end: str, links: Container[str]) -> str:
+    """Return the link of the one element of an end of a joint."""
     elements = joint.findall(end)
     if len(elements) > 1:
-        raise UrdfError(f"{where} has {len(elements)} <{end}> elements; expected one.")
+        raise UrdfError(f"joint '{name}' has {len(elements)} <{end}> elements; expected one.")
     link: str | None = elements[0].get("link") if elements else None
     if link is None or link not in links:
-        raise UrdfError(f"{where}: {end} link {short(link)} is not a link of this URDF.")
-    etree.SubElement(copy, end, link=link)
+        raise UrdfError(f"joint '{name}': {end} link {short(link)} is not a link of this URDF.")
     return link
 
 
-def _name(element: Any, names: dict[str, None]) -> str:
-    """Return the name of a link or joint; reject missing names and duplicates."""
-    tag = local_name(element)
-    name: str = element.get("name")
-    if not name:
-        raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
-    if name in names:
-        raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
-    names[name] = None
-    return name
+def _link(link: Any, element: Any) -> Link:
+    """Return the record of a link of yourdfpy."""
+    if link.inertial is None:
+        return Link(link.name)
+    mass = link.inertial.mass
+    where = f"link '{link.name}'"
+    if mass < 0.0:
+        raise UrdfError(f"{where}: mass {mass:g} kg is negative.")
+    placement = placement_of(element.find("inertial").find("origin"), where)
+    return Link(link.name, Inertial(mass, placement, link.inertial.inertia))
+
+
+def _joint(joint: Any, element: Any, armature: Mapping[str, float]) -> Joint:
+    """Return the record of a joint of yourdfpy."""
+    fields: dict[str, Any] = {}
+    for part, names in READ.items():
+        for name in names:
+            value = getattr(getattr(joint, part), name, None)
+            if value is not None:
+                fields[name] = float(value)
+    if joint.mimic is not None:
+        fields["mimic"] = Mimic(joint.mimic.joint, joint.mimic.multiplier, joint.mimic.offset)
+    fields["armature"] = armature.get(joint.name, 0.0)
+    origin = placement_of(element.find("origin"), f"joint '{joint.name}'")
+    return Joint(joint.name, joint.type, joint.parent, joint.child, origin, joint.axis, **fields)
 
 
 def _copy_numbers(

@@ -410,7 +410,7 @@ def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
 
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])
 def test_many_joints_are_rejected_before_they_are_read(kind, forbid):
-    forbid(urdf, "_Reduced")
+    forbid(urdf, "_read")
     with pytest.raises(
         dd.UrdfError, match=rf"{MAX_JOINTS + 1} joints .*no more than {MAX_JOINTS} joints"
     ):
