@@ -150,9 +150,9 @@ def _corrected(text: str) -> str:
     return "".join([*parts, _AMPERSAND.sub("&amp;", text[at:])])
 
 
-def read_text(source: Any, xacro_args: Mapping[str, Any] | None = None) -> str:
+def read_text(source: Any) -> str:
     """Return the text of a URDF as :func:`urdf_text`, or of an expanded xacro file."""
-    return urdf_text(expanded(source, xacro_args))
+    return urdf_text(expanded(source))
 
 
 # --- Xacro files
@@ -174,7 +174,7 @@ class _Arguments(dict[str, str]):
         return super().__getitem__(name)
 
 
-def expanded(source: Any, arguments: Any) -> Any:
+def expanded(source: Any, arguments: Any = None) -> Any:
     """Return the text of a xacro file, a path that ends with .xacro and may have arguments behind.
 
     Return another source as it is.

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from typing import IO, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ import numpy as np
 from diag_dynamics import exceptions
 from diag_dynamics.description.checks import grouped, handle_warnings
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
-from diag_dynamics.description.records import Remark
+from diag_dynamics.description.records import Description, Remark
 from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.exceptions import DiagDynamicsError
@@ -82,7 +81,6 @@ class Report:
 def inspect_robot(
     source: str | bytes | os.PathLike[str] | IO[Any],
     floating_base: bool = False,
-    xacro_args: Mapping[str, Any] | None = None,
     loops: Any = None,
 ) -> Report:
     """Report facts about a robot's model, and findings of the checks of its URDF.
@@ -96,8 +94,6 @@ def inspect_robot(
         As of :func:`load_urdf`, or the path of an MJCF. Meshes that the URDF names are read.
     floating_base : bool
         Whether the root link moves freely.
-    xacro_args : dict, optional
-        Arguments of a xacro file, by name.
     loops : optional
         Closed loops, as of :func:`load_urdf`.
 
@@ -111,18 +107,15 @@ def inspect_robot(
         The robot cannot be read.
     """
     folder = folder_of(source)
-    is_path = folder is not None and isinstance(source, (str, os.PathLike))
-    options: dict[str, Any] = {} if loops is None else {"loops": loops}
     element = None
-    if is_mjcf(source) and not xacro_args:
+    if is_mjcf(source):
         description = read_mjcf(source)
     else:
-        element = parse_urdf(read_text(source, xacro_args))
+        element = parse_urdf(read_text(source))
         description = describe_urdf(element)
     robot = Robot(description, element, folder)
-    load = partial(load_urdf, description, floating_base=floating_base)
     with np.errstate(all="ignore"):  # numbers that no robot has are findings
-        model, poses, rows = _load(load, options)
+        model, poses, rows = _load(description, {"floating_base": floating_base, "loops": loops})
         robot.stands = model is not None and not model.floating_base
         rows_of = {"loading": iter(rows)}
         for check in OF_XML:
@@ -135,7 +128,7 @@ def inspect_robot(
     findings.sort(key=lambda finding: -SEVERITIES.index(finding.severity))
     checks = dict.fromkeys(CHECKS, "skipped") | dict.fromkeys(rows_of, "ok")
     checks |= {finding.check: finding.severity for finding in reversed(findings)}
-    return Report(str(source) if is_path else "text", facts, tuple(findings), checks)
+    return Report("text" if folder is None else str(source), facts, tuple(findings), checks)
 
 
 def _findings(check: str, found: Found) -> list[Finding]:
@@ -150,7 +143,7 @@ def _findings(check: str, found: Found) -> list[Finding]:
 
 
 def _load(
-    load: Callable[..., RobotModel], options: dict[str, Any]
+    description: Description, options: dict[str, Any]
 ) -> tuple[RobotModel | None, Motion | None, list[Any]]:
     """Return the model, its motion, and rows of errors; options exclude what they can."""
     model = None
@@ -159,7 +152,7 @@ def _load(
         try:
             warnings: list[exceptions.ModelWarning] = []  # checks of the XML repeat most of them
             with handle_warnings(warnings.append):
-                model = load(**options)
+                model = load_urdf(description, **options)
             of_start = [x for x in warnings if isinstance(x, exceptions.LoopWarning)]
             rows += [("start", None, 0.0, (str(warning),)) for warning in of_start]
             return model, Motion(model) if model.nv else None, rows
