@@ -113,8 +113,10 @@ class FrameMaker:
         """
         states = self._forces.with_touched_links(states)
         frames = np.empty(len(states.t), dtype=self.layout.dtype)
-        frames["t"], x, places = states.t, frames["numbers"], self.layout.places
+        frames["t"] = states.t
+        x = frames["numbers"]
         x.fill(np.nan)
+        places = self.layout.places
         with np.errstate(
             over="ignore", divide="ignore", invalid="ignore"
         ):  # a page shows infinity as unknown
@@ -145,20 +147,16 @@ class FrameMaker:
         nu = states.nu
         K = states.K
         energies = self._link_energies(states)
-        terms = np.empty((4, *nu.shape))
-        arrays = states.epsilon, states.gravity, states.residual, states.external_torque
-        for term, value in zip(terms, arrays, strict=True):
-            term[:] = value
-        p_effort, p_gravity, p_external = np.einsum("tk,ftk->ft", nu, terms[:3])
+        torque = np.broadcast_to(states.external_torque, nu.shape)
         return {
             "gravity_torque": self._rows("tau_from_epsilon", states.q, states.gravity),
             "link_energy": energies,
-            "p_effort": p_effort,
-            "p_gravity": -p_gravity,
+            "p_effort": (nu * states.epsilon).sum(axis=-1),
+            "p_gravity": -(nu * states.gravity).sum(axis=-1),
             "p_friction": self._friction_power(states),
-            "p_external": p_external,
+            "p_external": (nu * states.residual).sum(axis=-1),
             "dK": self._energy_rate(states.t, K),
-            "torque_norm": np.linalg.norm(terms[3], axis=-1),
+            "torque_norm": np.linalg.norm(torque, axis=-1),
             "flags": _flags(
                 states, np.abs(energies.sum(axis=1) - K) <= MODEL_TOLERANCE * K + 1e-12
             ),
@@ -173,7 +171,8 @@ class FrameMaker:
     def _friction_power(self, states):
         if not self._model.has_friction:
             return 0.0
-        return -np.einsum("tk,tk->t", states.qd, self._rows("friction_torque", states.qd, states.q))
+        torque = self._rows("friction_torque", states.qd, states.q)
+        return -(states.qd * torque).sum(axis=-1)
 
     def _energy_rate(self, t, K):
         """Return dK/dt as a difference, NaN over a gap."""
