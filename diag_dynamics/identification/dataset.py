@@ -15,7 +15,6 @@ import numpy as np
 from diag_dynamics.checks import instance
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.data_checks import (
     UNSCALED,
     EffortRange,
@@ -43,7 +42,7 @@ DOUBTFUL = "effort doubtful"  # cause of findings
 
 
 class Segment(NamedTuple):
-    """Times [s], which rise even where stamps start again, and states without gaps."""
+    """Times from the first state on [s], and states without gaps."""
 
     t: np.ndarray
     states: States
@@ -328,18 +327,17 @@ def _cut(states, jumped):
     steps = np.diff(states.stamp, prepend=states.stamp[:1])
     gap = max(MIN_GAP, GAP * float(np.median(steps[1:])) * 1e-9) if len(steps) > 1 else MIN_GAP
     restarts = steps < 0
-    later = np.cumsum(np.where(restarts, round(2.0 * gap * SECOND) - steps, 0))
-    t = (states.stamp - states.stamp[:1] + later) * 1e-9
     begins = (steps * 1e-9 > gap) | jumped | restarts
-    parts = np.split(np.arange(len(t)), np.flatnonzero(begins[1:]) + 1)
-    segments = [_run(t[rows], states[rows]) for rows in parts if len(rows) >= MIN_STATES]
-    return segments, restarts.sum()
+    parts = np.split(np.arange(len(steps)), np.flatnonzero(begins[1:]) + 1)
+    return [_run(states[rows]) for rows in parts if len(rows) >= MIN_STATES], restarts.sum()
 
 
-def _run(t, states):
+def _run(states):
     """Return a segment whose first state alone is marked as a jump, and whose efforts are used."""
-    first = np.arange(len(t)) == 0
-    return Segment(t, replace(states, jumped=first, effort_known=np.ones(len(t), bool)))
+    first = np.arange(len(states)) == 0
+    known = np.ones(len(states), bool)
+    t = (states.stamp - states.stamp[0]) * 1e-9
+    return Segment(t, replace(states, jumped=first, effort_known=known))
 
 
 def _shifted(segment, delay):

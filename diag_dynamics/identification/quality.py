@@ -11,7 +11,7 @@ import numpy as np
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.dataset import DOUBTFUL, portions
-from diag_dynamics.identification.gains import effort_scale, gains_by_joint
+from diag_dynamics.identification.gains import gains_by_joint
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import (
@@ -152,11 +152,9 @@ def quality_of(model, selection, data, last):
         ],
     }
     if data.gains is not None:
-        scales = effort_scale(model, data.gains[0]).items()
-        gains = ", ".join(f"{name}={gain:.6g}" for name, gain in scales if gain == gain) or "none"
         quality["warnings"].append(
-            f"efforts were multiplied by gains, effort_scale of the parameters: {gains}. They are "
-            "as wrong as the weight of the model's links, and other joints remain unknown"
+            "efforts were multiplied by gains, effort_scale of the parameters. They are as wrong as "
+            "the weight of the model's links, and other joints remain unknown"
         )
     if free[layout.inertial].any():
         quality["warnings"].append(

@@ -292,11 +292,8 @@ class Selection:
                 self._model.dof_names[k]: [float(without[k]), float(residuals[k])] for k in rejected
             }
             joints = {step: self._moving[step] & ~np.isin(np.arange(len(gains)), rejected)}
-            result = (
-                self.cross_validate(self.free(steps, **joints))
-                if 0 < len(rejected) < candidates.sum()
-                else result
-            )
+            if 0 < len(rejected) < candidates.sum():
+                result = self.cross_validate(self.free(steps, **joints))
         score = self._score_of(result[1])
         least = GAIN if again else self._gain
         better = bool(gains.max() >= least and score < self.score)
@@ -306,16 +303,9 @@ class Selection:
             self.taken = steps
             self.fits, self.squares = result
             self._own |= joints
+        if better or again:
             return ""
-        change = (
-            f"would be at most {max(0.0, gains.max()):.1%} smaller at any joint (expected "
-            f"{self._gain:.0%}), and {score / self.score - 1.0:+.1%} over all"
-        )
         return (
-            ""
-            if again
-            else (
-                f"{step}: the model's values are kept, because the cross-validation residual "
-                f"{change}"
-            )
+            f"{step}: the model's values are kept, because fitted ones do not reduce the "
+            f"cross-validation residual by {self._gain:.0%} at a joint and over all"
         )

@@ -29,9 +29,6 @@ MAX_VELOCITY_ERROR, REST = 0.2, 2e-4
 """Root mean square of Δq − ∫q̇dt over that of Δq from which there is a warning, and of Δq of a
 joint at rest [rad, m]."""
 
-MAX_ERROR_LEFT = (
-    0.8  # fraction of the velocity error without the delay up to which there is a delay
-)
 MIN_PERIODS = 1.0  # of a delay worth a warning
 MANY = 0.01  # fraction of repeated stamps or states worth a warning
 SAMPLE = 5000  # first states that units and ball joints are judged by
@@ -176,9 +173,9 @@ class Quality:
         relation = self._relation
         error = relation.error
         delay = relation.delay
-        left = relation.error_without_delay
-        shows = np.isfinite(error) & np.isfinite(delay) & (left < MAX_ERROR_LEFT * error)
-        is_common = shows.any() and 2 * shows.sum() >= np.isfinite(error).sum()
+        moves = np.isfinite(error)
+        shows = moves & relation.shows_delay
+        is_common = shows.any() and 2 * shows.sum() >= moves.sum()
         joints = {
             name: {"velocity_error": None if np.isnan(x) else float(x)}
             for name, x in zip(self._joints, error, strict=True)
@@ -233,13 +230,14 @@ def _judge_ratios(ratios):
     for cause, wrong in causes.items():
         text = "all joints" if len(wrong) == len(ratios) else ", ".join(wrong)
         factors = np.array(list(wrong.values()))
-        warnings.append(f"{text}: {describe_ratio(factors[0])}: {cause}")
-        unlike = (
-            factors.max() > RATIO_ERROR * factors.min()
-            or 1.0 / WRONG_RATIO < factors[0] < WRONG_RATIO
+        factor = float(np.median(factors))
+        warnings.append(f"{text}: {describe_ratio(factor)}: {cause}")
+        is_clear = (
+            factors.max() <= RATIO_ERROR * factors.min()
+            and not 1.0 / WRONG_RATIO < factor < WRONG_RATIO
         )
-        if len(wrong) == moving and not (cause == UNKNOWN and unlike):
-            unit = {"cause": cause.partition(" (")[0], "factor": float(np.median(factors))}
+        if len(wrong) == moving and (cause != UNKNOWN or is_clear):
+            unit = {"cause": cause.partition(" (")[0], "factor": factor}
     return unit, warnings
 
 

@@ -12,6 +12,7 @@ from diag_dynamics.rotations import wrap_angle
 
 WINDOW = 0.05  # time over which positions are compared with velocities [s]
 MIN_R2 = 0.9  # squared correlation of Δq and ∫q̇dt that determines a ratio
+MIN_EXPLAINED = 0.36  # fraction of the squares of Δq − ∫q̇dt that a delay explains
 RATIO_ERROR = 1.1  # factor up to which a ratio is a known one
 DEGREE = math.pi / 180.0
 RATIOS = {
@@ -70,7 +71,9 @@ class VelocityRelation:
     @property
     def error(self):
         """Root mean square of Δq − ∫q̇dt over that of Δq, (n,); NaN at rest."""
-        return self._over_travel(self._products[2, 2])
+        with np.errstate(all="ignore"):
+            square = self._products[2, 2] / self.travel
+            return np.where(self.travel > 0.0, np.sqrt(square), np.nan)
 
     @property
     def delay(self):
@@ -79,14 +82,10 @@ class VelocityRelation:
             return self._products[2, 3] / self._products[3, 3]
 
     @property
-    def error_without_delay(self):
-        """The error that is left without the delay, (n,)."""
-        explained = np.nan_to_num(self.delay) * self._products[2, 3]
-        return self._over_travel(np.maximum(self._products[2, 2] - explained, 0.0))
-
-    def _over_travel(self, square):
-        with np.errstate(all="ignore"):
-            return np.where(self.travel > 0.0, np.sqrt(square / self.travel), np.nan)
+    def shows_delay(self):
+        """Whether the delay explains much of Δq − ∫q̇dt, bool (n,)."""
+        square = self._products[2, 3] ** 2
+        return square > MIN_EXPLAINED * self._products[2, 2] * self._products[3, 3]
 
 
 def turning_dofs(model):

@@ -59,7 +59,6 @@ class McapOutput:
             require(library, "writing MCAP")
         library = import_module("mcap.writer")
         self._target = AtomicFile(path)
-        self._count = 0
         self._topics = {}  # by channel
         with self._target.errors():
             self._file = open(self._target.name, "wb")  # noqa: SIM115  # until close or drop
@@ -76,15 +75,12 @@ class McapOutput:
 
     def write(self, piece):
         """Write messages about a piece."""
-        times = piece.states.log_time  # those of a table may restart
-        numbers = self._count + np.argsort(np.argsort(times, kind="stable"), kind="stable")
-        self._count += len(times)
         for channel, topic in self._topics.items():
             for places, rows in topic.make_rows(piece):
-                stamps = zip(times[places].tolist(), numbers[places].tolist(), strict=True)
+                times = piece.states.log_time[places].tolist()
                 with self._target.errors():
-                    for row, (time, number) in zip(rows, stamps, strict=True):
-                        self._writer.add_message(channel, time, row.tobytes(), time, number)
+                    for row, time in zip(rows, times, strict=True):
+                        self._writer.add_message(channel, time, row.tobytes(), time)
 
     def close(self, _summary=None):
         """Complete the file and give it its name."""
