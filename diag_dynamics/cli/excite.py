@@ -3,8 +3,6 @@
 
 """`diag-dynamics excite`: a trajectory to identify friction, rotor inertias and inertias."""
 
-import numpy as np
-
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.entries import assignments
@@ -102,17 +100,11 @@ def _parse_ranges(entries):
 
 def _summary(model, trajectory):
     """Return the lines of the summary: range, velocity and effort of each joint."""
-    rows = [["joint", "from", "to", "velocity", "of limit", "effort", "of limit"]]
-    for k, name in enumerate(trajectory.joints):
-        q = trajectory.position[:, k]
-        row = [name, f"{q.min():.3g}", f"{q.max():.3g}"]
-        for values, limits in (
-            (trajectory.velocity, model.velocity_limit),
-            (trajectory.effort, model.effort_limit),
-        ):
-            largest = abs(values[:, k]).max()
-            row += [f"{largest:.3g}", _percent(largest, limits[k])]
-        rows.append(row)
+    rows = [["joint", "from", "to", "velocity", "effort"]]
+    columns = trajectory.position, trajectory.velocity, trajectory.effort
+    for name, q, qd, tau in zip(trajectory.joints, *(x.T for x in columns), strict=True):
+        numbers = q.min(), q.max(), abs(qd).max(), abs(tau).max()
+        rows.append([name, *(f"{number:.3g}" for number in numbers)])
     lines = [
         f"{model.name}: a trajectory of {trajectory.time[-1]:g} s for "
         f"{', '.join(trajectory.what)}.",
@@ -121,7 +113,3 @@ def _summary(model, trajectory):
         *aligned(rows),
     ]
     return [*lines, "", "Collisions are not checked: try the trajectory on the simulator first."]
-
-
-def _percent(value, limit):
-    return f"{100 * value / limit:.0f} %" if 0.0 < limit < np.inf else "-"

@@ -86,8 +86,9 @@ class Layout:
 
     They are those of :class:`Regressors`, then the ten of a payload in its link's frame. The first
     `robot` of the `size` unknowns are those of the robot. `positive` and `inertial` tell which are
-    positive, and which are of bodies with mass. Arguments `rows` are lists of pairs: normal
-    equations, and whether the robot carries the payload in them.
+    positive, and which are of bodies with mass; `without_rotors` whether the model's rotor inertias
+    are left out. Arguments `rows` are lists of pairs: normal equations, and whether the robot
+    carries the payload in them.
     """
 
     def __init__(self, model, regressors, payload=None):
@@ -96,6 +97,7 @@ class Layout:
         self.bodies = regressors.bodies
         self.regressors = regressors
         self.own = regressors.own
+        self.without_rotors = False
         self.robot = regressors.size
         self.size = self.robot + (PARAMETERS if payload else 0)
         if payload:

@@ -10,7 +10,7 @@ import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.identification.base_parameters import BaseParameters
-from diag_dynamics.identification.dataset import DOUBTFUL, portions
+from diag_dynamics.identification.dataset import DOUBTFUL
 from diag_dynamics.identification.gains import gains_by_joint
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
@@ -67,28 +67,27 @@ def validate(models, parts):
         dynamics = DiagonalDynamics(fitted)
         observer = Observer(dynamics, OBSERVER_GAIN, friction=False)  # efforts are without friction
         for segment, measured_joints in block:
-            for part in portions([segment]):
-                t, q, qd, tau = part.columns
-                # Friction of rates as they are, because that of filtered ones turns later.
-                tau = tau - dynamics.friction_torque(qd, q)
-                if not measured_joints.all():  # the efforts of others are those of the model
-                    rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
-                    tau = np.where(measured_joints, tau, rest)
-                s = dynamics.evaluate(q, qd, tau)
-                balance.add_windows(sums.integrate_states(part.states, s))
-                states = observer.observe_batch(replace(part.states, effort=tau))
-                torque = states.external_torque[states.valid]
-                observed.append(np.where(measured_joints, torque, np.nan))
-                energies.append(s.kinetic_energy.copy())
-                if part.duration >= MIN_SMOOTHED:
-                    measured = smoothed(*part.columns)[2]
-                    q, qd, tau, qdd = smoothed(t, q, qd, tau)
-                    inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
-                    error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
-                    errors.append(np.where(measured_joints, error, np.nan))
-                    columns = np.hstack([measured[inner], measured[inner] - error, error])
-                    curves.append(_downsample(elapsed + t[inner] - t[0], columns, size))
-                elapsed += part.duration
+            t, q, qd, tau = segment.columns
+            # Friction of rates as they are, because that of filtered ones turns later.
+            tau = tau - dynamics.friction_torque(qd, q)
+            if not measured_joints.all():  # the efforts of others are those of the model
+                rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
+                tau = np.where(measured_joints, tau, rest)
+            s = dynamics.evaluate(q, qd, tau)
+            balance.add_windows(sums.integrate_states(segment.states, s))
+            states = observer.observe_batch(replace(segment.states, effort=tau))
+            torque = states.external_torque[states.valid]
+            observed.append(np.where(measured_joints, torque, np.nan))
+            energies.append(s.kinetic_energy.copy())
+            if segment.duration >= MIN_SMOOTHED:
+                measured = smoothed(*segment.columns)[2]
+                q, qd, tau, qdd = smoothed(t, q, qd, tau)
+                inner = (t > t[0] + EDGE) & (t < t[-1] - EDGE)
+                error = (tau - dynamics.inverse_dynamics(q, qd, qdd))[inner]
+                errors.append(np.where(measured_joints, error, np.nan))
+                columns = np.hstack([measured[inner], measured[inner] - error, error])
+                curves.append(_downsample(elapsed + t[inner] - t[0], columns, size))
+            elapsed += segment.duration
     none = [np.empty((0, model.nv))]
     error, torque = (
         np.ma.masked_invalid(np.concatenate(none + rows)) for rows in (errors, observed)
@@ -119,7 +118,7 @@ def quality_of(model, selection, data, last):
     free = selection.free(selection.taken)
     count = len(data.blocks)
     (before, first), (after, then) = (validate([model] * count, data.parts),) * 2
-    if free.any():
+    if free.any() or layout.without_rotors:
         models = [model.with_parameters(parameters_of(layout, x, free)) for x in selection.fits]
         after, then = validate(models, data.parts)
     findings = [finding for dataset in data.datasets for finding in dataset.findings]

@@ -69,7 +69,7 @@ class Identification:
 
 
 def parameters_of(layout, x, free, origin=None):
-    """Return the :class:`Parameters` of the `free` unknowns (bool)."""
+    """Return the :class:`Parameters` of the `free` unknowns (bool), and of omitted rotors."""
     model = layout.model
     links = {}
     payloads = {}
@@ -97,6 +97,8 @@ def _joints(layout, x, free):
     mimics = layout.model.mimics
     for k, name in enumerate(layout.model.dof_names):
         numbers = layout.fitted_of(k, x, free)
+        if layout.without_rotors:
+            numbers["armature"] = 0.0
         if numbers:
             joints[name] = JointParameters(**numbers)
             mimic_joints = [joint for joint, mimic in mimics.items() if mimic.leader == name]

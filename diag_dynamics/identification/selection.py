@@ -39,7 +39,8 @@ PAYLOAD = "payload:"  # before the link that carries it
 MIN_RESIDUAL = 2e-3  # relative to the effort: what a sampled motion leaves anyway
 # Torque of gravity in the filtered load column over the effort, of a joint with load friction
 MIN_LOAD = 0.1
-GAIN = 0.03  # reduction of the residual to take a step
+# Reductions of the residual to take a step, and to leave out the model's rotors
+GAIN, ROTOR_GAIN = 0.03, 0.01
 ERRORS = 3.0  # standard deviations of noise that reduce the residual less
 
 
@@ -117,13 +118,17 @@ class Selection:
         # by the square of its standard normal component along d. Weights count independent rows.
         chance = -np.expm1(-0.5 * ERRORS**2 / data.fitted[-1])
         self._gain = max(GAIN, chance)
+        self._rotor_gain = max(ROTOR_GAIN, chance / data.measured.sum())
         at = LOAD - len(OWN) - 1
         self._loaded = np.array(
             [products[at, at] > MIN_LOAD**2 * products[-1, -1] for products in data.fitted[:-1]]
         )
         self._own = dict(self._moving)
         self.kept = {step: {} for step in BY_JOINT}
-        impossible = {step for step, joints in self._moving.items() if not joints.any()}
+        if self.layout.known[self.layout.own(ROTOR)].any():
+            self._choose_rotors(steps)
+        impossible = {"rotors"} if self.layout.without_rotors else set()
+        impossible |= {step for step, joints in self._moving.items() if not joints.any()}
         self._select([step for step in steps if step not in impossible])
 
     @property
@@ -215,6 +220,25 @@ class Selection:
     def _score_of(self, squares):
         """Return the geometric mean over joints of the residual of all blocks."""
         return float(np.exp(np.log(self.residuals(squares)[self._data.measured]).mean()))
+
+    def _choose_rotors(self, steps):
+        """Omit the model's rotor inertias if efforts do not contain them, as of torque sensors."""
+        free = self.free(["friction"] if "friction" in steps else [])
+        unknowns = self.layout.known
+        columns = self.layout.own(ROTOR)
+        rotors = unknowns[columns]
+        scores = []
+        for armature in (0.0, rotors):
+            unknowns[columns] = armature
+            scores.append(self._score_of(self.cross_validate(free)[1]))
+        gain = 1.0 - scores[0] / scores[1]
+        self.layout.without_rotors = gain > self._rotor_gain
+        if self.layout.without_rotors:
+            unknowns[columns] = 0.0
+            self.warnings.append(
+                f"rotor inertias of the model are omitted: the held-out residual is {gain:.1%} "
+                "smaller without them, as with torque sensors behind the gears"
+            )
 
     def _select(self, steps):
         """Take each step that reduces the residual enough.

@@ -148,7 +148,14 @@ class Analysis:
         opened = []
         try:
             opened.extend(outputs)  # some may have been opened when another one fails
-            self._analyse_batches(opened, progress)
+            for batch in self.reading.pieces():
+                piece = self.analyse_batch(batch.states) if len(batch.states) else None
+                if piece is None:
+                    continue
+                for output in opened:
+                    output.write(piece)
+                if progress:
+                    progress(self.states)
             if not self.states:
                 raise self.reading.no_states_error()
             summary = self._summarize()
@@ -159,16 +166,6 @@ class Analysis:
                 output.drop()
             raise
         return summary
-
-    def _analyse_batches(self, outputs, progress):
-        for batch in self.reading.pieces():
-            piece = self.analyse_batch(batch.states) if len(batch.states) else None
-            if piece is None:
-                continue
-            for output in outputs:
-                output.write(piece)
-            if progress:
-                progress(self.states)
 
     def analyse_batch(self, states):
         """Evaluate states, add them to the results, and return the :class:`Piece`.

@@ -117,21 +117,34 @@ def test_rotors_and_friction_are_recovered(panda):
     assert any("kinetic energy is" in text for text in result.quality["warnings"])
 
 
-@pytest.mark.parametrize("felt", [0.0, 1.0])
-def test_rotors_of_the_model_that_efforts_may_not_contain(panda, felt):
-    """Torque sensors behind the gears do not feel the rotors of a URDF."""
+@pytest.mark.parametrize(
+    ("what", "felt"), [("friction", 0.0), ("friction", 1.0), (("friction", "rotors"), 0.0)]
+)
+def test_rotors_of_the_model_that_efforts_may_not_contain(panda, what, felt):
+    """Torque sensors behind the gears do not feel the rotors of a URDF: no effort is left with
+    armature 0.
+    """
     model, oracle = panda
     joints = {
         name: {"armature": inertia} for name, inertia in zip(model.dof_names, ROTORS, strict=True)
     }
     identified = model.with_parameters({"joints": joints})
     result = dd.identify(
-        recording(identified, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS),
-        identified,
-        ("friction", "rotors"),
+        recording(identified, oracle, 4, 6.0, noise=0.02, rotors=felt * ROTORS), identified, what
     )
     np.testing.assert_allclose(result.model.armature, felt * ROTORS, atol=2e-3)
     np.testing.assert_allclose(result.model.friction, FRICTION, atol=0.03)
+    left_out = [
+        text
+        for text in result.quality["warnings"]
+        if "rotor inertias of the model are omitted" in text
+    ]
+    assert len(left_out) == (felt == 0.0)
+    quality = result.quality
+    assert felt or (
+        "rotors" not in quality["kept"]
+        and not any("rotors" in rung["steps"] for rung in quality["ladder"])
+    )
 
 
 def test_a_step_that_a_larger_error_hides_is_tried_again(panda):
