@@ -24,6 +24,7 @@ from diag_dynamics.control.laws import Gain
 from diag_dynamics.control.limits import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.sweeps.evaluation import observe_samples
 
 
 class Disturbance(NamedTuple):
@@ -47,14 +48,6 @@ class Disturbance(NamedTuple):
         """‖m r‖ of all joints together [N m, N of prismatic joints]; 0 if not valid."""
         torque = self.external_torque
         return 0.0 if torque is None else math.sqrt(torque @ torque)
-
-
-class _Sample(NamedTuple):
-    time: float  # [s]
-    q: Array
-    momentum: Array  # p = M q̇
-    resisting: Array  # g − C_sᵀq̇ + τ_fric
-    applied: Array  # τ
 
 
 class DisturbanceObserver:
@@ -109,13 +102,14 @@ class DisturbanceObserver:
         before = self._dynamics
         self._dynamics = dynamics
         dynamics.compile("momentum", "epsilon_from_tau")
+        observe_samples.compile()
         if dynamics.model.bodies is not before.model.bodies:
             self.reset()
 
     def reset(self) -> None:
         """Reset r to zero; the next sample is the first one."""
-        self._sample: _Sample | None = None
-        self._filtered: Array = np.zeros(len(self._names))  # m r; 0 where it is unknown
+        self._time: float | None = None  # of the last sample
+        self._memory = np.zeros((4, len(self._names)))  # m r, and terms of the last sample
         self._last = Disturbance(False, "no sample since the reset")
 
     def update(
@@ -142,53 +136,45 @@ class DisturbanceObserver:
         if unknown.any() and (unknown.all() or self._held):
             missing = ", ".join(f"'{name}'" for name in names_where(self._names, unknown))
             return Disturbance(False, f"no effort of {missing}")
-        before = self._sample
-        interval = 0.0 if before is None else time - before.time
-        if before and interval == 0.0:
+        qd = vector("qd", qd, self._names)
+        interval = 0.0 if self._time is None else time - self._time
+        reason = ""
+        if self._time is None:
+            reason = "first sample"
+        elif interval == 0.0:
             return self._last
-        sample = self._sample_at(time, q, qd, applied)
-        reason = "" if before else "first sample"
-        if interval < 0.0:
+        elif interval < 0.0:
             reason = f"time went back by {-interval:g} s"
         elif interval > self.max_gap:
             reason = f"no sample for {interval:g} s"
-        if before is None or reason:
+        dynamics = self._dynamics
+        p, resisting = dynamics.momentum(q, qd)
+        resisting = -resisting
+        if self._friction and dynamics.model.has_friction:
+            resisting += dynamics.friction_torque(qd, q)
+        if reason:
             self.reset()
-            self._last = Disturbance(False, reason)
-        else:
-            applied = sample.applied if self._held else before.applied
-            mean = 0.5 * (applied + sample.applied - before.resisting - sample.resisting)
-            external = (sample.momentum - before.momentum) / interval - mean
-            filtered = self._filtered - np.expm1(-self.gain * interval) * (
-                external - self._filtered
-            )
-            unknown = np.isnan(mean)
-            self._filtered = np.where(unknown, 0.0, filtered)
-            self._last = self._result(q, unknown)
-        self._sample = sample
+            interval = 0.0
+        elif self._held:
+            self._memory[3] = applied
+        self._time = time
+        torque = np.empty((1, len(applied)))
+        norm = np.empty(1)
+        terms = p[None], resisting[None], applied[None]
+        observe_samples(self.gain, np.array([interval]), *terms, self._memory, torque, norm)
+        if not math.isfinite(norm[0]):
+            reason = "the residual was larger than any number"
+        elif np.isnan(torque).all():
+            reason = "no effort of any joint at both ends of the interval"
+        self._last = Disturbance(False, reason) if reason else self._result(q, torque[0])
         return self._last
 
-    def _sample_at(self, time: float, q: Array, qd: VectorLike, applied: Array) -> _Sample:
-        dynamics = self._dynamics
-        friction = self._friction and self._dynamics.model.has_friction
-        qd = vector("qd", qd, self._names)
-        p, rate = dynamics.momentum(q, qd)
-        resisting = (dynamics.friction_torque(qd, q) if friction else 0.0) - rate
-        return _Sample(time, q, p, resisting, applied)
-
-    def _result(self, q: Array, unknown: BoolArray) -> Disturbance:
-        torque = self._filtered.copy()
-        if unknown.all():
-            return Disturbance(False, "no effort of any joint at both ends of the interval")
-        is_finite = math.isfinite(_norm(torque))
-        r = self._dynamics.epsilon_from_tau(q, torque) if is_finite else torque
-        if not math.isfinite(_norm(r)):  # an overflow does not recover
-            self.reset()
-            return Disturbance(False, "the residual was larger than any number")
+    def _result(self, q: Array, torque: Array) -> Disturbance:
+        unknown = np.isnan(torque)
+        r = self._dynamics.epsilon_from_tau(q, np.where(unknown, 0.0, torque))
         if unknown.any():
-            torque[unknown] = np.nan
             r[unknown @ influence(self._dynamics)] = np.nan
-        return Disturbance(True, "", r, torque, _norm(r))
+        return Disturbance(True, "", r, torque, math.sqrt(r @ r))
 
 
 def influence(dynamics: DiagonalDynamics) -> BoolArray:
@@ -197,8 +183,3 @@ def influence(dynamics: DiagonalDynamics) -> BoolArray:
     q = np.tile(dynamics.model.random(0), (nv, 1))
     changes: BoolArray = dynamics.epsilon_from_tau(q, np.eye(nv)) != 0.0
     return changes
-
-
-def _norm(x: Array) -> float:
-    with np.errstate(over="ignore", invalid="ignore"):
-        return math.sqrt(x @ x)
