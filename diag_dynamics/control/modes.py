@@ -225,10 +225,8 @@ class PoseMode(Mode):
         X = self.law.dynamics.placement(state.position, link)
         self.begin(state)
         goal = (X[:3, :3] @ position + X[:3, 3], X[:3, :3] @ axes)
-        rate = np.full(2, APPROACH_RATE)
-        self._target = PoseTarget(
-            goal, state.newest, self._aim, self._speed, rate, self._max_period, self._target
-        )
+        motion = self._speed, APPROACH_RATE, self._max_period
+        self._target = PoseTarget(goal, state.newest, self._aim, *motion, self._target)
         self.forget_rate()
 
     def command(self, state):
@@ -432,7 +430,7 @@ class RegulationMode(JointMode):
         )
         self._period = values["max_state_age"]
         law = JointRegulation(dynamics, 1.0, values["regulation_damping_ratio"])
-        super().__init__(law, np.full(len(names), APPROACH_RATE), values)
+        super().__init__(law, APPROACH_RATE, values)
 
     def _stay(self, state):
         super()._stay(state)

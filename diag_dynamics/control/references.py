@@ -15,7 +15,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from diag_dynamics import rotations
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.text import distinct
 
 REACHED = 1e-6
 """Distance at which a pose counts as reached [m, rad]."""
@@ -150,19 +149,13 @@ class PoseTarget:
         self.goal = goal
         self._start = start
         self.arrived = False
-        self._vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
-        self._lengths = np.linalg.norm(self._vectors, axis=1)
-        moving = self._lengths[:, None] > REACHED
-        self._directions = np.divide(
-            self._vectors, self._lengths[:, None], out=np.zeros((2, 3)), where=moving
-        )
+        vectors = np.array([goal[0] - start[0], rotations.to_vector(goal[1] @ start[1].T)])
+        self._lengths = np.linalg.norm(vectors, axis=1)
+        self._directions = vectors / np.maximum(self._lengths, REACHED)[:, None]
         velocity = np.zeros((2, 3)) if before is None else before.velocity
-        desired = at_rest(np.zeros(2))._replace(
-            velocity=np.sum(self._directions * velocity, axis=1).clip(0.0)
-        )
-        self._along = SetPoint(
-            self._lengths, time, desired, speed, rate, np.zeros(2, dtype=bool), max_period
-        )
+        along = np.sum(self._directions * velocity, axis=1).clip(0.0)
+        desired = at_rest(np.zeros(2))._replace(velocity=along)
+        self._along = SetPoint(self._lengths, time, desired, speed, rate, False, max_period)
 
     @property
     def velocity(self):
@@ -171,14 +164,12 @@ class PoseTarget:
 
     def sample(self, time, lag=0.0):
         """Return position and axes at a time [ns]; `lag` as for a SetPoint."""
-        done = self._along.sample(time, lag).position
+        distance, angle = done = self._along.sample(time, lag).position
         if (self._lengths - done <= REACHED).all():
             self.arrived = True
             return self.goal
-        fraction = np.divide(done, self._lengths, out=np.ones(2), where=self._lengths > 0.0)
-        turned = fraction[1] * self._lengths[1] if self._lengths[1] > REACHED else 0.0
-        R = rotations.about_axis(self._directions[1], turned)
-        return self._start[0] + fraction[0] * self._vectors[0], R @ self._start[1]
+        R = rotations.about_axis(self._directions[1], angle)
+        return self._start[0] + distance * self._directions[0], R @ self._start[1]
 
 
 class Waypoints(NamedTuple):
@@ -279,17 +270,12 @@ class Trajectory:
 
 def _require_order(times):
     """Reject times [s] that do not increase, or begin before the start."""
-    if times[0] < 0.0:
-        raise InputError(
-            f"trajectory.points[0].time_from_start is {times[0]:g} s, expected no less than 0."
-        )
-    late = np.flatnonzero(np.diff(times) <= 0.0)
+    late = np.flatnonzero((np.diff(times, prepend=-1.0) <= 0.0) | (times < 0.0))
     if len(late):
         k = late[0]
-        before, time = distinct(times[k], times[k + 1])
         raise InputError(
-            f"trajectory.points[{k + 1}].time_from_start is {time} s, expected more than the "
-            f"{before} s of the point before."
+            f"trajectory.points[{k}].time_from_start is {times[k]:.10g} s; expected times from 0 s "
+            "on that increase."
         )
 
 

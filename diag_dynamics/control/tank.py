@@ -57,12 +57,16 @@ class EnergyTank:
         model = dynamics.model
         self.capacity = positive("capacity", capacity, "[J]")
         self.rate = positive("rate", rate, "[1/s]")
-        continuous = np.isin(model.dof_names, model.continuous_joints)
-        self._continuous = continuous if continuous.any() else None
+        self._continuous = np.isin(model.dof_names, model.continuous_joints)
         self._gravity = gravity
         self._at: tuple[Array, float] | None = None  # last positions, and U there
         dynamics.compile("tau_from_epsilon", "forward_dynamics", "potential_energy")
         self.fill()
+
+    @property
+    def is_overdrawn(self) -> bool:
+        """Whether x is below zero by more than the error of its prediction."""
+        return self.energy < -RESERVE * self.capacity
 
     def fill(self) -> None:
         """Set x to the capacity: an operator's decision, because it adds energy to the bound."""
@@ -80,9 +84,7 @@ class EnergyTank:
         last = self._at
         self._at = (q, potential)
         if tau is not None and last is not None:
-            moved = q - last[0]
-            if self._continuous is not None:
-                moved = nearest(q, last[0], self._continuous) - last[0]
+            moved = nearest(q, last[0], self._continuous) - last[0]
             work = float(vector("tau", tau, names) @ moved) - (self._at[1] - last[1])
             self.energy = min(self.energy - (work if held else max(work, 0.0)), self.capacity)
         return self.energy

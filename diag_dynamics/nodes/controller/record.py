@@ -12,7 +12,6 @@ from diag_dynamics.control.laws import PoseError
 from diag_dynamics.control.loop import BRAKING
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import RAMPING_DOWN
-from diag_dynamics.control.tank import RESERVE
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.support.diagnostics import counted
 from diag_dynamics.nodes.support.messages import doubles, to_time
@@ -98,7 +97,7 @@ class Record:
         return _fault("holding gravity: ", supervisor.reason, values)
 
     def command_status(self, recent, problems, values):
-        """Return the status of commands; `problems` are those of receivers and limits."""
+        """Return the status of commands; `problems` are those of receivers and tank."""
         values = {key: self.counts[key] for key in _OF_COMMANDS} | values
         if recent[_ABOVE]:
             above = f"{_ABOVE} at '{self._link_above}' (external push, or effort limits)"
@@ -128,16 +127,6 @@ def _fault(text, reason, values, level=WARN):
     values["reason"] = reason
     message = text + without_numbers(reason)
     return Status("control", level, message, values, text + reason)
-
-
-def problems_of_limits(limits):
-    """Yield problems of effort limits that are too low and of an overdrawn energy tank."""
-    if limits.tank and limits.tank.energy < -RESERVE * limits.tank.capacity:
-        yield "the energy tank is overdrawn (late states, effort_rate or a push)"
-    if heavy := limits.heavy:
-        yield f"gravity nearly reaches the effort limit of {shortened(', '.join(heavy))}"
-    if slow := limits.slow:
-        yield f"effort_rate is too low to hold {shortened(', '.join(slow))} before the robot sinks"
 
 
 def values_of_loop(loop):
