@@ -6,7 +6,7 @@
 A law returns a Command for a state, filters return changed commands. A wrong argument raises an
 InputError that names it.
 
-laws: laws and their commands. limits, tank, effort_rate: filters. filters: all filters in their
+laws: laws and their commands. limits, tank: filters. filters: all filters and rates in their
 order. observer: external torque. references: desired motions. by_dof: parameters. modes,
 supervisor, loop: the control loop.
 """

@@ -16,7 +16,6 @@ import numpy as np
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance, not_negative, per_name, vector
 from diag_dynamics.collision.contact_points import ContactPoints
-from diag_dynamics.control.effort_rate import EffortRate
 from diag_dynamics.control.laws import Command, Gain, actuated
 from diag_dynamics.control.limits import (
     ContactLimiter,
@@ -26,7 +25,7 @@ from diag_dynamics.control.limits import (
 )
 from diag_dynamics.control.tank import EnergyTank
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps.limits import ROWS, deliver
+from diag_dynamics.sweeps.limits import ROWS, deliver, demand_rate
 
 FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
@@ -41,6 +40,18 @@ CONTACT_RATE = 30.0
 """Rate of the approach to contact limits [1/s]."""
 
 NO_FACTOR = np.empty((0, 0))
+
+SHARE = 0.5
+"""Fraction of the effort rate that a law may demand."""
+
+DECAY, GROWTH = 200.0, 5.0
+"""Rates at which the scale of a law's efforts falls, and grows back to 1 [1/s]."""
+
+CYCLES = 3
+"""Successive cycles in which a joint has to demand too much.
+
+Noise and jumps do so in single cycles.
+"""
 
 
 class Limited(NamedTuple):
@@ -144,11 +155,13 @@ class Limits:
             if contact_points is None
             else ContactLimiter(dynamics, contact_points, CONTACT_RATE)
         )
-        self._rate = EffortRate(effort_rate, model.dof_names)
+        expected = "a finite number > 0 [N m/s, N/s]"
+        self._rate = per_name("effort_rate", effort_rate, self._names, expected)
         self._dynamics = dynamics
         self._energy_limits = energy.limit, energy.joint_limit, energy.rate
         dynamics.compile("factors")
         deliver.compile()
+        demand_rate.compile()
         self._gravity = np.zeros(model.nv)
         self.reset(start)
         self.begin()
@@ -158,7 +171,9 @@ class Limits:
         self._held: list[Array] = []  # efforts since the last command of a law, at most two
         self.scale = 1.0
         self.saturated: tuple[str, ...] = ()
-        self._rate.begin()
+        self._demands = np.zeros((CYCLES, len(self._rate)))
+        self._share = 1.0  # of a law whose efforts would change too fast
+        self._scaling_joint: int | None = None  # whose effort rate does so
         self.renew()
 
     def renew(self) -> None:
@@ -201,7 +216,7 @@ class Limits:
         self._gravity = g
         if self._is_new:
             self.reset(self.gravity_compensation)
-        command = self._rate.scaled(command, period)
+        command = self._scaled(command, period)
         if self._springs:
             command = self._springs.filter(q, qd, command, h)
         unlimited = command
@@ -227,15 +242,15 @@ class Limits:
             self.sent,
             self._effort_limit,
             self._compensated,
-            self._rate.rate,
+            self._rate,
             period,
             *self._energy_limits,
             rows,
         )
         effort, demand, saturated, waiting = rows[:4]
         self.saturated = names_where(self._names, saturated)
-        if self._rate.scaling_joint is not None:
-            waiting[self._rate.scaling_joint] = 1.0
+        if self._scaling_joint is not None:
+            waiting[self._scaling_joint] = 1.0
         return Limited(
             self._send(effort),
             demand,
@@ -245,13 +260,48 @@ class Limits:
             command is not slower,
         )
 
+    def _scaled(self, command: Command, period: float) -> Command:
+        """Return the command of a law, scaled for the rate of its efforts.
+
+        A law whose efforts have to change faster than R acts late, and late springs do work. So
+        that it stays stable, all that moves the robot is scaled as a whole, τ = g + s(τ − g). s
+        falls at the rate DECAY while s·d(τ − g)/dt exceeds SHARE of R in CYCLES successive cycles,
+        and grows back at the rate GROWTH.
+        """
+        tau = command.tau
+        gravity = command.gravity_torque
+        demand, joint = demand_rate(tau, gravity, self._rate, SHARE * period, self._demands)
+        if demand * self._share > 1.0:
+            slower = self._share * math.exp(-DECAY * period)
+            self._share = max(1.0 / demand, slower)
+            self._scaling_joint = joint
+        elif self._share < 1.0:
+            self._share = min(self._share * math.exp(GROWTH * period), 1.0)
+        if self._share == 1.0:
+            self._scaling_joint = None
+            return command
+        tau = gravity + self._share * (tau - gravity)
+        friction = command.friction
+        if friction is not None:
+            friction = self._share * friction
+        return command._replace(tau=tau, epsilon=self._share * command.epsilon, friction=friction)
+
+    def _towards(self, demand: Array, period: float) -> Array:
+        """Return the efforts nearest to a demand that are reached within a period [s].
+
+        Each joint approaches its effort at its own rate, because a slow joint must not delay the
+        gravity torque of the others.
+        """
+        change = period * self._rate
+        return np.clip(demand, self.sent - change, self.sent + change)
+
     def ramp(self, effort: VectorLike, period: float) -> Array:
         """Return the efforts to send without a law.
 
         They are those nearest to `effort` [N m, N] within a period [s].
         """
         demand = vector("effort", effort, self._names)
-        return self._send(self._rate.towards(demand, self.sent, period))
+        return self._send(self._towards(demand, period))
 
     def _send(self, effort: Array) -> Array:
         self.sent = effort.copy()
@@ -276,7 +326,7 @@ class Limits:
         gravity = self.gravity_compensation
         effort = gravity + (command.tau - command.gravity_torque)
         between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
-        near = np.abs(self._rate.towards(between, self.sent, period) - between) <= 1e-9
+        near = np.abs(self._towards(between, period) - between) <= 1e-9
         return bool(near.all())
 
     @property
