@@ -5,7 +5,6 @@
 
 import re
 from collections.abc import Mapping
-from difflib import get_close_matches
 from itertools import product
 from os.path import commonprefix
 
@@ -23,17 +22,15 @@ class JointNames:
     """
 
     def __init__(self, entries):
-        if not isinstance(entries, Mapping):
+        joints = {}
+        if not isinstance(entries, Mapping) or not all(
+            isinstance(name, str) and name for entry in entries.items() for name in entry
+        ):
             raise InputError(
-                f"joint_names is {entries!r}; expected a mapping such as "
+                f"joint_names is {entries!r}; expected a mapping of names such as "
                 "{'fer_joint1': 'panda_joint1'}."
             )
-        joints = {}
         for name, joint in entries.items():
-            if not (isinstance(name, str) and isinstance(joint, str) and name and joint):
-                raise InputError(
-                    f"joint_names maps {name!r} to {joint!r}; expected names of joints."
-                )
             if not name.count(ANY) == joint.count(ANY) <= 1:
                 raise InputError(
                     f"joint_names maps '{name}' to '{joint}'; expected one * in both names or in "
@@ -69,12 +66,6 @@ class JointNames:
 
 
 SAME_NAMES = JointNames({})
-
-
-def suggest(name, names):
-    """Return a question with the name that is nearest to another one, or an empty text."""
-    near = get_close_matches(name, names, n=1)
-    return f" Is '{near[0]}' meant?" if near else ""
 
 
 def _replace(entry, target, name):

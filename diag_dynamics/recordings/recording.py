@@ -328,16 +328,10 @@ def make_settings(parameters):
 
 def _check_span(start, end):
     """Return start and end [s] in nanoseconds, -inf and inf for None."""
-    span = {"start": -inf, "end": inf}
-    for name, seconds in zip(span, (start, end), strict=True):
-        if seconds is None:
-            continue
-        if not 0.0 <= seconds < 1e9:
-            raise InputError(
-                f"{name} is {seconds!r}; expected seconds after the beginning of the recording, 0 "
-                "or more."
-            )
-        span[name] = round(seconds * SECOND)
-    if span["end"] <= span["start"]:
-        raise InputError(f"end is {end!r} s; expected more than start, {start!r} s.")
-    return tuple(span.values())
+    if not (start or 0.0) < (inf if end is None else end) or (start or 0.0) < 0.0:
+        raise InputError(
+            f"start is {start!r} s and end is {end!r} s; expected seconds after the beginning of "
+            "the recording, start from 0 and end after it."
+        )
+    first = -inf if start is None else round(start * SECOND)
+    return first, inf if end is None else round(end * SECOND)

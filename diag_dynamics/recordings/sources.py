@@ -11,16 +11,15 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.bags import METADATA, Bag, first_bytes, is_bag
+from diag_dynamics.recordings.bags import METADATA, Bag, is_bag
 from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
-from diag_dynamics.recordings.joint_names import SAME_NAMES, suggest
+from diag_dynamics.recordings.joint_names import SAME_NAMES
 from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
@@ -59,25 +58,9 @@ class Source(Protocol):
         """Yield batches in the order of log time, some without messages outside of limits [ns]."""
 
 
-def check_topics(topic):
-    """Return a topic or several as a tuple of str without repetition; empty for None."""
-    topics = [topic] if isinstance(topic, str) else () if topic is None else topic
-    is_list = isinstance(topics, list | tuple)
-    if not is_list or not all(isinstance(name, str) and name for name in topics):
-        raise InputError(f"topic is {topic!r}; expected the name of a topic or a list of names.")
-    return tuple(dict.fromkeys(topics))
-
-
 def path_text(path):
     """Return the path of a recording as a text; ``a+b`` of a list of tables side by side."""
-    if isinstance(path, list | tuple):
-        return "+".join(map(os.fspath, path))
-    if not isinstance(path, str | os.PathLike):
-        raise InputError(
-            f"path is a {type(path).__name__}; expected the path of a recording. "
-            "The order of the arguments is path, model."
-        )
-    return os.fspath(path)
+    return "+".join(map(os.fspath, path if isinstance(path, list | tuple) else [path]))
 
 
 def open_source(path, columns=None, topic=None, names=SAME_NAMES) -> Source:
@@ -89,10 +72,9 @@ def open_source(path, columns=None, topic=None, names=SAME_NAMES) -> Source:
         return _open_table(path, columns, names)
     for file in paths:
         if not file.exists():
-            near = suggest(file.name, os.listdir(file.parent) if file.parent.is_dir() else [])
-            raise InputError(f"there is no file or folder '{file}'.{near}")
+            raise InputError(f"there is no file or folder '{file}'.")
     path = paths[0].parent if paths[0].name == METADATA else paths[0]
-    if len(paths) > 1 or not _is_bag(path):
+    if len(paths) > 1 or not (path.is_dir() or (path.is_file() and is_bag(path))):
         return _open_table("+".join(map(str, paths)), columns, names)
     if columns != ColumnMap():
         raise InputError(f"'{path}' is a bag; expected no column map, which is for tables.")
@@ -104,20 +86,6 @@ def _open_table(path, columns, names):
     return import_module("diag_dynamics.recordings.table_source").TableSource(path, columns, names)
 
 
-def _is_bag(path):
-    """Return whether a path is a folder or a bag; a pipe, which is read once, is none."""
-    if not path.is_file():
-        return path.is_dir()
-    first = first_bytes(path)
-    if first.startswith(GIT_LFS):
-        raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
-    if first.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
-        raise InputError(
-            f"'{path}' is XML; expected a recording. The order of the arguments is path, model."
-        )
-    return is_bag(path)
-
-
 class BagSource:
     """Messages of a bag, a Source: joint states of one robot, merged by log time, and odometry."""
 
@@ -127,7 +95,8 @@ class BagSource:
         self._names = names
         self._path = path
         self._bag = Bag(path)
-        self._topics = check_topics(topic)
+        topics = [topic] if isinstance(topic, str) else topic or ()
+        self._topics = tuple(dict.fromkeys(topics))
         self.notes = []
         self.start = self._bag.start
         self.unread = self._bag.unread
@@ -176,7 +145,8 @@ class BagSource:
         topics = self._topics if kind == JOINT_STATE else ()
         for topic in topics:
             if topic not in encodings:
-                raise self._missing_topic(topic, kind, sorted(encodings))
+                content = self._content()
+                raise InputError(f"'{self._path}' has no topic '{topic}' of {kind}: {content}.")
         topics = topics or self._choose_topics(kind, encodings)
         for topic in topics:
             if encodings[topic] != ENCODING:
@@ -215,29 +185,15 @@ class BagSource:
             self.notes.append(note)
         return usual
 
-    def _missing_topic(self, topic, kind, topics):
-        """Return the error about a topic that is not there, or is of another type."""
-        is_there = any(connection.topic == topic for connection in self._bag.connections)
-        only = f", only {', '.join(topics)}" if topics and not is_there else f": {self._content()}"
-        return InputError(
-            f"'{self._path}' has no topic '{topic}' of {kind}{only}.{suggest(topic, topics)}"
-        )
-
     def _content(self):
         """Return the topics of the bag as a text, and the beginning of its damage."""
-        texts = set()
-        odd = ""
-        for topic, kind, encoding, _ in self._bag.connections:
-            text = f"{topic} ({kind or 'no type'}"
-            if encoding != ENCODING:
-                text += f", encoded as '{encoding}'"
-                odd = f"; expected messages encoded as {EXPECTED}"
-            texts.add(f"{text})")
-        topics = (
-            f"its topics are {', '.join(sorted(texts))}" if texts else "it has no readable topics"
-        )
+        texts = {
+            f"{topic} ({kind or 'no type'}, encoded as '{encoding}')"
+            for topic, kind, encoding, _ in self._bag.connections
+        }
+        topics = ", ".join(sorted(texts)) or "no readable topics"
         damage = "".join(f"; {part.where}: {part.what}" for part in self.unread[:3])
-        return topics + damage + odd
+        return f"its content is {topics}; expected messages encoded as {EXPECTED}{damage}"
 
 
 def decode_messages(decoder, messages, kinds):

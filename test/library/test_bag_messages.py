@@ -116,7 +116,7 @@ NOT_UNDERSTOOD = [
         None,
         {},
         "my_msgs/JointState",
-        r"has no joint states: its topics are /joint_states .my_msgs/msg/JointState\)",
+        r"has no joint states: its content is /joint_states .my_msgs/msg/JointState, encoded",
     ),
 ]
 
@@ -237,9 +237,7 @@ def test_topics_of_one_robot_are_merged(tmp_path, kind):
         assert result.counts == expected.counts and result.findings == expected.findings
         assert_same_states(result, expected)
     refused(rf"{two[0]}, {two[1]}\. .* --topic {two[0]} --topic {two[1]}", path, robot)
-    refused(
-        rf"no topic '/gripper' .*, only {two[0]}, {two[1]}", path, robot, topic=[two[0], "/gripper"]
-    )
+    refused(rf"no topic '/gripper' .*{two[0]} .*{two[1]} ", path, robot, topic=[two[0], "/gripper"])
 
 
 def test_topics_that_are_not_read_are_named(tmp_path):
@@ -255,16 +253,9 @@ def test_topics_that_are_not_read_are_named(tmp_path):
     assert notes == [f"'{path}': {what}"]
     what = (
         r"no topic '/robot_description' of sensor_msgs/msg/JointState: .*/robot_description "
-        r"\(std_msgs/msg/String\)"
+        r"\(std_msgs/msg/String, encoded as 'cdr'\)"
     )
     refused(what, path, arm("a"), topic=["/joint_states", "/robot_description"])
-    for topic in ("", 3, ["/joint_states", None]):
-        refused(
-            r"topic is .*; expected the name of a topic or a list of names",
-            path,
-            arm("a"),
-            topic=topic,
-        )
 
 
 def test_robots_of_several_namespaces(tmp_path):
@@ -400,7 +391,7 @@ WRONG_MAPS = {
         {"fer_*": "panda_a"},
         r"maps 'fer_\*' to 'panda_a'; expected one \* in both names or in neither",
     ),
-    "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping such as"),
+    "a list": (["fer_a"], r"joint_names is \['fer_a'\]; expected a mapping of names"),
 }
 
 

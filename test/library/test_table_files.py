@@ -457,7 +457,7 @@ def test_maps_in_files(in_columns, written):
     recording = in_columns("stamp,p a,p b,i a,x,i b", path, "ba")
     np.testing.assert_allclose(recording.q[-1], [0.22 * DEG, 2 * 0.12])
     np.testing.assert_allclose(recording.tau[-1], [0.5 * 0.52, -0.32])
-    with pytest.raises(dd.InputError, match=r"map\.yaml' has 'positoin'; expected 'position'"):
+    with pytest.raises(dd.InputError, match=r"map\.yaml' has 'positoin'; expected time, "):
         in_columns("t,q1", written("time: t\npositoin: q", "map.yaml"), "a")
 
 
@@ -514,10 +514,10 @@ def test_decimal_commas_need_a_map(written):
 # --- Errors ---
 
 WRONG_MAPS = [
-    ({"tiem": "t"}, "columns has 'tiem'; expected 'time'"),
+    ({"tiem": "t"}, "columns has 'tiem'; expected time, rate"),
     (
         {"position": [1, 2], "time": "tt"},
-        "time: 'tt' is the name of 0 columns; .*. Is 't' meant",
+        "time: 'tt' is the name of 0 columns; .* one of t, a_s",
     ),
     (
         {"position": [1, 17]},

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.joint_names import suggest
 from diag_dynamics.recordings.tables import conventions
 from diag_dynamics.recordings.tables.headers import QUANTITIES, UNITS, factor_of, unit_of
 from diag_dynamics.text import listed
@@ -126,10 +125,9 @@ class _Chooser:
         for entry in entries:
             fitting = [k for k, name in enumerate(self._headers) if entry in (k, name)]
             if entry is not None and len(fitting) != 1:
-                meant = "" if fitting else suggest(str(entry), self._headers)
                 raise InputError(
                     f"{key}: {entry!r} is the name of {len(fitting)} columns; expected the name or "
-                    f"number of one of {listed(self._headers)}.{meant}"
+                    f"number of one of {listed(self._headers)}."
                 )
             places.append(None if entry is None else fitting[0])
             if fitting:

@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import numpy as np
 
@@ -67,8 +66,7 @@ def read_column_map(columns):
 def _parse(key, value, source):
     """Return the checked value of a key; null of velocities or efforts is no column."""
     if key not in _PARSERS:
-        near = get_close_matches(str(key), _PARSERS, n=1) or _PARSERS
-        raise InputError(f"{source} has '{key}'; expected {', '.join(map(repr, near))}.")
+        raise InputError(f"{source} has '{key}'; expected {', '.join(_PARSERS)}.")
     parser, expected = _PARSERS[key]
     if value is None:
         return () if key in QUANTITIES[1:] else None
