@@ -94,7 +94,7 @@ def collect_findings(counts, intake, source):
     causes = dict.fromkeys(rejection.cause for rejection in intake.rejections)
     names = {IMPLAUSIBLE: DEGREES} if in_degrees else {}
     findings += [Finding(names.get(cause, cause), counts[cause], first[cause]) for cause in causes]
-    texts = intake.assembler.last_texts | _name_texts(intake, counts)
+    texts = intake.assembler.last_texts | _name_texts(intake)
     findings += [
         Finding(cause, counts[cause], TEXTS[cause] or texts[cause])
         for cause in TEXTS
@@ -112,42 +112,28 @@ def require_plausible(findings):
             raise InputError(f"{finding.text}.")
 
 
-def _name_texts(intake, counts):
+def _name_texts(intake):
     """Return texts on missing joints, and on messages of other joints, by the name of a count."""
     assembler = intake.assembler
     missing = assembler.missing
-    joints = assembler.joint_names
+    unknown = assembler.unknown_names()
+    robot = listed(assembler.joint_names)
+    foreign = (
+        f"messages of other joints: {listed(unknown or assembler.last_foreign)}; the robot has "
+        f"{robot}"
+    )
     incomplete = "messages before all joints had arrived"
     if not missing:
-        foreign = f"{listed(assembler.last_foreign)}; the robot has {listed(joints)}"
-        return {"incomplete": incomplete, "foreign": f"messages of other joints: {foreign}"}
-    advice = "Map other names by --joint-names NAME=JOINT (joint_names)"
-    unknown = assembler.unknown_names()
-    nothing = len(missing) == len(joints)
+        return {"foreign": foreign, "incomplete": incomplete}
     present = set(assembler.names).intersection(map(intake.names.map_name, assembler.arrived))
-    lacking = [] if nothing else missing
-    if entries := propose_map(unknown, missing, present, intake.names.entries):
-        options = " ".join(quote(f"{name}={joint}") for name, joint in entries)
-        mapped = set(map(JointNames(dict(entries)).map_name, unknown))
-        count = len(mapped.intersection(assembler.names))
-        advice = (
-            f"--joint-names {options} (joint_names) maps {count} of {len(unknown)} names to the "
-            "robot's joints"
-        )
-        lacking = [joint for joint in missing if joint not in mapped]
-    advice += f". {_lock(lacking)}" if lacking else ""
-    lack = f"{'the robot has' if nothing else 'missing:'} {listed(missing)}"
-    incomplete += f"; missing: {listed(missing)}. "
-    if unknown and not counts["foreign"]:
-        incomplete += f"The recording has other joints: {listed(unknown)}. {advice}"
-    else:
-        incomplete += _lock(missing)
-    foreign = f"messages of other joints: {listed(unknown)}; {lack}. {advice}"
-    return {"foreign": foreign, "incomplete": incomplete}
-
-
-def _lock(missing):
-    """Return how to lock joints that the recording lacks, as a sentence without its point."""
-    entries = ",".join(f"{name}=0" for name in missing)
-    value = f"locked_joints={entries}" if len(missing) <= MAX_NAMES else "'locked_joints=*'"
-    return f"Lock a joint that the recording lacks: --set {value}"
+    entries = propose_map(unknown, missing, present, intake.names.entries)
+    mapped = set(map(JointNames(dict(entries)).map_name, unknown))
+    options = " ".join(quote(f"{name}={joint}") for name, joint in entries) or "NAME=JOINT"
+    advice = f"; missing: {listed(missing)}."
+    if unknown:
+        advice += f" The recording has {listed(unknown)}; map names by --joint-names {options} (joint_names)."
+    if lacking := [joint for joint in missing if joint not in mapped]:
+        locks = ",".join(f"{name}=0" for name in lacking)
+        value = f"locked_joints={locks}" if len(lacking) <= MAX_NAMES else "'locked_joints=*'"
+        advice += f" Lock a joint that the recording lacks: --set {value}"
+    return {"foreign": foreign + advice, "incomplete": incomplete + advice}

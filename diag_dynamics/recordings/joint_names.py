@@ -4,6 +4,7 @@
 """Names of joints in a recording that are not the robot's: their map, and a proposal for one."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from itertools import product
 from os.path import commonprefix
@@ -79,24 +80,22 @@ def propose_map(names, missing, present, entries):
 
     One prefix in place of another explains them. Joints that are present keep their names.
     """
-    names = names[:MAX_NAMES]
-    joints = missing[:MAX_NAMES]
-    candidates = {}
     entries = [entry for entry in entries if entry[1] not in missing]
-    for old, new in sorted({_split_prefixes(*pair) for pair in product(names, joints)}):
-        ends = [name[len(old) :] for name in names if name.startswith(old) and name != old]
-        mapped = {old + end: new + end for end in ends if new + end in joints}
-        is_alone = len(names) == len(joints) == 1 or "" in (old, new)
-        if len(mapped) > 1 or (mapped and is_alone):
-            targets = {new + end for end in ends}.union(
-                joint for joint in present if joint.startswith(old)
-            )
-            is_pattern = not entries and len(ends) > 1 and targets.isdisjoint(present)
-            pairs = [(old + ANY, new + ANY)] if is_pattern else mapped.items()
-            candidates.setdefault(tuple(mapped.items()), pairs)
-    most = max(map(len, candidates), default=0)
-    largest = [pairs for mapped, pairs in candidates.items() if len(mapped) == most]
-    return (*entries, *largest[0]) if len(largest) == 1 else ()
+    pairs = list(product(names[:MAX_NAMES], missing[:MAX_NAMES]))
+    counts = {
+        prefixes: count
+        for prefixes, count in Counter(_split_prefixes(*pair) for pair in pairs).items()
+        if count > 1 or "" in prefixes or len(pairs) == 1
+    }
+    most = [prefixes for prefixes, n in counts.items() if n == max(counts.values())]
+    if len(most) != 1:
+        return ()
+    ((old, new),) = most
+    targets = {name: new + name.removeprefix(old) for name in names if name.startswith(old)}
+    is_renamed = any(joint.startswith(old) or joint in targets.values() for joint in present)
+    if entries or len(targets) == 1 or is_renamed:
+        return (*entries, *(pair for pair in targets.items() if pair[1] in missing))
+    return ((old + ANY, new + ANY),)
 
 
 def _split_prefixes(name, joint):
