@@ -103,13 +103,12 @@ class TableSource:
         for arrays, rows in self._table.blocks(self._choice.values, texts, self._lose):
             count += len(rows)
             arrays = {k: unify(array) for k, array in arrays.items()}
-            self._has_lost = np.zeros(len(rows), bool)  # rows with a value that is no number
             time = self._read_times(arrays, rows)
             values = {
                 key: self._read_values(quantity, arrays, rows)
                 for key, quantity in self._choice.quantities.items()
             }
-            names = self._read_joints(arrays, values, rows)
+            names = self._read_joints(arrays)
             is_read = self._find_rows(time, values, names, arrays, rows)
             stamp = self._make_stamps(time, rows, is_read)
             if not is_read.any():
@@ -153,31 +152,18 @@ class TableSource:
                 values[:, joint] = read_numbers(arrays[k], self._lose_in_column(k, rows))
         return values
 
-    def _read_joints(self, arrays, values, rows):
+    def _read_joints(self, arrays):
         """Return the joint of each value, "" for none; None if all rows have the same joints."""
         if not self._choice.names:
             return None
-        names = np.column_stack([_read_names(arrays[k]) for k in self._choice.names])
-        for key, numbers in values.items():
-            odd = (names == "") & ~np.isnan(numbers)
-            if odd.any():
-                self._lose_rows(
-                    rows,
-                    "values without the name of a joint",
-                    "values omitted",
-                    np.nonzero(odd)[0],
-                    f"{key} {numbers[odd][0]:g}",
-                )
-        return names
+        return np.column_stack([_read_names(arrays[k]) for k in self._choice.names])
 
     def _find_rows(self, time, values, names, arrays, rows):
         """Return which rows have a time and a value; count the others."""
         empty = np.ones(len(rows), bool) if names is None else (names == "").all(axis=1)
         for numbers in values.values():
             empty &= np.isnan(numbers).all(axis=1)
-        self._without_values += int((empty & ~self._has_lost).sum())
-        if (lost := np.flatnonzero(empty & self._has_lost)).size:
-            self._lose_rows(rows, "no value is a number", LEFT_OUT, lost)
+        self._without_values += int(empty.sum())
         untimed = np.isnan(time)
         if (lost := np.flatnonzero(untimed & ~empty)).size:
             texts = [read_texts(arrays[k]) for k in self._choice.time]
@@ -264,7 +250,6 @@ class TableSource:
         self._losses.setdefault((cause, unit), [where, example, 0])[2] += count
 
     def _lose_rows(self, rows, cause, unit, lost, example="", before=""):
-        self._has_lost[lost] = True
         where = f"{self._table.unit} {rows[lost[0]]}"
         self._lose(cause, where, unit, len(lost), before + example)
 

@@ -502,11 +502,8 @@ def test_headers_and_separators(written, text, columns):
 
 
 def test_decimal_commas_need_a_map(written):
-    """The rows are no rows of other topics."""
     recording = read(written("t;q1;qd1\n0;1,5;1,0\n"))
-    loss, rows = lost(recording)
-    assert rows == "line 2: no value is a number: 1 rows omitted"
-    assert "ignored" not in str(notes(recording))
+    (loss,) = lost(recording)
     example = "column 'q1': '1,5'"
     assert loss == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
 

@@ -37,12 +37,9 @@ class ParquetTable:
     def __init__(self, path):
         self.path = path
         with self._open() as file:
-            head = _read_head(file)
-            self.columns = [
-                _sample_column(field, _first_values(file, field.name, head.column(k)))
-                for k, field in enumerate(head.schema)
-            ]
-            metadata = [file.schema_arrow.metadata, *(field.metadata for field in head.schema)]
+            fields = list(_flatten(file.schema_arrow.empty_table()).schema)
+            self.columns = [_sample_column(file, field) for field in fields]
+            metadata = [file.schema_arrow.metadata, *(field.metadata for field in fields)]
         self.texts = [
             f"metadata '{key.decode(errors='replace')}': {text.decode(errors='replace')}"
             for entries in metadata
@@ -83,32 +80,19 @@ class ParquetTable:
             ) from error
 
 
-def _read_head(file):
-    """Return the first rows of a file that can be read."""
+def _sample_column(file, field):
+    """Return the Column of a field with its first values in groups that are readable."""
+    array = pa.nulls(0, field.type)
     for group in range(file.num_row_groups):
-        with suppress(*_UNREADABLE, StopIteration):
-            return next(_read_tables(file, group, HEAD, None))
-    return _flatten(file.schema_arrow.empty_table())
-
-
-def _first_values(file, name, column):
-    """Return the first rows of a column, or later ones where the first have no value."""
-    array = column.combine_chunks()
-    for group in range(file.num_row_groups):
-        if array.null_count < len(array):
-            break
         with suppress(*_UNREADABLE):
-            for table in _read_tables(file, group, ROWS, [name]):
-                array = table.column(0).combine_chunks()
-                if array.null_count < len(array):
+            for table in _read_tables(file, group, ROWS, [field.name]):
+                array = unify(table.column(0).combine_chunks()).drop_null()
+                if len(array):
                     break
-    return array
-
-
-def _sample_column(field, array):
-    """Return the Column of a field with its first values."""
+        if len(array):
+            break
     unit = (field.metadata or {}).get(b"unit", b"").decode(errors="replace")
-    return make_column(field.name, unify(array).drop_null(), unit)
+    return make_column(field.name, array.slice(0, HEAD), unit)
 
 
 def _read_tables(file, group, rows, names):
