@@ -14,12 +14,7 @@ from diag_dynamics.identification.dataset import DOUBTFUL
 from diag_dynamics.identification.gains import gains_by_joint
 from diag_dynamics.identification.result import deviations_of, parameters_of, payload_certainty
 from diag_dynamics.identification.selection import GAIN
-from diag_dynamics.recordings.balance import (
-    MIN_EXPLAINED,
-    NOTHING_EXPLAINED,
-    Balance,
-    WindowSums,
-)
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, NOTHING_EXPLAINED, Balance
 from diag_dynamics.recordings.data_checks import smoothed
 from diag_dynamics.recordings.observer import Observer
 
@@ -58,7 +53,6 @@ def validate(models, parts):
     elapsed = 0.0
     curves = [np.empty((0, 1 + 3 * models[0].nv))]
     size = -(-sum(len(segment.t) for block in parts for segment, _ in block) // MAX_STEPS)
-    sums = WindowSums()
     balance = Balance()
     errors = []
     observed = []
@@ -74,7 +68,7 @@ def validate(models, parts):
                 rest = dynamics.inverse_dynamics(q, qd, np.gradient(qd, t, axis=0))
                 tau = np.where(measured_joints, tau, rest)
             s = dynamics.evaluate(q, qd, tau)
-            balance.add_windows(sums.integrate_states(segment.states, s))
+            balance.add_states(segment.states, s)
             states = observer.observe_batch(replace(segment.states, effort=tau))
             torque = states.external_torque[states.valid]
             observed.append(np.where(measured_joints, torque, np.nan))

@@ -13,7 +13,7 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance, WindowSums
+from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
 from diag_dynamics.recordings.findings import REJECTED, explain_missing_efforts
 from diag_dynamics.recordings.observer import Observed, Observer, find_touched_links
@@ -111,7 +111,6 @@ class Analysis:
         # parameters without which no collision is reported
         self._missing = settings.unjudged_without
         self._dynamics = DiagonalDynamics(model)
-        self._windows = WindowSums(model.has_friction)
         self._observer = Observer(
             self._dynamics,
             gain,
@@ -124,7 +123,7 @@ class Analysis:
         points = reading.contact_points[0] if settings.contact_limits is not None else None
         self._points = points if points and points.limited.any() else None
         self._exposure = ContactExposure(self._points) if self._points else None
-        self._balance = Balance()
+        self._balance = Balance(model.has_friction)
         self._quality = Quality(model)
         self._peaks = {}  # largest value, its stamp [ns], and its joint or None, by quantity
         self._shares = np.full(model.nv, -np.inf)
@@ -197,9 +196,7 @@ class Analysis:
                 threads=self._threads,
             )
             alarms.add_states(states.stamp, strength, judged[-1], touched)
-        self._balance.add_windows(
-            self._windows.integrate_states(*self._with_model_efforts(states, s))
-        )
+        self._balance.add_states(*self._with_model_efforts(states, s))
         self._balance.moved = self._efforts.moved
         self._quality.add_states(states)
         self._motion.add_states(states)

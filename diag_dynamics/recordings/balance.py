@@ -42,21 +42,24 @@ class Windows(NamedTuple):
         return self.kinetic - (self.effort - self.gravity - self.friction)
 
 
-class WindowSums:
-    """Integrate powers over windows by the trapezoidal rule, batch by batch.
+class Balance:
+    """Balance of power over windows, by the trapezoidal rule, batch by batch.
 
-    C does no work on K (Lemma 7.2).
+    C does no work on K (Lemma 7.2). `moved` is whether the robot has moved.
     """
 
     def __init__(self, friction=False):
+        self.moved = True
         self._friction = friction
         self._chain = SampleChain(MAX_GAP)
         self._integrals = WindowIntegrals(WINDOW)
         # Stamp, powers and K of the last sample.
         self._last = 0, np.zeros(3), np.zeros(1)
+        empty = np.zeros((2, 0), np.int64)
+        self._parts = [Windows(*empty, *np.zeros((4, 0)))]
 
-    def integrate_states(self, states, s):
-        """Return the :class:`Windows` that end at states, given their BatchEvaluation."""
+    def add_states(self, states, s):
+        """Add the windows that end at states, given their BatchEvaluation."""
         samples = self._chain.select(states)
         rows = samples.rows
         stamp, power, energy = self._last
@@ -73,16 +76,7 @@ class WindowSums:
         follows = np.append(False, samples.interval > 0.0)
         begin, end, work, gained = self._integrals.integrate(stamps, follows, steps, energies)
         span = (end - begin) / SECOND
-        return Windows(begin, end, gained[:, 0] / span, *(work.T / span))
-
-
-class Balance:
-    """Balance of power over all windows; `moved` is whether the robot has moved."""
-
-    def __init__(self):
-        self.moved = True
-        empty = np.zeros((2, 0), np.int64)
-        self._parts = [Windows(*empty, *np.zeros((4, 0)))]
+        self.add_windows(Windows(begin, end, gained[:, 0] / span, *(work.T / span)))
 
     def add_windows(self, windows):
         """Add :class:`Windows`."""

@@ -257,17 +257,16 @@ class Relation(NamedTuple):
         """Return which joints have a factor that tells 1 from 0, bool."""
         return ERRORS * self.error < 1.0
 
-    def unrelated(self):
-        """Return which joints have a factor that is 0 by its error, and cannot be 1, bool."""
-        spread = ERRORS * self.error
-        is_zero = np.abs(self.factor) <= spread
-        return self.judged() & is_zero & (self.factor + spread + self.model_error < 1.0)
-
     def wrong(self):
-        """Return which joints are unrelated, or have a factor beyond limits and errors, bool."""
+        """Return which joints have a factor beyond limits and errors, bool.
+
+        A factor that is 0 by its error has to be 1.
+        """
         low, high = self.limits()
-        margin = ERRORS * self.error + self.model_error
-        return (self.factor + margin < low) | (self.factor - margin > high) | self.unrelated()
+        spread = ERRORS * self.error
+        margin = spread + self.model_error
+        low = np.where(self.judged() & (np.abs(self.factor) <= spread), 1.0, low)
+        return (self.factor + margin < low) | (self.factor - margin > high)
 
     def doubtful(self):
         """Return which joints have a factor below 0 or far from 1, bool.

@@ -3,23 +3,13 @@
 
 """The states that a report keeps: a selection with every peak.
 
-States are records of NumPy. Of their fields these are used here: ``index`` from the first state of
-the recording, ``K`` [J] and ``norm`` (|r|).
+States are columns by name. Of these are used here: ``index`` from the first state of the recording,
+``K`` [J] and ``norm`` (|r|).
 """
 
 import numpy as np
 
 HALF_WINDOW = 0.01  # half the time over which dK/dt is averaged [s]
-
-
-def make_records(columns):
-    """Return columns by name, shape (T, …), as T records."""
-    records = np.empty(
-        len(columns["t"]), [(name, x.dtype, x.shape[1:]) for name, x in columns.items()]
-    )
-    for name, column in columns.items():
-        records[name] = column
-    return records
 
 
 def energy_rate(t, K):
@@ -40,19 +30,19 @@ class Overview:
 
     def add(self, states):
         """Add the next states."""
-        self._parts.append(states[_extremes(states, self._stride)])
-        while sum(map(len, self._parts)) > self._size:
+        self._parts.append(_select_extremes(states, self._stride))
+        while sum(len(part["index"]) for part in self._parts) > self._size:
             self._stride *= 2
-            states = self.states()
-            self._parts = [states[_extremes(states, self._stride)]]
+            self._parts = [_select_extremes(self.states(), self._stride)]
 
     def states(self):
         """Return all states that are kept."""
-        return np.concatenate(self._parts)
+        names = self._parts[0]
+        return {name: np.concatenate([part[name] for part in self._parts]) for name in names}
 
 
-def _extremes(states, stride):
-    """Return indices of the first state, the smallest and largest K and the largest |r| of runs."""
+def _select_extremes(states, stride):
+    """Return the first state, those of smallest and largest K and of the largest |r| of runs."""
     run = states["index"] // stride
     K = states["K"]
     norm = states["norm"]
@@ -60,4 +50,5 @@ def _extremes(states, stride):
     last = np.append(first[1:], len(run)) - 1
     by_energy = np.lexsort((K, run))
     by_norm = np.lexsort((np.where(np.isfinite(norm), norm, -1.0), run))
-    return np.unique(np.concatenate([first, by_energy[first], by_energy[last], by_norm[last]]))
+    rows = np.unique(np.concatenate([first, by_energy[first], by_energy[last], by_norm[last]]))
+    return {name: column[rows] for name, column in states.items()}

@@ -18,7 +18,7 @@ from diag_dynamics.page.meshes import MeshLibrary, pack, pack_meshes
 from diag_dynamics.page.report import write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.recordings.outputs.downsampling import Overview, energy_rate, make_records
+from diag_dynamics.recordings.outputs.downsampling import Overview, energy_rate
 
 MAX_STATES, MAX_MESHES = 7_000_000, 2_000_000
 """Bytes of states before compression, and of compressed meshes: a report has at most 14.5 MB."""
@@ -43,7 +43,7 @@ class ReportOutput:
 
     def write(self, piece):
         """Write a :class:`~diag_dynamics.recordings.analysis.Piece`."""
-        self._overview.add(self._records(piece))
+        self._overview.add(self._columns(piece))
 
     def close(self, summary):
         """Complete the file, with the summary of the analysis, and give it its name."""
@@ -65,8 +65,8 @@ class ReportOutput:
         """Delete what has been written."""
         self._target.discard()
 
-    def _records(self, piece):
-        """Return the states of a piece as records: all that a report needs of them."""
+    def _columns(self, piece):
+        """Return the states of a piece as columns by name: all that a report needs of them."""
         states, s, (residual, torque, norm, _) = piece[:3]
         if self._first is None:
             self._first = int(states.stamp[0])
@@ -87,12 +87,11 @@ class ReportOutput:
             "rate": energy_rate(t, s.kinetic_energy),
         }
         self._count += len(t)
-        return make_records(columns)
+        return columns
 
     def _numbers(self):
         """Return times of the selected states [s], and the numbers of their frames."""
-        states = self._overview.states()
-        columns = {name: np.ascontiguousarray(states[name]) for name in states.dtype.names}
+        columns = self._overview.states()
         evaluated = States(
             **{name: column for name, column in columns.items() if name in States._fields}
         )

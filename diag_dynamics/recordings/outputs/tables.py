@@ -29,9 +29,7 @@ UNITS = {
     "external_torque": FORCE,
 }
 """Units of quantities per degree of freedom, of one that turns and of one that slides."""
-OF_STATES = "velocity", "effort"
 OF_EFFORTS = "epsilon", "kappa"
-OBSERVED = "residual", "external_torque"
 
 
 class TableOutput:
@@ -121,23 +119,20 @@ def make_columns(model, piece, offset):
         for (name, unit), values in zip(units.items(), contiguous, strict=True):
             columns.append((f"{quantity}.{name}", unit, values))
 
-    def add_quantity(quantity, block):
-        units = {name: UNITS[quantity][is_slide] for name, is_slide in slides.items()}
-        add_block(quantity, block, units)
-
     units = {}  # those of an orientation are empty
     for k, name in enumerate(model.coordinate_names):
         is_length = slides.get(name) or (model.floating_base and k < 3)
         units[name] = "m" if is_length else "rad" if name in slides else ""
     add_block("position", states.position, units)
-    for quantity in UNITS:
-        if quantity not in OBSERVED and (model.has_friction or quantity != "friction"):
-            add_quantity(quantity, getattr(states if quantity in OF_STATES else s, quantity))
+    others = {"velocity": states.velocity, "effort": states.effort}
+    others |= {"residual": residual, "external_torque": torque}
+    for quantity, pair in UNITS.items():
+        if model.has_friction or quantity != "friction":
+            block = others[quantity] if quantity in others else getattr(s, quantity)
+            add_block(quantity, block, {name: pair[slide] for name, slide in slides.items()})
     columns += [("kinetic_energy", "J", s.kinetic_energy), ("base_energy", "J", s.base_energy)]
     add_block("link_energy", s.link_energy, dict.fromkeys(model.link_names, "J"))
     columns.append(("power", "W", np.where(states.effort_known, s.effort_power, np.nan)))
-    add_quantity("residual", residual)
-    add_quantity("external_torque", torque)
     columns += [("residual_norm", "J^0.5/s", norm), ("collision", "", piece.judged.alarm)]
     columns.append(("stamp_is_receive_time", "", states.stamp_received))
     return [*columns, ("velocity_estimated", "", states.velocity_estimated)]
