@@ -11,7 +11,7 @@ from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.description.mjcf import is_mjcf
 from diag_dynamics.description.text import read_text
 from diag_dynamics.description.urdf_writer import urdf_with
-from diag_dynamics.exceptions import InputError, UnsupportedError
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification.identify import identify
 from diag_dynamics.identification.report import write_report
 from diag_dynamics.identification.result import require_masses
@@ -81,10 +81,6 @@ def run(chosen):
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
         model = recordings[0].model
-        if model.floating_base:
-            raise UnsupportedError(
-                f"robot '{model.name}' has a floating base; identify supports fixed bases only."
-            )
         reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
         loaded, unloaded = (
             [recording.pieces for recording in group] for group in (recordings, reference)

@@ -219,7 +219,7 @@ REFUSED = [  # command line, message; the exit status is 2
     ),
     (
         "identify monday.csv --urdf ur5_robot --set floating_base=true",
-        "identify supports fixed bases only",
+        "has a floating base",
     ),
     (
         "identify still.csv --urdf arm.xml --write-urdf {tmp}/new.urdf",
