@@ -34,12 +34,6 @@ READ = ("recording", "reference", "urdf", "columns", "alarms", "parameters")
 """Arguments that name files to be read."""
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM was received; it cleans up as Ctrl-C does."""
-
-    status = 128 + signal.SIGTERM
-
-
 def run_command(name, about, module, arguments):
     """Parse the arguments of a command of the library, run its module, return the exit status."""
     epilog = getattr(module, "EPILOG", None)
@@ -49,19 +43,21 @@ def run_command(name, about, module, arguments):
     outputs = {
         option: getattr(chosen, dest) for option, dest in getattr(module, "OUTPUTS", {}).items()
     }
+    # SIGTERM cleans up as Ctrl-C does.
+    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        with terminable():
-            check_outputs(chosen, outputs)
-            return module.run(chosen)
+        check_outputs(chosen, outputs)
+        return module.run(chosen)
     except BrokenPipeError:
         raise  # of `… | head`, which main handles
-    except KeyboardInterrupt as error:
-        kind = "terminated" if isinstance(error, Terminated) else "interrupted"
-        print(f"diag-dynamics {name}: {kind}.", file=sys.stderr)
-        return getattr(error, "status", INTERRUPTED)
+    except KeyboardInterrupt:
+        print(f"diag-dynamics {name}: interrupted.", file=sys.stderr)
+        return INTERRUPTED
     except (DiagDynamicsError, OSError) as error:
         report_error(name, error, chosen)
         return FAILED
+    finally:
+        signal.signal(signal.SIGTERM, handler)
 
 
 def report_error(name, error, chosen):
@@ -71,20 +67,6 @@ def report_error(name, error, chosen):
         arguments = " ".join(map(quote, [robot, *chosen.xacro_args]))
         text = text.replace("--urdf ROBOT", f"--urdf {arguments}")
     print(f"diag-dynamics {name}: {shortened(text)}", file=sys.stderr)
-
-
-@contextmanager
-def terminable():
-    """Have SIGTERM raise :class:`Terminated`; the caller is in the main thread."""
-    before = signal.signal(signal.SIGTERM, _raise_terminated)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-def _raise_terminated(*_):
-    raise Terminated
 
 
 # --- Arguments

@@ -205,11 +205,8 @@ def reading(path, size, then):
     return thread
 
 
-@pytest.mark.parametrize(
-    ("number", "status", "word"),
-    [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")],
-)
-def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number):
     """What was there stays as it was. The signal comes while the CSV is written."""
     pipe = tmp_path / "out.csv"
     older = tmp_path / "out.json"
@@ -221,7 +218,7 @@ def test_a_signal_leaves_nothing(tmp_path, bag, analyse, number, status, word):
         bag, "--mcap", tmp_path / "out.mcap", "--csv", pipe, "--json", older
     )
     reader.join(HANG)
-    assert result == status and f"diag-dynamics analyse: {word}.\n" in printed
+    assert result == 130 and "diag-dynamics analyse: interrupted.\n" in printed
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "out.csv", "out.json"]
     assert older.read_text() == "of yesterday"
 
