@@ -26,17 +26,20 @@ from diag_dynamics.nodes.support.runner import Stop
 from diag_dynamics.parameters.robots import model_of
 
 COMPILED = (
-    *(
-        "evaluate",
-        "factors",
-        "forward_dynamics",
-        "inverse_dynamics",
-        "mass_matrix",
-        "coriolis_torque",
-        "gravity_torque",
-    ),
-    *("contact_limits", "nu_from_qd", "qd_from_nu", "placement", "link_velocity", "wrench_factor"),
-    *("momentum", "epsilon_from_tau"),
+    "evaluate",
+    "factors",
+    "forward_dynamics",
+    "inverse_dynamics",
+    "mass_matrix",
+    "coriolis_torque",
+    "gravity_torque",
+    "contact_limits",
+    "nu_from_qd",
+    "qd_from_nu",
+    "placement",
+    "wrench_factor",
+    "momentum",
+    "epsilon_from_tau",
 )
 """Methods of DiagonalDynamics that nodes call."""
 

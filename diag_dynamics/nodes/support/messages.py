@@ -39,9 +39,6 @@ from diag_dynamics.wire.fields import (
     torque_fields,
 )
 
-MAX_LAYOUTS = 64
-"""Layouts that are kept: with efforts or without, with friction or without, of contact points."""
-
 
 def doubles(values):
     """float64[] of a vector or, row-major, a matrix; empty for None."""
@@ -276,8 +273,6 @@ class BytesMaker(MessageMaker):
         template = Template(message)
         if not template.holds(serialize_message(message)):
             return False
-        if len(self._layouts) >= MAX_LAYOUTS:
-            self._layouts.clear()
         self._layouts[key] = (
             template,
             [
