@@ -3,8 +3,6 @@
 
 """Parameters of a robot: shared by the nodes, and by the library where it reads robots."""
 
-import numpy as np
-
 from diag_dynamics.description.arguments import LARGEST_GRAVITY
 from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
@@ -67,13 +65,10 @@ def payloads_of(entries):
             numbers = [float(number) for number in text.split()]
         except ValueError:
             numbers = []
-        if len(numbers) not in (1, 4, 10) or not np.isfinite(numbers).all() or numbers[0] < 0.0:
-            expected = "link= and 1, 4 or 10 finite numbers with a mass of at least 0"
+        is_bounded = all(abs(number) <= LARGEST for number in numbers)  # and no NaN
+        if len(numbers) not in (1, 4, 10) or not is_bounded or numbers[0] < 0.0:
+            expected = f"1, 4 or 10 finite numbers within ±{LARGEST:g}, the mass at least 0"
             raise InputError(f"parameter 'payloads' has {link}={text}, expected {expected}.")
-        if max(map(abs, numbers)) > LARGEST:
-            raise InputError(
-                f"parameter 'payloads' has {link}={text}, expected numbers within ±{LARGEST:g}."
-            )
         mass = numbers[0]
         com = numbers[1:4] or (0.0, 0.0, 0.0)
         inertia = numbers[4:] or (0.0,) * 6
