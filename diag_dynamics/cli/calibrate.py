@@ -62,10 +62,12 @@ def run(chosen):
     values = {name: spec.default for name, spec in PARAMETERS.items()} | parameters
     with Progress(chosen.quiet) as progress:
         robot = common.chosen_robot(chosen)
-        recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
-        model = recordings[0].model
+        model, readers = common.stream_recordings(
+            chosen, chosen.recording, parameters, robot, progress
+        )
+        findings = {}
         calibration = calibrate(
-            [recording.pieces() for recording in recordings],
+            [_with_findings(reader(), findings) for reader in readers],
             DiagonalDynamics(model),
             chosen.gain,
             rate,
@@ -79,14 +81,21 @@ def run(chosen):
     calibration.save(chosen.output, _notes(chosen))
     texts = []
     is_damaged = False
-    for recording in recordings:
-        for finding in recording.findings:
+    for path, of_path in findings.items():
+        for finding in of_path:
             if finding.cause != "note":
-                texts.append(f"'{Path(recording.path).name}': {finding}")
+                texts.append(f"'{Path(path).name}': {finding}")
             is_damaged |= finding.cause == "unread" or finding.cause.startswith(REJECTED)
     if not chosen.quiet:
         print("\n".join(_summary(calibration, model, chosen.output, texts)))
     return DOUBTFUL if calibration.warnings or is_damaged else DONE
+
+
+def _with_findings(pieces, findings):
+    """Yield pieces of a recording; their last findings are in a dict by path then."""
+    for piece in pieces:
+        findings[piece.path] = piece.findings
+        yield piece
 
 
 def _notes(chosen):

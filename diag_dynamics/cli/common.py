@@ -202,39 +202,31 @@ def expand_recordings(paths):
     return expand_episodes(paths)
 
 
-class StreamedRecording:
-    """A recording that each call of :meth:`pieces` reads; `findings` are of the last reading."""
-
-    def __init__(self, path, read, model, progress):
-        self.path = path
-        self.model = model
-        self.findings = []
-        self._read = read
-        self._progress = progress
-
-    def pieces(self):
-        """Yield Recordings; raise InputError without any state."""
-        reading = self._read(self.path, self.model)
-        states = 0
-        for piece in reading.pieces():
-            self.findings = piece.findings
-            states = states + len(piece)
-            self._progress.show(f"{self.path}: {states} states")
-            yield piece
-        if not states:
-            raise reading.no_states_error()
-
-
 def stream_recordings(chosen, paths, parameters, robot, progress):
-    """Return a StreamedRecording of each path; all are of the robot of the first one."""
+    """Return the model, and for each path a function that yields pieces of its recording.
+
+    All recordings are of the robot of the first one.
+    """
     from diag_dynamics.recordings.recording import Reading
 
     read = partial(Reading, parameters=parameters, **reading_options(chosen))
-    recordings = []
+    readers = []
     for path in expand_recordings(paths):
         robot = read(path, robot).model
-        recordings.append(StreamedRecording(path, read, robot, progress))
-    return recordings
+        readers.append(partial(_pieces, read, path, robot, progress))
+    return robot, readers
+
+
+def _pieces(read, path, model, progress):
+    """Yield Recordings; raise InputError without any state."""
+    reading = read(path, model)
+    states = 0
+    for piece in reading.pieces():
+        states = states + len(piece)
+        progress.show(f"{path}: {states} states")
+        yield piece
+    if not states:
+        raise reading.no_states_error()
 
 
 # --- Outputs

@@ -79,11 +79,11 @@ def run(chosen):
             "output has as effort_scale."
         )
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
-        recordings = common.stream_recordings(chosen, chosen.recording, parameters, robot, progress)
-        model = recordings[0].model
-        reference = common.stream_recordings(chosen, chosen.reference, parameters, model, progress)
-        loaded, unloaded = (
-            [recording.pieces for recording in group] for group in (recordings, reference)
+        model, loaded = common.stream_recordings(
+            chosen, chosen.recording, parameters, robot, progress
+        )
+        _, unloaded = common.stream_recordings(
+            chosen, chosen.reference, parameters, model, progress
         )
         steps = [name.strip() for name in chosen.what.split(",")]
         result = identify(loaded, model, steps, reference=unloaded or None)
