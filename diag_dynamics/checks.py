@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any, TypeVar
 
 import numpy as np
@@ -71,9 +70,8 @@ def mapping(
 
 def whole(name: str, value: object) -> int:
     """Return an integer >= 1."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name} is {value!r}, expected a whole number >= 1.")
-    return int(value)
+    expected = "a whole number >= 1"
+    return int(number(name, value, expected, lambda x: x >= 1.0 and x.is_integer()))
 
 
 def number(
@@ -140,10 +138,9 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
         return value
     for label in entries:
         if label not in names:
-            near = get_close_matches(str(label), names, n=1)
-            meant = f"; is '{near[0]}' meant?" if near else f"; they are {listed(names)}."
             joints = "joints with an entry of their own, which mimic, locked and fixed ones lack"
-            raise InputError(f"{name} has {label!r}; expected names of {joints}{meant}")
+            expected = f"names of {joints}; they are {listed(names)}"
+            raise InputError(f"{name} has {label!r}; expected {expected}.")
     missing = [label for label in names if label not in entries]
     if missing:
         raise InputError(f"{name} has nothing for {listed(missing)}.")

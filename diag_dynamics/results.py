@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
@@ -42,29 +42,23 @@ def _row_with_tau(row: int, doc: str) -> _Quantity[Term]:
     return _quantity(lambda s: s._rows[row] if s._with_tau else None, doc)
 
 
-def _number(row: int, doc: str) -> _Quantity[float]:
-    return _quantity(lambda s: s._state.item(row, 0), doc)
-
-
-def _number_with_tau(row: int, doc: str) -> _Quantity[float | None]:
-    return _quantity(lambda s: s._state.item(row, 0) if s._with_tau else None, doc)
-
-
 class Evaluation:
     """Quantities of the diagonalized equations of motion at one state, returned by `evaluate`.
 
     They show how energy, torque and Coriolis terms split among joints. Arrays have shape (nv,)
-    unless stated otherwise.
+    unless stated otherwise. Those of T states have a leading axis T, and numbers such as
+    `kinetic_energy` are arrays of shape (T,).
 
     The equation of motion is ``d(nu)/dt + coriolis + gravity = epsilon``, with ``+ external`` on
     the right and ``+ friction`` on the left if these were requested (Jain and Rodriguez 1995, eq.
     3.1, with gravity, wrenches and friction as separate terms).
 
-    Results are read-only and permanent. `link_energy` is computed on each access; all other
-    attributes are read from memory.
+    Results are read-only and permanent. `nu_dot`, `xi_dot`, `energy_share`, `link_energy` and the
+    power of wrenches and friction are new arrays at each access; all other attributes are read from
+    memory.
     """
 
-    __slots__ = ("_external", "_friction", "_model", "_rows", "_state", "_with_tau")
+    __slots__ = ("_external", "_friction", "_memory", "_model", "_rows", "_state", "_with_tau")
 
     def __init__(
         self,
@@ -73,14 +67,18 @@ class Evaluation:
         with_tau: bool,
         external: Term = None,
         friction: Term = None,
+        memory: Sequence[Array] = (),
     ) -> None:
-        # `state` has the rows of sweeps.workspace, of length max(nq, 1).
+        # `state` has the rows of sweeps.workspace, of length max(nq, 1); of many states it is the
+        # first array of batch_memory, and `memory` has the others.
+        state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
         self._model = model
         self._state = state
-        self._rows: Any = state[:, : model.nv]
+        self._rows = state[..., : model.nv]
         self._with_tau = with_tau
         self._external = external
         self._friction = friction
+        self._memory = tuple(map(read_only, memory))
 
     nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
     xi = _row(ws.XI, "Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).")
@@ -127,38 +125,58 @@ class Evaluation:
         attrgetter("_friction"),
         "Friction term ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested.",
     )
-    nu_dot = _row_with_tau(
-        ws.NU_DOT,
+
+    @property
+    def kinetic_energy(self) -> Any:
+        """K = ½νᵀν [J]."""
+        return self._number(ws.KINETIC_ENERGY)
+
+    @property
+    def nu_dot(self) -> Term:
         """Rate dν/dt = ε − C − ε_g + ℓJᵀf_ext − ε_fric [J^½/s] (eq. 3.1); None without tau.
 
         Wrenches and friction count if they were requested.
-        """,
-    )
-    xi_dot = _row_with_tau(
-        ws.XI_DOT,
+        """
+        if self.epsilon is None:
+            return None
+        rate = self.epsilon - self.coriolis - self.gravity
+        if self._external is not None:
+            rate += self._external
+        if self._friction is not None:
+            rate -= self._friction
+        return rate
+
+    @property
+    def xi_dot(self) -> Term:
         """Rate dξ/dt = D⁻¹(κ − κ_g − C_ξ + …) [rad/s², m/s²] (eq. 7.9); None without tau.
 
         The other terms are D^½ times those of `nu_dot`.
-        """,
-    )
-    kinetic_energy = _number(ws.KINETIC_ENERGY, "K = ½νᵀν [J].")
-    energy_share = _row(
-        ws.ENERGY_SHARE,
+        """
+        rate = self.nu_dot
+        if rate is None:
+            return None
+        D = self.articulated_inertia
+        return (np.sqrt(D) * (rate + self.coriolis) - self.coriolis_unnormalized) / D
+
+    @property
+    def energy_share(self) -> Array:
         """Kinetic energy ½ν_k² of each total rate [J]; sums to K. It is not the energy of link k.
 
         The six shares of a floating base depend on the order of its twist's components; their sum
         `base_energy` does not.
-        """,
-    )
+        """
+        return energy_shares(self.nu)
 
     @property
-    def base_energy(self) -> float:
+    def base_energy(self) -> Any:
         """Sum of the six energy shares of a floating base [J]; 0 with a fixed base.
 
         It is ½V*ᵀPV*, V* being the total rates' common part and P the articulated inertia of the
         whole robot.
         """
-        return self._state.item(ws.BASE_ENERGY, 0) if self._model.floating_base else 0.0
+        return (
+            self._number(ws.BASE_ENERGY) if self._model.floating_base else 0.0 * self.kinetic_energy
+        )
 
     @property
     def link_energy(self) -> Array:
@@ -173,19 +191,28 @@ class Evaluation:
         workspace = model.new_workspace()
         if not evaluation.link_energies(workspace.robot, model.links, Q, QD, energy):
             raise InputError("qd is too large: the kinetic energy of a link overflows.")
-        return read_only(energy[0] if self.nu.ndim == 1 else energy)
+        return energy[0] if self.nu.ndim == 1 else energy
 
-    power = _number_with_tau(
-        ws.POWER,
+    @property
+    def effort_power(self) -> Any:
+        """Power νᵀ(ε − ε_g) [W] of efforts and gravity alone; None without tau."""
+        return self._number(ws.EFFORT_POWER) if self._with_tau else None
+
+    @property
+    def power(self) -> Any:
         """Power dK/dt = νᵀ(ε − ε_g + ℓJᵀf_ext − ε_fric) [W] (Lemma 7.2); None without tau.
 
         Wrenches and friction count if they were requested.
-        """,
-    )
-    effort_power = _number_with_tau(
-        ws.EFFORT_POWER,
-        "Power νᵀ(ε − ε_g) [W] of efforts and gravity alone; None without tau.",
-    )
+        """
+        power = self.effort_power
+        if power is None:
+            return None
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self._external is not None:
+                power = power + np.einsum("...k,...k->...", self.nu, self._external)
+            if self._friction is not None:
+                power = power - np.einsum("...k,...k->...", self.nu, self._friction)
+        return power
 
     model: _Quantity[RobotModel] = _quantity(attrgetter("_model"), "Model of the robot.")
     rows: _Quantity[Array] = _quantity(
@@ -196,139 +223,30 @@ class Evaluation:
         """,
     )
 
+    def _number(self, row: int) -> Any:
+        """Return the number in a row of sweeps.workspace."""
+        if self._memory:
+            return self._memory[0][row - ws.KINETIC_ENERGY]
+        return self._state.item(row, 0)
+
     def _motion(self) -> tuple[Array, Array]:
         """Return positions and rates, one row per state."""
+        if self._memory:
+            return self._memory[1], self._memory[2]
         return self._state[ws.POSITIONS][None], self._state[ws.RATES][None]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return all quantities by name; None for absent ones."""
-        return {name: getattr(self, name) for name in NAMES}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of '{self._model.name}': shape {self.nu.shape}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         terms = self._with_tau, self._external, self._friction
-        return evaluation_of, (self._model, self._state, *terms)
+        return type(self), (self._model, self._state, *terms, self._memory)
 
 
-NAMES = tuple(
-    name
-    for name, value in vars(Evaluation).items()
-    if isinstance(value, property) and name not in ("model", "rows")
-)
-"""Quantities of `to_dict`."""
-
-
-class _BatchRows(dict[int, Array]):
-    """Results of many states by row; energy shares and rates are computed on first access."""
-
-    terms: tuple[Term, Term] = None, None
-
-    def __missing__(self, row: int) -> Array:
-        if row == ws.ENERGY_SHARE:
-            self[row] = read_only(energy_shares(self[ws.NU]))
-        else:
-            self[ws.NU_DOT], self[ws.XI_DOT] = map(read_only, rates(self, *self.terms))
-        return self[row]
-
-
-class BatchEvaluation(Evaluation):
-    """All quantities of :class:`Evaluation` at T states, with a leading axis of length T.
-
-    Numbers such as `kinetic_energy` are arrays of shape (T,). An index returns the Evaluation of
-    one state.
-    """
-
-    __slots__ = ("_parts",)
-
-    _parts: BatchMemory  # read-only
-
-    def __init__(
-        self,
-        model: RobotModel,
-        memory: BatchMemory,
-        with_tau: bool,
-        external: Term = None,
-        friction: Term = None,
-    ) -> None:
-        for part in (*memory, external, friction):
-            if part is not None:
-                read_only(part)
-        self._parts = memory
-        self._model = model
-        self._state = memory.results
-        self._rows = _BatchRows(enumerate(self._state))
-        self._rows.update(enumerate(self._parts.numbers, ws.KINETIC_ENERGY))
-        if not model.floating_base:
-            self._rows[ws.BASE_ENERGY] = read_only(np.zeros(len(self)))
-        self._with_tau = with_tau
-        self._external = external
-        self._friction = friction
-        self._rows.terms = external, friction
-
-    kinetic_energy = _row(ws.KINETIC_ENERGY, "K [J], shape (T,).")  # type: ignore[assignment]
-    base_energy = _row(  # type: ignore[assignment]
-        ws.BASE_ENERGY,
-        "Sum of the energy shares of a floating base [J], shape (T,); 0 with a fixed base.",
-    )
-    power = _row_with_tau(  # type: ignore[assignment]  # an array or None, not a float
-        ws.POWER, "Power dK/dt [W], shape (T,); None without TAU."
-    )
-    effort_power = _row_with_tau(  # type: ignore[assignment]  # as power
-        ws.EFFORT_POWER, "Power νᵀ(ε − ε_g) [W], shape (T,); None without TAU."
-    )
-
-    def _motion(self) -> tuple[Array, Array]:
-        return self._parts.positions, self._parts.rates
-
-    def __len__(self) -> int:
-        return len(self._parts.positions)
-
-    def __iter__(self) -> Iterator[Evaluation]:
-        return (self[t] for t in range(len(self)))
-
-    def __getitem__(self, t: int) -> Evaluation:
-        results, numbers, positions, speeds = self._parts
-        if not isinstance(t, (int, np.integer)):
-            raise InputError(f"{t!r} is no index of a batch, expected a whole number.")
-        if not -len(self) <= t < len(self):
-            raise IndexError(f"state {t} of a batch of {len(self)}")
-        nv = self._model.nv
-        nq = self._model.nq
-        state = np.empty((ws.N_ROWS, max(nq, 1)))
-        state[: ws.N_RESULTS, :nv] = results[:, t]
-        state[ws.ENERGY_SHARE, :nv] = energy_shares(self.nu[t])
-        state[ws.KINETIC_ENERGY : ws.KINETIC_ENERGY + ws.N_NUMBERS, 0] = numbers[:, t]
-        state[ws.POSITIONS, :nq] = positions[t]
-        state[ws.RATES, :nv] = speeds[t]
-        external, friction = (None if x is None else x[t] for x in (self._external, self._friction))
-        rows = state[:, :nv]
-        rows[ws.NU_DOT], rows[ws.XI_DOT] = rates(rows, external, friction)
-        return evaluation_of(self._model, state, self._with_tau, external, friction)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        terms = self._with_tau, self._external, self._friction
-        return type(self), (self._model, self._parts, *terms)
-
-
-class BatchMemory(NamedTuple):
-    """Memory for the results of T states."""
-
-    results: Array  # (N_RESULTS, T, nv): rows of sweeps.workspace from NU on
-    numbers: Array  # (N_NUMBERS, T): those from KINETIC_ENERGY on
-    positions: Array  # (T, nq)
-    rates: Array  # (T, nv)
-
-    @classmethod
-    def allocate(cls, model: RobotModel, count: int) -> BatchMemory:
-        """Return uninitialized memory for `count` states."""
-        return cls(
-            np.empty((ws.N_RESULTS, count, model.nv)),
-            np.empty((ws.N_NUMBERS, count)),
-            np.empty((count, model.nq)),
-            np.empty((count, model.nv)),
-        )
+def batch_memory(model: RobotModel, count: int) -> list[Array]:
+    """Return uninitialized memory for `count` states, see batch.evaluate_many."""
+    shapes = (ws.N_RESULTS, count, model.nv), (ws.N_NUMBERS, count)
+    return [np.empty(shape) for shape in (*shapes, (count, model.nq), (count, model.nv))]
 
 
 class Factors(NamedTuple):
@@ -409,24 +327,6 @@ class ExternalWrench(NamedTuple):
     observed: BoolArray
     chi_square: Any
 
-    @classmethod
-    def allocate(cls, count: int) -> ExternalWrench:
-        """Return uninitialized memory for the results of `count` states."""
-        return cls(
-            wrench=np.empty((count, 6)),
-            covariance=np.empty((count, 6, 6)),
-            directions=np.empty((count, 6, 6)),
-            deviation=np.empty((count, 6)),
-            observed=np.empty((count, 6), dtype=bool),
-            chi_square=np.empty(count),
-        )
-
-    def as_read_only(self) -> ExternalWrench:
-        """Mark all arrays as read-only and return the wrench."""
-        for array in self:
-            array.setflags(write=False)
-        return self
-
 
 class TouchedLink(NamedTuple):
     """The link that external torque points to; of many states with a leading axis T.
@@ -457,9 +357,7 @@ class TouchedLink(NamedTuple):
         probability = read_only(rows)[..., 1:]
         confidence = probability.max(axis=-1)
         names = np.array([*links, ""])[np.where(confidence > 0.0, probability.argmax(axis=-1), -1)]
-        if names.ndim == 0:
-            return cls(str(names), float(confidence), probability, links, float(rows[0]))
-        return cls(names, read_only(confidence), probability, links, rows[:, 0])
+        return cls(names, confidence, probability, links, rows[..., 0][()])
 
 
 _Result = TypeVar("_Result", "ExternalWrench", "TouchedLink")
@@ -484,39 +382,7 @@ def energy_shares(nu: Array) -> Array:
     return 0.5 * nu * nu
 
 
-def rates(rows: Any, external: Term, friction: Term) -> tuple[Array, Array]:
-    """Return ν̇ and ξ̇ of one state or many from their other rows."""
-    D = rows[ws.ARTICULATED_INERTIA]
-    C = rows[ws.CORIOLIS]
-    with np.errstate(over="ignore", invalid="ignore"):
-        nu_dot = rows[ws.EPSILON] - C - rows[ws.GRAVITY]
-        if external is not None:
-            nu_dot += external
-        if friction is not None:
-            nu_dot -= friction
-        return nu_dot, (np.sqrt(D) * (nu_dot + C) - rows[ws.CORIOLIS_UNNORMALIZED]) / D
-
-
-def add_power(nu: Array, power: Array, external: Term, friction: Term) -> None:
-    """Add the power of wrenches and friction to that of efforts, at one state or many."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        if external is not None:
-            power += np.einsum("...k,...k->...", nu, external)
-        if friction is not None:
-            power -= np.einsum("...k,...k->...", nu, friction)
-
-
 def read_only(array: Array) -> Array:
     """Mark an array as read-only and return it."""
     array.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
     return array
-
-
-def evaluation_of(
-    model: RobotModel, state: Array, with_tau: bool, external: Term, friction: Term
-) -> Evaluation:
-    """Return the permanent result of a state, whose arrays are read-only from now on."""
-    for term in (external, friction):
-        if term is not None:
-            read_only(term)
-    return Evaluation(model, read_only(state), with_tau, external, friction)

@@ -86,9 +86,8 @@ def pose(position: Array | Sequence[float], rotation: Array | None = None) -> Ar
 
 def about_axis(axis: Array, angle: float) -> Array:
     """Return the rotation matrix of an angle [rad] about a unit axis."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)
+    x, y, z = np.sin(0.5 * angle) * axis
+    return from_quaternion(x, y, z, np.cos(0.5 * angle))
 
 
 def frame_about(axis: Array) -> Array:

@@ -6,7 +6,6 @@
 import math
 import sys
 import time
-import unicodedata
 from collections.abc import Iterable, Sequence
 
 MAX_LENGTH = 900
@@ -16,28 +15,6 @@ MAX_NAMES = 8  # names that a text has
 
 UNKNOWN = "-"
 """Text of an unknown number."""
-
-_HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-"""Categories of control characters: controls, formats such as the direction of writing, surrogates,
-separators of lines and of paragraphs."""
-
-
-class _Escapes(dict):
-    """Escapes of control characters by code point, for str.translate."""
-
-    def __missing__(self, code):
-        if unicodedata.category(chr(code)) not in _HIDDEN:
-            raise LookupError(code)
-        return (
-            f"\\x{code:02x}"
-            if code < 0x100
-            else f"\\u{code:04x}"
-            if code < 0x10000
-            else f"\\U{code:08x}"
-        )
-
-
-_ESCAPES = _Escapes()
 
 
 def listed(names: Iterable[object], most: int = MAX_NAMES) -> str:
@@ -52,7 +29,10 @@ def plain(text: str) -> str:
 
     Letters of all languages stay, and so do escapes: a second call changes nothing.
     """
-    return text if text.isprintable() else text.translate(_ESCAPES)
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
 
 
 def shortened(text: str, most: int = MAX_LENGTH) -> str:
@@ -102,11 +82,10 @@ def distinct(*values: float, digits: int = 6) -> list[str]:
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a line for each row of texts: the first column aligned left, all others right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for first, *texts in rows:
-        cells = map(str.rjust, texts, widths[1:])
-        lines.append("  ".join([first.ljust(widths[0]), *cells]))
-    return lines
+    return [
+        "  ".join([first.ljust(widths[0]), *map(str.rjust, texts, widths[1:])])
+        for first, *texts in rows
+    ]
 
 
 class Progress:

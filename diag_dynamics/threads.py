@@ -44,12 +44,12 @@ class Workspaces:
         self._idle.append(workspace)
 
 
-def run_chunks(workspaces, count, sweep, threads, width=1):
+def run_chunks(workspaces, count, sweep, threads):
     """Sweep over chunks of `count` states in threads, of which the calling one is one.
 
     `sweep` takes a robot, the first state of a chunk and its end, and returns the end of the states
-    that it has completed, `width` of them at a time. Return the range of states in which the first
-    failing chunk has stopped; it is empty without a failure.
+    that it has completed. Return the range of states that the first failing chunk has left; it is
+    empty without a failure.
     """
     number = min(CHUNKS_PER_THREAD * threads, count // MIN_CHUNK) if threads > 1 else 1
     chunks = itertools.pairwise(np.linspace(0, count, max(1, number) + 1, dtype=int).tolist())
@@ -64,7 +64,7 @@ def run_chunks(workspaces, count, sweep, threads, width=1):
             end = sweep(workspace.robot, first, last)
             workspaces.release(workspace)
             if end < last:
-                failures.append(range(end, min(end + width, last)))
+                failures.append(range(end, last))
 
     try:
         for _ in range(min(threads, number) - 1):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Write docs/report_panda.html, the report of a simulated Panda that is pushed three times and differs from its URDF by 1 %.
+"""Write docs/report_panda.html, the report of a simulated Panda that is pushed three times, and has 20 g more than its URDF.
 
 ``python docs/sample_report.py``; the build of the site runs it.
 """
@@ -51,7 +51,7 @@ def sample(folder):
     pushes = [
         Push("panda_hand", begin, begin + 0.25, np.array(push)) for begin, push in force.items()
     ]
-    robot, sensors = model.perturbed(0.01, 3), Sensors(NOISE)
+    robot, sensors = model.with_payload("panda_hand", 0.02), Sensors(NOISE)
     states = record(robot, model, sensors, *motion(model), pushes)
     path = Path(folder) / "panda_run.npz"
     np.savez(path, **states)  # columns in the order of the joints

@@ -330,23 +330,3 @@ def _union(body: RigidBody, payload: Payload, link: str) -> Payload:
         )
     whole = RigidBody.union(body, payload.body)
     return Payload(whole.mass, whole.centre, whole.inertia)
-
-
-def perturbed(description: Description, part: float, rng: np.random.Generator) -> Description:
-    """Return a description with random errors of inertias, see :meth:`RobotModel.perturbed`."""
-    links = dict(description.links)
-    for name, link in links.items():
-        if link.inertial is None or not link.inertial.mass:
-            continue
-        body = link.inertial.body
-        # second moments: inertia is their trace less their matrix
-        moments = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia
-        heavier = 1.0 + part * rng.uniform(-1.0, 1.0)
-        radius = np.sqrt(max(np.trace(moments), 0.0) / body.mass)
-        centre = body.centre + part * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
-        random = rng.uniform(-1.0, 1.0, (3, 3))
-        stretch = np.eye(3) + 0.25 * part * (random + random.T)
-        moments = heavier * stretch @ moments @ stretch
-        inertia = np.trace(moments) * np.eye(3) - moments
-        links[name] = Link(name, Payload(heavier * body.mass, centre, inertia).inertial)
-    return description._replace(links=links)

@@ -92,21 +92,16 @@ class Curve(NamedTuple):
     """A joint whose position is a function of that of another one, as pieces of a polynomial.
 
     A row of `pieces` has the source's position where a piece begins, and coefficients of the
-    distance from there, the constant first. `argument` and `result` are factor and offset of the
-    source's position and of the polynomial.
+    distance from there, the constant first.
     """
 
     source: str
     pieces: Array
-    argument: tuple[float, float] = (1.0, 0.0)
-    result: tuple[float, float] = (1.0, 0.0)
 
     def __call__(self, x: float) -> float:
         """Return the position at a position of the source."""
-        argument = self.argument[0] * x + self.argument[1]
-        row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], argument, "right")) - 1)]
-        polynomial = np.polynomial.Polynomial(row[1:])
-        return float(self.result[0] * polynomial(argument - row[0]) + self.result[1])
+        row = self.pieces[max(0, int(np.searchsorted(self.pieces[:, 0], x, "right")) - 1)]
+        return float(np.polynomial.Polynomial(row[1:])(x - row[0]))
 
 
 class LoopEnd(NamedTuple):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -24,9 +26,8 @@ from diag_dynamics.checks import check_finite, instance, is_rows, numbers, rows,
 from diag_dynamics.collision.contact_points import ContactPoint, ContactPoints
 from diag_dynamics.collision.predicted_contact import Impact, PredictedContact, impact
 from diag_dynamics.dynamics import calls, external_wrench, noise
-from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, Arguments, Loads, States, are_vectors
-from diag_dynamics.dynamics.compilation import compile_methods
-from diag_dynamics.exceptions import InputError, attribute_error
+from diag_dynamics.dynamics.arguments import ARRAY, FLOAT, States, are_vectors
+from diag_dynamics.exceptions import DiagDynamicsError, InputError, attribute_error
 from diag_dynamics.model import RobotModel
 from diag_dynamics.results import (
     Evaluation,
@@ -34,14 +35,19 @@ from diag_dynamics.results import (
     Factors,
     Momentum,
     TouchedLink,
+    batch_memory,
+    read_only,
 )
 from diag_dynamics.sweeps import (
+    batch,
     classical,
+    contacts,
     derivatives,
     evaluation,
     factorization,
     kinematics,
     mobilities,
+    regressors,
 )
 from diag_dynamics.sweeps import workspace as ws
 
@@ -55,7 +61,7 @@ ROUNDING = 4e-15
 """Maximum of ℓJᵀu by rounding, as a fraction of the entries of ℓJᵀ, per degree of freedom."""
 
 
-class DiagonalDynamics:
+class DiagonalDynamics(calls.Sweeps):
     """Compute the dynamics of one robot: diagonalized equations of motion, classical quantities.
 
     It answers what a robot does under efforts and wrenches, and how much energy and torque each
@@ -86,14 +92,7 @@ class DiagonalDynamics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        self.model = instance("model", model, RobotModel)
-        self._arguments = Arguments(model)
-        self._caller = calls.SweepCaller(model)
-        self._zero = self._arguments.zero
-        self._robot = self._caller.robot
-        self._loops = bool(model.loops)
-        self._nv = model.nv
-        self._sizes = model.nq, model.nv, model.nv
+        super().__init__(instance("model", model, RobotModel))
         self._tables: dict[Any, Any] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -108,14 +107,34 @@ class DiagonalDynamics:
         return f"<{type(self).__name__} '{self.model.name}': {self._nv} dof>"
 
     def compile(self, *methods: str) -> None:
-        """Compile methods by name, or all methods, so that no later call waits for the compiler.
+        """Call methods by name, or all methods, so that no later call waits for the compiler.
 
         Parameters
         ----------
         *methods : str
             Names; without names all methods. Those for rows of states compile when they are called.
         """
-        compile_methods(self.model, *methods)
+        model = self.model
+        link = model.link_names[model.bodies["link"][-1]]
+        arguments = {
+            "q": model.start,
+            "link": link,
+            "f_ext": {link: np.zeros(6)},
+            "wrench": np.zeros(6),
+            "direction": np.ones(3),
+            "covariance": np.eye(self._nv),
+            "points": (),
+        }
+        public = [name for name in vars(DiagonalDynamics) if name[0] != "_" and name != "compile"]
+        for name in methods or public:
+            method = getattr(self, name)
+            values = {
+                parameter.name: arguments.get(parameter.name, self._zero)
+                for parameter in signature(method).parameters.values()
+                if parameter.name in arguments or parameter.default is parameter.empty
+            }
+            with suppress(DiagDynamicsError):  # the start may be singular
+                method(**values)
 
     # --- All quantities
 
@@ -148,8 +167,8 @@ class DiagonalDynamics:
         Returns
         -------
         Evaluation
-            For many states a :class:`BatchEvaluation`, with the same bits as evaluations of one;
-            with closed loops equal within rounding, because each closing starts at the last state.
+            For many states with a leading axis, and the same bits as evaluations of one; with
+            closed loops equal within rounding, because each closing starts at the last state.
         """
         effort = self._zero if tau is None else tau
         status = ws.BAD_LENGTH
@@ -157,23 +176,35 @@ class DiagonalDynamics:
             if (
                 f_ext is None
                 and not friction
-                and frame == "link"
                 and type(q) is type(qd) is type(effort) is ARRAY
                 and q.dtype is qd.dtype is effort.dtype is FLOAT
                 and q.ndim == 1  # numba takes long to reject rows
             ):
-                state = np.empty(self._caller.shape)
+                state = np.empty(self._shape)
                 status = evaluation.evaluate.run(self._robot, q, qd, effort, state)
         except TypeError:  # another shape, or strides
             pass
-        if status:  # with checked arguments, which name the error if there is one
-            loads = Loads(f_ext, frame, friction)
-            at = self._arguments.states(q, threads, qd=qd, tau=effort)
-            return self._caller.evaluate(at, tau is not None, loads)
-        if self._loops:
-            self._caller.warn_of_loops()
-        state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
-        return Evaluation(self.model, state, tau is not None)
+        if not status:
+            if self._loops:
+                self._warn_of_loops()
+            return Evaluation(self.model, state, tau is not None)
+        # with checked arguments, which name the error if there is one
+        at = self._states(q, threads, qd=qd, tau=effort)
+        kernels = calls.Sweep(evaluation.evaluate, batch.evaluate_many)
+        memory = batch_memory(self.model, len(at.q)) if at.threads else ()
+        rows, *numbers = self._call(kernels, at, self._shape, memory=memory)
+        external = resisting = None
+        if f_ext is not None:
+            torque = self._wrench_effort(at, f_ext, frame)
+            external = self._epsilon(at, torque, "f_ext is too large")
+        if friction:
+            torque = self._friction(at)
+            resisting = self._epsilon(at, torque, "friction or qd are too large")
+        s = Evaluation(self.model, rows, tau is not None, external, resisting, numbers)
+        if tau is not None:
+            problem = "qd, f_ext or friction are too large: the power overflows"
+            calls.require_finite(at, s.power, problem)
+        return s
 
     # --- Joint space
 
@@ -189,9 +220,11 @@ class DiagonalDynamics:
         except TypeError:  # as in evaluate
             pass
         if status:
-            factors, D = self._caller.factors(self._arguments.states(q, threads))
-        factors.setflags(False)  # type: ignore[call-arg]  # as in evaluate
-        D.setflags(False)  # type: ignore[call-arg]  # as in evaluate
+            at = self._states(q, threads)
+            factors, D = self._call(calls.FACTORS, at, (3, nv, nv), (nv,))
+            factors = np.moveaxis(factors, -3, 0)
+        factors.setflags(False)  # type: ignore[call-arg]  # as in results.Evaluation
+        D.setflags(False)  # type: ignore[call-arg]
         # Half of the time that Factors(…) takes.
         return tuple.__new__(Factors, (factors[0], factors[1], factors[2], D))
 
@@ -213,14 +246,24 @@ class DiagonalDynamics:
         components.
         """
         try:
-            if f_ext is None and not friction and frame == "link" and are_vectors(q, qd, tau):
+            if f_ext is None and not friction and are_vectors(q, qd, tau):
                 qdd = np.empty(self._nv)
                 if not classical.forward_dynamics.run(self._robot, q, qd, tau, qdd):
                     return qdd
         except TypeError:  # as in evaluate
             pass
-        at = self._arguments.states(q, threads, qd=qd, tau=tau)
-        return self._caller.forward_dynamics(at, Loads(f_ext, frame, friction))
+        at = self._states(q, threads, qd=qd, tau=tau)
+        if friction or f_ext is not None:
+            for name, x in at.vectors.items():
+                check_finite(name, x, self.model.dof_names)
+            effort = at.vectors["tau"]
+            if friction:
+                effort = effort - self._friction(at)
+            if f_ext is not None:
+                effort = effort + self._wrench_effort(at, f_ext, frame)
+            calls.require_finite(at, effort, calls.SUM)
+            at = at._replace(vectors={"qd": at.vectors["qd"], "tau": effort})
+        return self._vector(calls.FORWARD_DYNAMICS, at)
 
     def inverse_dynamics(
         self,
@@ -237,8 +280,14 @@ class DiagonalDynamics:
 
         τ_fric is zero unless `friction` is true.
         """
-        at = self._arguments.states(q, threads, qd=qd, qdd=qdd)
-        return self._caller.inverse_dynamics(at, Loads(f_ext, frame, friction))
+        at = self._states(q, threads, qd=qd, qdd=qdd)
+        tau = self._vector(calls.INVERSE_DYNAMICS, at, 1.0)
+        if friction:
+            tau += self._friction(at)
+        if f_ext is not None:
+            tau -= self._wrench_effort(at, f_ext, frame)
+        calls.require_finite(at, tau, calls.SUM)
+        return tau
 
     def friction_torque(
         self, qd: StatesLike, q: StatesLike | None = None, *, threads: int | None = None
@@ -254,7 +303,7 @@ class DiagonalDynamics:
         unless requested.
         """
         if q is not None:
-            return self._caller.friction(self._arguments.states(q, threads, qd=qd))
+            return self._friction(self._states(q, threads, qd=qd))
         names = self.model.dof_names
         if self.model.load_friction.any() or self.model.has_follower_friction:
             raise InputError(
@@ -262,11 +311,12 @@ class DiagonalDynamics:
                 "load or followers."
             )
         rates = rows("qd", qd, names) if is_rows(qd) else vector("qd", qd, names, finite=False)
-        return self._caller.friction(States(rates, {"qd": rates}))
+        return self._friction(States(rates, {"qd": rates}))
 
     def mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return M(q) [kg m², kg, mixed kg m], shape (nv, nv), including armature."""
-        return self._caller.mass_matrix(self._arguments.states(q, threads))
+        at = self._states(q, threads)
+        return self._call(calls.MASS_MATRIX, at, (self._nv, self._nv))[0]
 
     def inverse_mass_matrix(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return M⁻¹ = ℓᵀℓ [1/(kg m²), 1/kg, mixed 1/(kg m)], shape (nv, nv), without forming M."""
@@ -280,12 +330,12 @@ class DiagonalDynamics:
 
         It is not C(q, ν), which is :attr:`Evaluation.coriolis`.
         """
-        at = self._arguments.states(q, threads, qd=qd, qdd=self._zero)
-        return self._caller.vector(calls.WITHOUT_GRAVITY, at)
+        at = self._states(q, threads, qd=qd, qdd=self._zero)
+        return self._vector(calls.INVERSE_DYNAMICS, at, 0.0)
 
     def gravity_torque(self, q: StatesLike, *, threads: int | None = None) -> Array:
         """Return g(q) [N m, N], shape (nv,): the effort that balances gravity at rest."""
-        return self._caller.gravity_torque(self._arguments.states(q, threads))
+        return self._gravity_torque(self._states(q, threads))
 
     def potential_energy(self, q: StatesLike, *, threads: int | None = None) -> Any:
         """Return U = −g·Σ m_i c_i [J] of all links in the field of gravity; of rows an array (T,).
@@ -312,7 +362,8 @@ class DiagonalDynamics:
 
     def _first_moment(self, q: StatesLike, threads: int | None) -> Array:
         """Return Σ m_i c_i [kg m]."""
-        return self._caller.vector(calls.FIRST_MOMENT, self._arguments.states(q, threads))
+        at = self._states(q, threads)
+        return self._vector(calls.FIRST_MOMENT, at, length=3)
 
     def regressor(
         self, q: StatesLike, qd: StatesLike, qdd: StatesLike, *, threads: int | None = None
@@ -324,7 +375,10 @@ class DiagonalDynamics:
         about the link's origin are in the link's axes. Rotor inertia, which adds
         ``model.armature * qdd`` to joints without followers, and friction are apart.
         """
-        return self._caller.regressor(self._arguments.states(q, threads, qd=qd, qdd=qdd))
+        at = self._states(q, threads, qd=qd, qdd=qdd)
+        frames = self._link_frames
+        shape = self._nv, regressors.PARAMETERS * len(frames)
+        return self._call(calls.REGRESSOR, at, shape, after=(frames,))[0]
 
     def momentum(self, q: StatesLike, qd: StatesLike, *, threads: int | None = None) -> Momentum:
         """Return p = M q̇ and C_sᵀq̇ − g, its rate without efforts, as :class:`Momentum`.
@@ -333,18 +387,7 @@ class DiagonalDynamics:
         ½ ∂(q̇ᵀM q̇)/∂q − g where q̇ is the derivative of q, and that of the components in body axes
         for joints of several degrees of freedom.
         """
-        vectors = None
-        sizes = (self.model.nq, self._nv)
-        try:
-            # A TypeGuard excludes mappings for its first argument alone.
-            if are_vectors(q, qd, qd) and (q.size, qd.size) == sizes:  # type: ignore[union-attr]
-                result = np.empty(2 * self._nv)
-                if not classical.momentum.run(self._robot, q, qd, result):
-                    vectors = result
-        except TypeError:  # as in evaluate
-            pass
-        if vectors is None:
-            vectors = self._caller.vector(calls.MOMENTUM, self._arguments.states(q, threads, qd=qd))
+        vectors = self._transform(calls.MOMENTUM, q, "qd", qd, threads, 2 * self._nv)
         return Momentum(vectors[..., : self._nv], vectors[..., self._nv :])
 
     # --- The four sweeps
@@ -370,16 +413,17 @@ class DiagonalDynamics:
         return self._transform(calls.TAU_FROM_EPSILON, q, "epsilon", epsilon, threads)
 
     def _transform(
-        self, sweep: calls.VectorSweep, q: Any, name: str, x: Any, threads: int | None
+        self, sweep: calls.Sweep, q: Any, name: str, x: Any, threads: int | None, length: int = 0
     ) -> Array:
         try:
             if are_vectors(q, x, x):
-                result = np.empty(self._nv)
-                if not sweep.single.run(self._robot, q, x, *sweep.option, result):
+                result = np.empty(length or self._nv)
+                if not sweep.single.run(self._robot, q, x, result):
                     return result
         except TypeError:  # as in evaluate
             pass
-        return self._caller.vector(sweep, self._arguments.states(q, threads, **{name: x}))
+        at = self._states(q, threads, **{name: x})
+        return self._vector(sweep, at, length=length)
 
     # --- Along a motion
 
@@ -396,7 +440,7 @@ class DiagonalDynamics:
         B = ℓ(C_s − mṁᵀ)ℓᵀ is skew and B ν = C(q, ν) (Identity 7.1, Lemma 7.1), with C_s of
         :meth:`coriolis_matrix_times`.
         """
-        at = self._arguments.one(q, qd=qd, x=x)
+        at = self._state(q, qd=qd, x=x)
         check_finite("x", at.vectors["x"], self.model.dof_names)
         u = self.qd_from_nu(at.q, at.vectors["x"])
         force = self.coriolis_matrix_times(at.q, at.vectors["qd"], u)
@@ -413,19 +457,18 @@ class DiagonalDynamics:
     def _differentiate(self, sweep: Callable[..., int], q: Any, qd: Any, x: Any) -> Array:
         """Return the vector of a sweep along q̇."""
         result = np.empty(self._nv)
-        sizes = self._sizes
         try:
             if (
                 not self._loops
                 and are_vectors(q, qd, x)
-                and (q.size, qd.size, x.size) == sizes
+                and (q.size, qd.size, x.size) == (self.model.nq, self._nv, self._nv)
                 and not sweep(self._robot, q, qd, x, result)
             ):
                 return result
         except TypeError:  # as in evaluate
             pass
-        at = self._arguments.one(q, qd=qd, x=x)
-        self._caller.check(sweep(self._robot, at.q, *at.vectors.values(), result), at)
+        at = self._state(q, qd=qd, x=x)
+        self._check(sweep(self._robot, at.q, *at.vectors.values(), result), at)
         return result
 
     def mass_matrix_rate(self, q: VectorLike, qd: VectorLike) -> Array:
@@ -434,23 +477,21 @@ class DiagonalDynamics:
         A unit vector qd gives a partial derivative. For a joint of several degrees of freedom it is
         the rate along the motion with that twist.
         """
-        at = self._arguments.one(q, qd=qd)
+        at = self._state(q, qd=qd)
         check_finite("qd", at.vectors["qd"], self.model.dof_names)
         M, M_rate = np.zeros((2, self._nv, self._nv))
         status = derivatives.mass_matrix_rate(self._robot, at.q, at.vectors["qd"], M, M_rate)
-        self._caller.check(status, at)
+        self._check(status, at)
         return M_rate
 
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
-        _, D = self._caller.factors(self._arguments.one(q))
-        return float(np.log(D).sum())
+        return np.log(self.factors(q).D).sum(axis=-1)
 
     def log_det_rate(self, q: VectorLike, qd: VectorLike) -> float:
         """Return d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
-        at = self._arguments.one(q, qd=qd)
-        s = self.evaluate(at.q, at.vectors["qd"])
-        return float((s.articulated_inertia_rate / s.articulated_inertia).sum())
+        s = self.evaluate(q, qd)
+        return (s.articulated_inertia_rate / s.articulated_inertia).sum(axis=-1)
 
     # --- Links
 
@@ -460,9 +501,9 @@ class DiagonalDynamics:
         Columns are the frame's axes, then its origin [m].
         """
         body, in_body = self.model.placement_in_body(link)
-        at = self._arguments.one(q)
+        at = self._state(q)
         result = np.eye(4)
-        self._caller.check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
+        self._check(kinematics.placement(self._robot, at.q, body, result[:3]), at)
         return result @ in_body
 
     def jacobian(
@@ -483,11 +524,11 @@ class DiagonalDynamics:
         frame : {"link", "world"}
             Axes of the rows: Pinocchio's LOCAL, or its LOCAL_WORLD_ALIGNED.
         """
-        at = self._arguments.one(q)
+        at = self._state(q)
         J = np.empty((6, self._nv))
-        body, in_body, rotation = self._caller.point_frame(at.q, link, point, frame)
+        body, in_body, rotation = self._point_frame(at.q, link, point, frame)
         kinematics.jacobians(self._robot, body, in_body, False, at.q[None], J[None])
-        return calls.rotate(rotation, J)
+        return np.concatenate([rotation @ J[:3], rotation @ J[3:]])
 
     def link_velocity(
         self,
@@ -501,9 +542,8 @@ class DiagonalDynamics:
 
         Other arguments are those of :meth:`jacobian`.
         """
-        at = self._arguments.one(q, qd=qd, qdd=self._zero)
-        twist, _, rotation = self._caller.motion(at, link, point, frame)
-        return calls.rotate(rotation, twist)
+        rates = vector("qd", qd, self.model.dof_names)
+        return self.jacobian(q, link, point, frame) @ rates
 
     def link_acceleration(
         self,
@@ -522,11 +562,15 @@ class DiagonalDynamics:
         Pinocchio's getFrameClassicalAcceleration. If `spatial`, it is the spatial acceleration,
         getFrameAcceleration: less ω × v. Other arguments are those of :meth:`jacobian`.
         """
-        at = self._arguments.one(q, qd=qd, qdd=qdd)
-        twist, rate, rotation = self._caller.motion(at, link, point, frame)
+        at = self._state(q, qd=qd, qdd=qdd)
+        body, in_body, rotation = self._point_frame(at.q, link, point, frame)
+        motions = np.empty((2, 6))
+        status = kinematics.motion(self._robot, at.q, *at.vectors.values(), body, motions)
+        self._check(status, at)
+        linear = motions[:, :3] + np.cross(motions[:, 3:], in_body)
         if not spatial:
-            rate[:3] += np.cross(twist[3:], twist[:3])
-        return calls.rotate(rotation, rate)
+            linear[1] += np.cross(motions[0, 3:], linear[0])
+        return np.concatenate([rotation @ linear[1], rotation @ motions[1, 3:]])
 
     def wrench_factor(
         self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link"
@@ -536,7 +580,7 @@ class DiagonalDynamics:
         Columns are force (x, y, z) [J^½/(s N)], then moment [J^½/(s N m)], in the axes of `frame`.
         Other arguments are those of :meth:`jacobian`.
         """
-        return self._caller.wrench_factor(self._arguments.one(q), link, np.eye(6), point, frame)
+        return self._wrench_factor(self._state(q), link, np.eye(6), point, frame)
 
     def epsilon_from_wrench(
         self,
@@ -551,7 +595,7 @@ class DiagonalDynamics:
         Other arguments are those of :meth:`wrench_factor`.
         """
         w = numbers("wrench", wrench, (6,), "six finite numbers, force [N] then moment [N m]")
-        return self._caller.wrench_factor(self._arguments.one(q), link, w[None], point, frame)[:, 0]
+        return self._wrench_factor(self._state(q), link, w[None], point, frame)[:, 0]
 
     def operational_inverse_inertia(
         self, q: VectorLike, link: str, point: PointLike = ORIGIN, frame: Frame = "link"
@@ -592,10 +636,10 @@ class DiagonalDynamics:
         the link by Υ h and meets the mass 1/hᵀΥh. Υ is zero for links that no joint moves. For
         other points see :meth:`operational_inverse_inertia`.
         """
-        at = self._arguments.one(q)
-        frames = self._caller.link_frames
+        at = self._state(q)
+        frames = self._link_frames
         result = np.empty((len(frames), 6, 6))
-        self._caller.check(mobilities.mobilities(self._robot, at.q, frames, result), at)
+        self._check(mobilities.mobilities(self._robot, at.q, frames, result), at)
         return result
 
     # --- External contact, from external torque. It is advisory: no result is safety-rated.
@@ -645,10 +689,15 @@ class DiagonalDynamics:
         -------
         ExternalWrench
         """
-        at = self._arguments.states(q, threads, external_torque=external_torque)
+        at = self._states(q, threads, external_torque=external_torque)
         options = link, point, frame, force_only, max_deviation
         place = self._table(external_wrench.point_of_wrench, covariance, *options)
-        return self._caller.wrench(at, place)
+        shapes = (6,), (6, 6), (6, 6), (6,), (6,), ()
+        *numbers, observed, chi_square = self._call(external_wrench.sweep(place), at, *shapes)
+        problem = "external_torque is too large: a result overflows"
+        calls.require_finite(at, chi_square, problem)
+        fields: list[Any] = [*numbers, observed != 0.0, chi_square]
+        return ExternalWrench._make(read_only(field)[()] for field in fields)
 
     def touched_link(
         self,
@@ -683,10 +732,11 @@ class DiagonalDynamics:
         -------
         TouchedLink
         """
-        at = self._arguments.states(q, threads, external_torque=external_torque)
-        return self._caller.touched_link(
-            at, *self._table(noise.candidates, covariance, significance, forces)
-        )
+        at = self._states(q, threads, external_torque=external_torque)
+        links, table = self._table(noise.candidates, covariance, significance, forces)
+        shape = (1 + len(links),)
+        rows = self._call(calls.TOUCHED_LINK, at, shape, before=(table.at,))[0]
+        return TouchedLink.of_rows(links, rows)
 
     def _table(self, make: Callable[..., Any], covariance: RowsLike | None, *options: Any) -> Any:
         """Return the table that `make` returns, or that of an earlier call with equal arguments."""
@@ -718,7 +768,15 @@ class DiagonalDynamics:
         enlarge the reflected mass, and the drive train between them and the link is stiffer than a
         human body.
         """
-        return self._caller.contact_limits(self._arguments.states(q, threads, qd=qd), points)
+        model = self.model
+        at = self._states(q, threads, qd=qd)
+        points = points if isinstance(points, ContactPoints) else ContactPoints(model, points)
+        names = points.model.link_names, points.model.dof_names
+        if names != (model.link_names, model.dof_names):
+            raise InputError(f"points are of robot '{points.model.name}', not of '{model.name}'.")
+        shapes = (self._nv,), (len(points), contacts.CONTACT_COLUMNS)
+        outputs = self._call(calls.CONTACTS, at, *shapes, before=(points.table,))
+        return PredictedContact(points, *outputs)
 
     def impact(
         self,

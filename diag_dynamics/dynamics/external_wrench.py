@@ -12,10 +12,10 @@ import numpy as np
 from diag_dynamics import checks
 from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.dynamics import noise
+from diag_dynamics.dynamics.calls import Sweep
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.links import point_in_body
-from diag_dynamics.results import ExternalWrench
 from diag_dynamics.sweeps import kinematics
 
 ROUNDING = 1e-13
@@ -70,39 +70,47 @@ def point_of_wrench(
     )
 
 
-def estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> ExternalWrench:
-    """Return the wrenches at all states before the first that fails."""
+def sweep(point: PointOfWrench) -> Sweep:
+    """Return the sweep of the wrenches at a point."""
+
+    def many(robot: int, Q: Array, TAU: Array, begin: int, end: int, *results: Array) -> int:
+        for first in range(begin, end, BLOCK):
+            last = min(first + BLOCK, end)
+            wrenches = _estimate(robot, point, Q[first:last], TAU[first:last])
+            stop = first + len(wrenches[0])
+            for result, rows in zip(results, wrenches, strict=True):
+                result[first:stop] = rows
+            if stop < last:
+                return stop
+        return end
+
+    def single(robot: int, q: Array, torque: Array, *results: Array) -> int:
+        if many(robot, q[None], torque[None], 0, 1, *(result[None] for result in results)):
+            return 0
+        return kinematics.placement(robot, q, point.body, np.empty((3, 4))) or -1
+
+    return Sweep(single, many)
+
+
+def _estimate(robot: int, point: PointOfWrench, Q: Array, TAU: Array) -> tuple[Any, ...]:
+    """Return the fields of :class:`ExternalWrench` at all states before the first that fails."""
     G = np.empty((len(Q), 7, TAU.shape[1]))  # S J, and below it the torque
     G[:, 6] = TAU
     valid = kinematics.jacobians(robot, point.body, point.point, point.in_world, Q, G)
     G = G[:valid]
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         G[:, :6] = point.axes @ G[:, :6]
-        return _decompose(G @ point.whitening, point)
+        G = G @ point.whitening
+        finite = np.isfinite(G).all(axis=(1, 2))
+        return _decompose(G if finite.all() else G[: finite.argmin()], point)
 
 
-def estimate_each(
-    robot: int, point: PointOfWrench, Q: Array, TAU: Array, begin: int, end: int, *results: Array
-) -> int:
-    """Write the wrenches of states `begin` to `end`; return the first that fails, or the end."""
-    for first in range(begin, end, BLOCK):
-        last = min(first + BLOCK, end)
-        wrenches = estimate(robot, point, Q[first:last], TAU[first:last])
-        stop = first + len(wrenches.wrench)
-        for result, rows in zip(results, wrenches, strict=True):
-            result[first:stop] = rows
-        if stop < last:
-            return stop
-    return end
-
-
-def _decompose(G: Array, point: PointOfWrench) -> ExternalWrench:
-    """Return the wrenches of S J Wᵀ and, below it, Wτ, before the first that is not finite.
+def _decompose(G: Array, point: PointOfWrench) -> tuple[Any, ...]:
+    """Return the wrenches of S J Wᵀ and, below it, Wτ.
 
     Of S J Wᵀ = U diag(z) Vᵀ the columns of S U are directions with independent estimates VᵀWτ/z,
     whose standard deviations are 1/z.
     """
-    G = G[: _count_finite(G)]
     y = G[:, 6:]
     U, z, Vt = np.linalg.svd(G[:, :6], full_matrices=False)
     deviation = np.where(z > ROUNDING * z[:, :1], 1.0 / z, np.inf)
@@ -118,18 +126,4 @@ def _decompose(G: Array, point: PointOfWrench) -> ExternalWrench:
     wrench = along @ factor
     rest = y - along @ Vt
     chi_square = rest @ rest.swapaxes(1, 2)
-    valid = _count_finite(chi_square)
-    return ExternalWrench(
-        wrench[:valid, 0],
-        covariance[:valid],
-        directions[:valid],
-        deviation[:valid],
-        observed[:valid],
-        chi_square[:valid, 0, 0],
-    )
-
-
-def _count_finite(matrices: Array) -> int:
-    """Return the number of matrices before the first with an entry that is not finite."""
-    finite = np.isfinite(matrices)
-    return len(finite) if finite.all() else int(finite.all(axis=(1, 2)).argmin())
+    return wrench[:, 0], covariance, directions, deviation, observed, chi_square[:, 0, 0]

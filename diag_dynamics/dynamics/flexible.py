@@ -67,7 +67,7 @@ class FlexibleDynamics:
         joints = instance("model", model, RobotModel).flexible_joints
         self.model = model
         self.names = tuple(joints)
-        self.link = DiagonalDynamics(model.with_effort_of("spring") if joints else model)
+        self.link = DiagonalDynamics(model.with_spring_efforts() if joints else model)
         self.stiffness: Array = np.array([joint.stiffness for joint in joints.values()])
         self.damping: Array = np.array([joint.damping for joint in joints.values()])
         self.rotor_inertia: Array = np.array([joint.reflected_inertia for joint in joints.values()])
@@ -111,7 +111,7 @@ class FlexibleDynamics:
     ) -> FlexibleEvaluation:
         """Return all terms and energies at one state as a :class:`FlexibleEvaluation`."""
         stretch, rate = self._stretch(q, theta, qd, thetad)
-        torque = self.spring_torque(q, theta, qd, thetad)
+        torque = self.stiffness * stretch + self.damping * rate
         effort, motor = self._efforts(tau, torque)
         s = self.link.evaluate(q, qd, effort, f_ext, frame=frame)
         nu = np.sqrt(self.rotor_inertia) * vector("thetad", thetad, self.names)

@@ -33,11 +33,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
         raise InputError(f"robot '{model.name}' has no moving joint; expected at least one.")
     if covariance is None:
         return np.eye(count)
-    array = checks.array_of(covariance)
-    if array is None or array.shape != (count, count) or not np.isfinite(array).all():
-        expected = f"finite numbers, shape ({count}, {count}), in the order of model.dof_names"
-        value = " ".join(repr(covariance).split())
-        raise InputError(f"covariance is {value:.200}; expected {expected}.")
+    expected = f"finite numbers, shape ({count}, {count}), in the order of model.dof_names"
+    array = checks.numbers("covariance", covariance, (count, count), expected)
     size = np.sqrt(np.outer(*[np.abs(np.diag(array))] * 2))
     if (np.abs(array - array.T) > SYMMETRIC * size).any():
         raise InputError(
@@ -60,8 +57,8 @@ def candidates(
 ) -> tuple[tuple[str, ...], Addresses]:
     """Return the links that may be touched and their table for sweeps.external.touched_link."""
     z = checks.number("significance", significance, "a number >= 0", lambda x: x >= 0.0)
-    count = np.size(np.asarray(forces, dtype=object))
-    magnitudes = checks.per_name("forces", forces, [f"{k}" for k in range(max(count, 1))])
+    names = [f"{k}" for k in range(max(np.size(forces), 1))]
+    magnitudes = checks.per_name("forces", forces, names)
     W = whitening(model, covariance)
     links, records = touchable_bodies(model)
     # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.

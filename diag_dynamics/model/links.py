@@ -44,13 +44,12 @@ def end_effector_link(model: RobotModel) -> str:
     joints = np.zeros(count, dtype=int)
     length = np.zeros(count)
     is_actuated = (bodies["leader"] == np.arange(count)) & (bodies["rank"] == 0)
+    distance = np.where(bodies["parent"] > 0, np.linalg.norm(bodies["translation"], axis=1), 0.0)
     for k in range(1, count):
         parent = int(bodies["parent"][k])
         children[parent].append(k)
         joints[k] = joints[parent] + is_actuated[k]
-        length[k] = length[parent] + (
-            float(np.linalg.norm(bodies["translation"][k])) if parent else 0.0
-        )
+        length[k] = length[parent] + distance[k]
     # Joints and length from the base through a body to the ends of its chains
     all_joints = joints.copy()
     all_length = length.copy()

@@ -98,7 +98,7 @@ def load_urdf(
     UrdfError
         The URDF is malformed, not a tree, or too large; or a xacro file cannot be expanded.
     MimicJointError
-        A mimic joint has no valid source, or a coupled group is too large.
+        A mimic joint has no valid source.
     LoopError
         A loop cannot be closed from its start values, or its independent joints are not as many as
         it has.

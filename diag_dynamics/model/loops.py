@@ -25,7 +25,7 @@ from diag_dynamics.description.records import (
     loop_names,
 )
 from diag_dynamics.exceptions import InputError, LoopError, LoopWarning
-from diag_dynamics.model.tree import Tree, joints_between, path_to
+from diag_dynamics.model.tree import Tree, coupled_groups, path_to
 from diag_dynamics.sweeps import couplings, kinematics
 from diag_dynamics.sweeps.memory import Workspace
 from diag_dynamics.text import listed
@@ -92,40 +92,29 @@ def resolve_curves(
     mimics: dict[str, Mimic],
     locked: dict[str, float],
 ) -> dict[str, Curve]:
-    """Return curves by follower with independent sources, those of mimic joints of followers too.
+    """Return the curves of joints that move, by follower, whose sources are independent.
 
-    Followers of a joint that is locked are locked as well, and mimic joints of a follower leave
-    `mimics`.
+    Followers of a joint that is locked are locked as well.
     """
     resolved: dict[str, Curve] = {}
     for name, curve in curves.items():
         for joint in (name, curve.source):
             description.single_joint(f"mimics of '{name}'", joint)
-        if name in locked:
-            continue
-        if curve.source in curves:
+        if curve.source in curves or curve.source in mimics:
             raise InputError(
-                f"mimics of '{name}': its source '{curve.source}' is in mimics, too; "
-                "name an independent joint."
+                f"mimics of '{name}': its source '{curve.source}' follows another joint; "
+                "expected an independent joint."
             )
-        leader, factor, offset = mimics.get(curve.source, Mimic(curve.source, 1.0, 0.0))
-        if leader in curves:
-            raise InputError(
-                f"mimics of '{name}': its source '{curve.source}' follows '{leader}', "
-                "which is in mimics."
-            )
-        if leader in locked:
-            locked[name] = curve(locked[curve.source])
-            continue
-        resolved[name] = curve._replace(source=leader, argument=(factor, offset))
-    for name, mimic in list(mimics.items()):
+        if curve.source in locked:
+            locked.setdefault(name, curve(locked[curve.source]))
+        elif name not in locked:
+            resolved[name] = curve
+    for name, mimic in mimics.items():
         if mimic.leader in curves:
-            del mimics[name]
-            if mimic.leader in locked:
-                locked[name] = mimic.multiplier * locked[mimic.leader] + mimic.offset
-            else:
-                result = mimic.multiplier, mimic.offset
-                resolved[name] = resolved[mimic.leader]._replace(result=result)
+            raise InputError(
+                f"mimics: joint '{name}' mimics '{mimic.leader}', which follows another joint; "
+                f"give '{name}' an entry in mimics, too."
+            )
     return resolved
 
 
@@ -167,36 +156,34 @@ def close(
         name: Curve(mimic.leader, np.array([[0.0, mimic.offset, mimic.multiplier]]))
         for name, mimic in mimics.items()
     }
-    families = [(cut.members(loop), [loop]) for loop in loops]
-    families += [
-        (joints_between((f, curve.source), tree.carriers), [])
-        for f, curve in (curves | linear).items()
-    ]
-    for members, cuts in _merged(families):
-        if cuts and not members:
-            cut.reject_open(cuts, start)
-        elif cuts:
-            group = Group(
-                members, cuts, {f: one for f, one in (linear | curves).items() if f in members}, []
-            )
-            for name in group.equations:
-                for kind in (result.curves, result.mimics, result.followers):
-                    kind.pop(name, None)
-            _choose(cut, group, driven, start, result)
-            result.groups.append(group)
+    curves = linear | curves
+    members = [cut.members(loop) for loop in loops]
+    sources = {name: curve.source for name, curve in curves.items()}
+    groups = coupled_groups(sources, tree.carriers, members)
+    for loop, joints in zip(loops, members, strict=True):
+        if not joints:
+            gap = float(np.linalg.norm(cut.equations(start, [], Group(set(), [loop], {}, []))[0]))
+            if gap > GAP:
+                raise open_error([loop], gap)
+    closed = [groups[min(joints)] for joints in members if joints]
+    for joints in {id(joints): joints for joints in closed}.values():
+        cuts = [loop for loop, part in zip(loops, members, strict=True) if part and part <= joints]
+        equations = {name: curve for name, curve in curves.items() if name in joints}
+        group = Group(joints, cuts, equations, [])
+        for name in equations:
+            for kind in (result.curves, result.mimics, result.followers):
+                kind.pop(name, None)
+        _choose(cut, group, driven, start, result)
+        result.groups.append(group)
     return result
 
 
-def _merged(families: list[tuple[set[str], list[Loop]]]) -> list[tuple[set[str], list[Loop]]]:
-    """Return families that share no joint, those that did as one."""
-    merged: list[tuple[set[str], list[Loop]]] = []
-    for members, loops in families:
-        for joined in [family for family in merged if family[0] & members]:
-            merged.remove(joined)
-            members = members | joined[0]
-            loops = joined[1] + loops
-        merged.append((members, loops))
-    return merged
+def open_error(loops: list[Loop], gap: float) -> LoopError:
+    """Return the error of loops that stay open."""
+    return LoopError(
+        f"{loop_names(loops)} cannot be closed from the start values, {gap:.3g} remains. "
+        "Give other ones, or correct the ends."
+    )
 
 
 def _choose(
@@ -226,10 +213,7 @@ def _choose(
         if gap <= GAP and apart <= CLOSED:
             break
     else:
-        cut.reject_open(group.loops, start)
-        raise LoopError(
-            f"{title} cannot be closed from the start values, {gap:.3g} remains. Give other ones."
-        )
+        raise open_error(group.loops, gap)
     values, basis = np.linalg.svd(J)[1:]
     rank = int((values > max(DEPENDENT, 10.0 * gap) * values[0]).sum())
     free = len(names) - rank
@@ -252,8 +236,7 @@ def _choose(
     if chosen and len(chosen) != free:
         raise LoopError(
             f"{title}: {len(chosen)} independent joints are given, {listed(sorted(chosen))}; "
-            f"it has {free}"
-            f" degree{'s' * (free > 1)} of freedom."
+            f"its degrees of freedom are {free}."
         )
     independent = (
         [name for name in names if name in chosen]
@@ -367,21 +350,6 @@ class _Cut:
         first, second = (path_to(joint, self.tree.carriers) for joint in ends)
         return first ^ second
 
-    def reject_open(self, loops: Sequence[Loop], q: Array) -> None:
-        """Raise an error of the first loop that is open at q."""
-        for loop in loops:
-            phi = self._equations(q, [], Group(set(), [loop], {}, []))[0].reshape(-1, 3)
-            gap = np.linalg.norm(phi[0])
-            turn = np.linalg.norm(phi - phi[0], axis=1).max()
-            if max(gap, turn) > GAP:
-                text = f"loop '{loop.name}' cannot be closed from the start values: "
-                text += (
-                    f"the ends stay {gap:.3g} m apart"
-                    if gap > GAP
-                    else f"the axes of the ends differ by {turn:.3g}"
-                )
-                raise LoopError(f"{text}. Give other ones, or correct the ends.")
-
     def start(self, loops: Sequence[Loop]) -> Array:
         """Return positions of all joints: the start values of loops, otherwise 0."""
         q = self.tree.neutral.copy()
@@ -416,7 +384,7 @@ class _Cut:
         kinematics.jacobians(self._workspace.robot, body, point, False, q[None], J)
         return X[:, :3] @ point + X[:, 3], X[:, :3] @ J[0, :3]
 
-    def _equations(self, q: Array, names: list[str], group: Group) -> tuple[Array, Array]:
+    def equations(self, q: Array, names: list[str], group: Group) -> tuple[Array, Array]:
         """Return φ in the axes of the world, and its Jacobian by the joints."""
         phi = []
         J = []
@@ -445,7 +413,7 @@ class _Cut:
         """
         moves = np.array([name not in held for name in names])
         columns = self.columns(names)
-        phi, J = self._equations(q, names, group)
+        phi, J = self.equations(q, names, group)
         gap = float(np.linalg.norm(phi))
         damping = FIRST_DAMPING
         for _ in range(MAX_STEPS):
@@ -458,7 +426,7 @@ class _Cut:
             step = (factors * (phi @ U[:, is_large])) @ Vt[is_large]
             moved = q.copy()
             moved[columns] -= step * min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
-            moved_phi, moved_J = self._equations(moved, names, group)
+            moved_phi, moved_J = self.equations(moved, names, group)
             moved_gap = float(np.linalg.norm(moved_phi))
             is_stalled = gap < NEAR and moved_gap > 0.5 * gap
             if moved_gap < gap:
@@ -494,10 +462,10 @@ class _Cut:
         for _ in range(3):
             moved = q.copy()
             moved[self.columns(names)] += rng.uniform(-1.0, 1.0, len(names))
-            J = self._equations(moved, names, group)[1][: 3 * len(pairs)]
+            J = self.equations(moved, names, group)[1][: 3 * len(pairs)]
             columns.append(X[:, :3].T @ J.reshape(len(pairs), 3, -1))
         M = np.concatenate(columns, axis=2)
-        gaps = self._equations(q, names, group)[0][: 3 * len(pairs)].reshape(-1, 3) @ X[:, :3]
+        gaps = self.equations(q, names, group)[0][: 3 * len(pairs)].reshape(-1, 3) @ X[:, :3]
         rows_before = np.zeros((0, M.shape[2]))
         closures = []
         largest = 0.0
@@ -547,8 +515,6 @@ def coupling_tables(tree: Tree, coupled: Coupled) -> couplings.CouplingTables:
                 *ends,
                 len(pieces),
                 len(pieces) + len(curve.pieces),
-                curve.argument,
-                curve.result,
             )
         )
         pieces.extend(curve.pieces)
@@ -581,10 +547,9 @@ def coupling_tables(tree: Tree, coupled: Coupled) -> couplings.CouplingTables:
             add_curve(curve, number_, place[name], place[curve.source])
     for name, curve in coupled.curves.items():
         add_curve(curve, -1, first_body[name], first_body[curve.source])
-    width = max((len(row) for row in pieces), default=2)
-    table = np.array([[*row, *[0.0] * (width - len(row))] for row in pieces]).reshape(
-        len(pieces), width
-    )
+    table = np.zeros((len(pieces), max(map(len, pieces), default=2)))
+    for row, piece in zip(table, pieces, strict=True):
+        row[: len(piece)] = piece
     forms, coefficients = form_tables(coupled.flexible.forms, first_body)
     return couplings.CouplingTables(
         np.array(loops, couplings.LOOP),

@@ -37,7 +37,7 @@ def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int
     smallest = np.full(model.nv, np.inf)
     massless = np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
-    for spread in (0.0, 1.0, 1.0, 1.0) if workspace is None else (0.0, 0.05, 0.05, 0.05):
+    for spread in (0.0, *[1.0 if workspace is None else 0.05] * 3):
         q = tree.start.copy()
         q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
         D, size = joint_inertias(model, q, workspace)
@@ -132,12 +132,10 @@ def _cross(r: Array) -> Array:
 
 def positions_to_hold(model: RobotModel, massless: npt.NDArray[np.int64]) -> dict[str, float]:
     """Return positions of locked joints that move no inertia: zero, or the nearest limit."""
-    at = {name: k for k, name in enumerate(model.coordinate_names)}
-    positions = {}
-    for name in [model.dof_names[k] for k in massless]:
-        if name in at:  # of one degree of freedom
-            positions[name] = float(np.clip(0.0, model.lower[at[name]], model.upper[at[name]]))
-    return positions
+    nearest = np.clip(0.0, model.lower, model.upper).tolist()
+    positions = dict(zip(model.coordinate_names, nearest, strict=True))
+    names = [model.dof_names[k] for k in massless]  # those of one degree of freedom have positions
+    return {name: positions[name] for name in names if name in positions}
 
 
 def reject_massless(
@@ -148,30 +146,20 @@ def reject_massless(
         return
     names = [model.dof_names[k] for k in massless]
     joints = [joint for joint in tree.joints for _ in joint.type.freedoms]
-    inertials = [(link.inertial, body) for link, body, _ in tree.links]
-    heavy = {
-        body
-        for inertial, body in inertials
-        if inertial is not None and (inertial.mass or np.any(inertial.inertia))
-    }
-    lines = []
-    for k in massless:
-        link = joints[k].joint.child
-        is_heavy = tree.last_body[joints[k].name] in heavy
-        why = "little or negative inertia about that axis" if is_heavy else "no <inertial>"
-        lines.append(
-            f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}): link '{link}' has {why}"
-        )
-    advice = "Correct the mass and inertia of the link in the URDF, or make the joint fixed."
-    single = next((name for name in names if name in model.coordinate_names), None)
-    if single is not None:
-        advice += (
-            f" Or give the joint a rotor inertia (armature: {single}=…), or lock it "
-            f"(locked_joints: {single}=0, or massless: lock)."
-        )
+    lines = [
+        f"joint '{model.dof_names[k]}' (D = {smallest[k]:.3g}), which carries "
+        f"link '{joints[k].joint.child}'"
+        for k in massless
+    ]
+    advice = (
+        "Correct the mass and inertia of the link in the URDF, or make the joint fixed. A joint of "
+        "one degree of freedom may have a rotor inertia (armature: joint=…) or be locked "
+        "(locked_joints: joint=0, or massless: lock)."
+    )
     raise MasslessLinkError(
         f"robot '{model.name}' has {len(massless)} joint(s) that move no inertia, "
-        f"which makes its mass matrix singular: {'; '.join(lines)}. {advice}",
+        "because their links have little, negative or no inertia about that axis, which makes its "
+        f"mass matrix singular: {'; '.join(lines)}. {advice}",
         names,
         smallest[massless],
     )

@@ -10,16 +10,15 @@ import os
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import number, vector
+from diag_dynamics.checks import vector
 from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
 from diag_dynamics.description.parameters import (
     Parameters,
-    perturbed,
     read_parameters,
     with_parameters,
 )
@@ -29,15 +28,15 @@ from diag_dynamics.description.records import (
     FlexibleJoint,
 )
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
-from diag_dynamics.model.flexible_links import modal_effort
-from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
-from diag_dynamics.model.joint_types import is_angle
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed
+from diag_dynamics.model.joint_types import is_angle, places
 from diag_dynamics.model.loops import coupled_tree, coupling_tables
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
 from diag_dynamics.model.tree import Tree, resolve_mimics
 from diag_dynamics.rigid_body import RigidBody, not_physical, symmetric
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.memory import Workspace
+from diag_dynamics.text import listed
 
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
@@ -87,9 +86,8 @@ class RobotModel:
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
-        Position limits [rad, m]; infinite where there are none. Those of mimic joints do not bind
-        their leaders. A joint that others follow by changing ratios stays where they are within
-        theirs and its loop can be closed.
+        Position limits [rad, m]; infinite where there are none. Those of mimic joints
+        and of other followers do not bind their leaders.
     velocity_limit, effort_limit, velocity_bound, effort_bound : ndarray, shape (nv,)
         Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are
         infinite where it has 0, too.
@@ -130,13 +128,13 @@ class RobotModel:
         :class:`Payload` by link name; `total_mass` : float, the mass of all links and payloads
         [kg].
     omitted : tuple of str
-        What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``.
+        What forward and inverse dynamics omit of an MJCF, such as ``spring of joint 'knee'``, and
+        limits of `followers`.
     """
 
     def __init__(self, tree: Tree) -> None:
         description = tree.description
         joints = description.joints
-        curves = {} if description.mimic == "free" else description.curves
         springs = flexible_joints(tree)
         bodies, links = tree.records(description.payloads)
         coupled = tree.coupled
@@ -151,7 +149,7 @@ class RobotModel:
         self.mimic_joints = tuple(
             name
             for name, joint in joints.items()
-            if joint.mimic is not None and joint.type != "fixed" and name not in curves
+            if joint.mimic is not None and joint.type != "fixed"
         )
         self.continuous_joints = tuple(
             name for name, joint in joints.items() if joint.type == "continuous"
@@ -178,7 +176,7 @@ class RobotModel:
         )
         self.flexible_joints = MappingProxyType(springs)
         self.friction_velocity = description.friction_velocity
-        self.mimics = MappingProxyType(dict(tree.mimics))
+        self.mimics = MappingProxyType(tree.mimics)
         self.followers = MappingProxyType(coupled.followers if coupled else {})
         self.loops = tuple(tuple(group.loops) for group in groups)
         self.loop_joints = tuple(
@@ -187,23 +185,25 @@ class RobotModel:
         self.coupling_tables = (
             coupling_tables(tree, coupled) if coupled and coupled.followers else None
         )
-        self.flexible_links = MappingProxyType(dict(description.flexible.links))
+        self.flexible_links = MappingProxyType(description.flexible.links)
         self.follower_damping = tree.of_followers("damping")
         self.follower_friction = tree.of_followers("friction")
         reject_friction(tree, self.followers)
         self.coupled_groups = tuple(tree.groups)
-        self.locked_joints = MappingProxyType(dict(tree.locked))
-        self.payloads = MappingProxyType(dict(description.payloads))
+        self.locked_joints = MappingProxyType(tree.locked)
+        self.payloads = MappingProxyType(description.payloads)
         self.total_mass = float(links["mass"].sum())
-        self.omitted = description.omitted
+        limits = (
+            f"limits of joint '{name}', which follows {listed(sources)}"
+            for name, sources in self.followers.items()
+            if np.isfinite([joints[name].lower, joints[name].upper]).any()
+        )
+        self.omitted = *description.omitted, *limits
         self.orientations = tree.orientations
         self.bodies = bodies
         self.links = links
         self.description = description
         self._tree = tree
-        if self.followers:
-            more = limit_by_followers(self, tree.moving, self.lower, self.upper)
-            self.omitted = tuple(dict.fromkeys((*self.omitted, *more)))
         self._freeze()
 
     def _freeze(self) -> None:
@@ -228,14 +228,9 @@ class RobotModel:
     @property
     def has_friction(self) -> bool:
         """Whether any joint has friction of any kind, or an offset of its effort."""
-        kinds = (
-            self.damping,
-            self.friction,
-            self.effort_offset,
-            self.load_friction,
-            self.root_friction,
-        )
-        return self.has_follower_friction or any(kind.any() for kind in kinds)
+        kinds = self.damping, self.friction, self.load_friction, self.root_friction
+        followers = self.follower_damping, self.follower_friction
+        return any(np.any(kind) for kind in (*kinds, self.effort_offset, *followers))
 
     @property
     def has_follower_friction(self) -> bool:
@@ -337,7 +332,14 @@ class RobotModel:
         They are zero on other joints. A :class:`Simulation` has them; dynamics is without, as it is
         without friction: add them to tau.
         """
-        return modal_effort(self, self._positions("q", q), vector("qd", qd, self.dof_names))
+        q = self._positions("q", q)
+        rates = vector("qd", qd, self.dof_names)
+        effort = np.zeros(self.nv)
+        for link in self.flexible_links.values():
+            dofs = places(link.modes, self.dof_names)
+            positions = q[places(link.modes, self.coordinate_names)]
+            effort[dofs] = link.effort(positions, rates[dofs])
+        return effort
 
     def _positions(self, name: str, q: VectorLike) -> Array:
         """Return positions as a new array; each quaternion has length 1."""
@@ -409,29 +411,14 @@ class RobotModel:
         description = with_parameters(self.description, parameters)
         return build(description._replace(held={}), parameters)
 
-    def with_effort_of(self, part: Literal["motor", "spring"]) -> RobotModel:
-        """Return this model with this effort of flexible joints.
-
-        With the effort of the "spring" it is the model of the links.
-        """
+    def with_spring_efforts(self) -> RobotModel:
+        """Return the model of the links, where efforts of flexible joints are those of springs."""
         joints = [
-            joint._replace(spring=joint.spring._replace(effort=part))
+            joint._replace(spring=joint.spring._replace(effort="spring"))
             for joint in self.description.joints.values()
             if joint.spring is not None
         ]
         return build(self.description.with_joints(*joints)._replace(massless="error"))
-
-    def perturbed(self, part: float, seed: int = 0) -> RobotModel:
-        """Return this model with random errors of its inertias, like those of a URDF.
-
-        `part`, from 0 to 0.9, is the largest relative error of masses, of centres in radii of
-        gyration, and twice that of lengths. Rigid bodies stay such. Payloads, rotors and friction
-        do not change.
-        """
-        number("part", part, "a number from 0 to 0.9", lambda x: 0.0 <= x <= 0.9)
-        number("seed", seed, "a whole number >= 0", lambda x: x >= 0.0 and x == int(x))
-        description = perturbed(self.description, part, np.random.default_rng(int(seed)))
-        return build(description._replace(held={}))
 
     def with_locked_joints(self, locked_joints: Mapping[str, float]) -> RobotModel:
         """Return this model with exactly these positions [rad, m] of locked joints, by name.
@@ -559,12 +546,7 @@ def reject_too_light(tree: Tree, parameters: Parameters) -> None:
             reason = not_physical(whole.inertia, mass)
         if mass > 0.0 and not reason:
             continue
-        text = (
+        raise InputError(
             f"parameters: a payload of negative mass is on link '{name}', which leaves "
             f"{mass:.3g} kg {reason or ''}: more is taken off than moves with that link."
         )
-        locked = parameters.origin.get("locked_joints")
-        if isinstance(locked, Mapping) and locked:  # links behind these joints moved with theirs
-            positions = ", ".join(f"{joint}={position}" for joint, position in locked.items())
-            text += f" It was identified with locked_joints {positions}."
-        raise InputError(text)

@@ -30,7 +30,6 @@ from diag_dynamics.sweeps.records import BODY, LINK, VIRTUAL
 if TYPE_CHECKING:
     from diag_dynamics.model.loops import Coupled
 
-MAX_COUPLED = 1000  # largest number of bodies in a coupled group
 _UPPER = np.triu_indices(3)
 _CURE = "The parameter mimic=free takes every joint as independent."
 
@@ -88,10 +87,9 @@ class Tree:
             closed += [*(group.joints for group in coupled.groups), *coupled.flexible.groups]
         groups = coupled_groups(leaders, self.carriers, closed)
         for block in self._blocks(groups):
-            first = self.count
             self._add_block(block)
             if block[0] in groups:
-                self._add_group(tuple(block), self.count - first)
+                self.groups.append(tuple(block))
         self.links = [
             (description.links[link], self.last_body[carrier], place)
             for link, (carrier, place) in places.items()
@@ -201,17 +199,6 @@ class Tree:
             for rank, leader in enumerate(self._followers.get(name, ())):
                 self._follow(self._records[self.first_body(name) + rank], leader)
 
-    def _add_group(self, group: tuple[str, ...], size: int) -> None:
-        """Add the joints of a group, whose number of bodies must not be too large."""
-        if size > MAX_COUPLED:
-            raise MimicJointError(
-                f"robot '{self.description.name}' has a group of {len(group)} coupled joints, "
-                f"'{group[0]}' to '{group[-1]}', of {size} bodies, and no more than "
-                f"{MAX_COUPLED} are accepted. Take every joint as independent (mimic: free).",
-                group,
-            )
-        self.groups.append(group)
-
     def _follow(self, record: npt.NDArray[np.void], leader: str) -> None:
         """Give a body the coordinate of another joint."""
         source = self._records[self.last_body[leader]]
@@ -318,10 +305,8 @@ def _displacement(joint: Joint, position: float) -> Array:
     if joint.type == "prismatic":
         return rotations.pose(position * axis)
     frame = rotations.frame_about(axis)
-    c = np.cos(position)
-    s = np.sin(position)
-    turn = frame @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ frame.T
-    return rotations.pose(np.zeros(3), turn)
+    turn = rotations.from_rpy(0.0, 0.0, position)
+    return rotations.pose(np.zeros(3), frame @ turn @ frame.T)
 
 
 # --- Mimic joints: the source joint of each chain, and groups that are eliminated together
@@ -346,9 +331,8 @@ def resolve_mimics(description: Description) -> tuple[dict[str, Mimic], dict[str
         and joint.name not in locked
         and joint.name not in description.curves
     }
-    resolved: dict[str, Mimic] = {}
     for name in followers:
-        mimic = _end_of_chain(name, followers, joints, resolved)
+        mimic = _end_of_chain(name, followers, joints)
         if mimic.leader in locked or joints[mimic.leader].type == "fixed":
             leader_position = locked.get(mimic.leader, 0.0)
             positions[name] = mimic.offset + mimic.multiplier * leader_position
@@ -359,35 +343,38 @@ def resolve_mimics(description: Description) -> tuple[dict[str, Mimic], dict[str
     return mimics, positions
 
 
-def _end_of_chain(
-    name: str,
-    followers: Mapping[str, Mimic],
-    joints: Mapping[str, Joint],
-    resolved: dict[str, Mimic],
-) -> Mimic:
-    """Return the coupling of a joint to the end of its chain of mimics.
-
-    `resolved` has earlier ones.
-    """
+def _end_of_chain(name: str, followers: Mapping[str, Mimic], joints: Mapping[str, Joint]) -> Mimic:
+    """Return the coupling of a joint to the end of its chain of mimics."""
     chain = [name]
-    while name not in resolved and name in followers:
-        _require_single(joints[name], chain)
-        leader = followers[name].leader
+    _require_single(joints[name], chain)
+    while chain[-1] in followers:
+        follower = chain[-1]
+        leader = followers[follower].leader
         if leader not in joints:
             raise MimicJointError(
-                f"joint '{name}': it mimics '{leader}', which is not a joint of this URDF. {_CURE}",
-                [name],
+                f"joint '{follower}': it mimics '{leader}', which is not a joint of this URDF. "
+                f"{_CURE}",
+                [follower],
             )
         if leader in chain:
             way = " → ".join(map(repr, [*chain, leader]))
             raise MimicJointError(f"joint '{leader}' mimics itself: {way}. {_CURE}", chain)
         chain.append(leader)
-        name = leader
-    _require_single(joints[name], chain)
-    mimic = resolved.get(name, Mimic(name, 1.0, 0.0))
+        _require_single(joints[leader], chain)
+    multiplier = 1.0
+    offset = 0.0
     for follower in chain[-2::-1]:
-        mimic = resolved[follower] = _composed(follower, followers[follower], mimic)
-    return mimic
+        mimic = followers[follower]
+        multiplier = mimic.multiplier * multiplier
+        offset = mimic.offset + mimic.multiplier * offset
+    vanishes = multiplier == 0.0 and all(followers[joint].multiplier for joint in chain[:-1])
+    if vanishes or not (abs(multiplier) <= LARGEST and abs(offset) <= LARGEST):
+        raise MimicJointError(
+            f"joint '{name}' follows '{chain[-1]}' with multiplier {multiplier:g} and offset "
+            f"{offset:g}; expected numbers within {LARGEST:g} that do not vanish. {_CURE}",
+            [name, chain[-1]],
+        )
+    return Mimic(chain[-1], multiplier, offset)
 
 
 def _require_single(joint: Joint, chain: list[str]) -> None:
@@ -398,21 +385,6 @@ def _require_single(joint: Joint, chain: list[str]) -> None:
             f"; expected one degree of freedom. {_CURE}",
             chain,
         )
-
-
-def _composed(name: str, mimic: Mimic, leaders: Mimic) -> Mimic:
-    """Return the coupling of a mimic joint to an independent one, given that of its leader."""
-    product = mimic.multiplier * leaders.multiplier
-    offset = mimic.offset + mimic.multiplier * leaders.offset
-    vanished = product == 0.0 and leaders.multiplier != 0.0 and mimic.multiplier != 0.0
-    if vanished or not (abs(product) <= LARGEST and abs(offset) <= LARGEST):
-        text = (
-            f"joint '{name}' follows '{leaders.leader}' with multiplier {product:g} and offset "
-            f"{offset:g}"
-        )
-        text += f"; expected numbers within {LARGEST:g} that do not vanish. {_CURE}"
-        raise MimicJointError(text, [name, leaders.leader])
-    return Mimic(leaders.leader, product, offset)
 
 
 def coupled_groups(

@@ -14,12 +14,12 @@ from diag_dynamics.checks import instance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.plot import drawing
 from diag_dynamics.plot.drawing import COLOURS, GREY, escape
-from diag_dynamics.results import BatchEvaluation
+from diag_dynamics.results import Evaluation
 
 SIZE_OF_FIGURE = (9.0, 3.8)  # [inch]
 
 
-def energy(of: BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
+def energy(of: Evaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
     """Plot kinetic energy over time [J], stacked by the shares ½ν_k² of the total joint rates.
 
     The degrees of freedom of most energy have a layer each, all others one. Of very many states
@@ -27,8 +27,8 @@ def energy(of: BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> 
 
     Parameters
     ----------
-    of : BatchEvaluation
-        Of the states of a motion, such as ``dyn.evaluate(recording.q, recording.qd)``.
+    of : Evaluation of many states
+        Of a motion, such as ``dyn.evaluate(recording.q, recording.qd)``.
     t : array_like, shape (T,), optional
         Times of the states [s], drawn from zero on; without them the states are numbered.
     ax : matplotlib.axes.Axes, optional
@@ -38,9 +38,9 @@ def energy(of: BatchEvaluation, t: VectorLike | None = None, ax: Any = None) -> 
     -------
     matplotlib.axes.Axes
     """
-    values = instance("of", of, BatchEvaluation).energy_share
-    if not values.size:
-        raise InputError("of has no states, or its robot no joint that moves; expected energies.")
+    values = instance("of", of, Evaluation).energy_share
+    if values.ndim != 2 or not values.size:
+        raise InputError(f"of has shape {values.shape}; expected states by joints that move.")
     times = np.arange(len(values)) if t is None else np.asarray(t, dtype=float)
     if times.shape != values.shape[:1]:
         raise InputError(f"t has shape {times.shape}; expected ({len(values)},), one per state.")

@@ -20,7 +20,7 @@ from diag_dynamics.recordings.observer import Observed, Observer, find_touched_l
 from diag_dynamics.recordings.quality import Quality
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
-from diag_dynamics.results import BatchEvaluation
+from diag_dynamics.results import Evaluation
 
 MAX_INTERVAL = 0.5  # longest interval between states that is counted [s]
 
@@ -29,7 +29,7 @@ class Piece(NamedTuple):
     """A batch of states and its analysis."""
 
     states: States
-    s: BatchEvaluation
+    s: Evaluation
     observed: Observed
     judged: Judged  # by the thresholds of collision
     contact: Judged  # by those of contact

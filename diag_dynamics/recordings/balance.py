@@ -59,7 +59,7 @@ class Balance:
         self._parts = [Windows(*empty, *np.zeros((4, 0)))]
 
     def add_states(self, states, s):
-        """Add the windows that end at states, given their BatchEvaluation."""
+        """Add the windows that end at states, given their Evaluation."""
         samples = self._chain.select(states)
         rows = samples.rows
         stamp, power, energy = self._last

@@ -28,7 +28,7 @@ from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.records import N_RESULTS, WIDTH, lane_of
 
-K, BASE, POWER, NET_POWER = range(ws.N_NUMBERS)
+K, BASE, POWER = range(ws.N_NUMBERS)
 """Numbers of a state: workspace.KINETIC_ENERGY and those that follow."""
 
 PARENT, RESULTS = (records.LANES.fields[name][1] // 8 for name in ("parent", "results"))
@@ -284,7 +284,6 @@ def _write(at, first, last, results, numbers):
         numbers[K, t] = energy
         numbers[BASE, t] = base
         numbers[POWER, t] = power
-        numbers[NET_POWER, t] = power
         if not finite:
             return False
     return True

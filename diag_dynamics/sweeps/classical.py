@@ -177,6 +177,8 @@ def momentum(robot, q, qd, result):
     They are Sᵀh and Sᵀ(F − V ×* h) of a joint. h and F are momentum and weight of all bodies
     outboard, in the axes of the joint.
     """
+    if not ws.lengths_match(robot, q, qd, qd):
+        return ws.BAD_LENGTH
     bodies, gravity, work, _ = ws.opened(robot)
     status = joints.start_motion(bodies, q, qd, work)
     if status != 0:

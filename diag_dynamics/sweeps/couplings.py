@@ -64,8 +64,6 @@ CURVE = np.dtype(
         ("source", "i8"),
         ("begin", "i8"),  # pieces
         ("end", "i8"),
-        ("argument", "f8", 2),  # factor and offset of the source's position
-        ("result", "f8", 2),
     ],
     align=True,
 )
@@ -553,11 +551,10 @@ def _set_ratio_rates(table, number, qd):
 @nk.kernel
 def _curve_at(at, curve, source):
     """Position of a curve, its slope and the rate of the slope by the source's position."""
-    argument = curve.argument[0] * source + curve.argument[1]
     k = curve.begin
-    while k + 1 < curve.end and argument >= at.pieces[k + 1, 0]:
+    while k + 1 < curve.end and source >= at.pieces[k + 1, 0]:
         k += 1
-    x = argument - at.pieces[k, 0]
+    x = source - at.pieces[k, 0]
     p = 0.0
     slope = 0.0
     bend = 0.0
@@ -565,9 +562,7 @@ def _curve_at(at, curve, source):
         bend = bend * x + slope
         slope = slope * x + p
         p = p * x + at.pieces[k, j]
-    scale = curve.result[0]
-    factor = curve.argument[0]
-    return scale * p + curve.result[1], scale * factor * slope, 2.0 * scale * factor * factor * bend
+    return p, slope, 2.0 * bend
 
 
 # --- Joints that follow the modes of a flexible link ----------------------------------------------

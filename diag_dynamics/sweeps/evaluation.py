@@ -88,17 +88,6 @@ def set_results(column, x):
 
 
 @nk.kernel
-def write_outputs(out, k, results):
-    """Write the results of one degree of freedom, ν̇ and ξ̇."""
-    set_results(out[:, k], results)
-    # ν̇ = ε − C − ε_g, and ξ̇ = D⁻¹ (κ − κ_g − C_ξ) (Algorithm 8.1)
-    root = math.sqrt(results[7])
-    nu_dot = results[2] - results[4] - results[6]
-    out[ws.NU_DOT, k] = nu_dot
-    out[ws.XI_DOT, k] = (root * (nu_dot + results[4]) - results[5]) / results[7]
-
-
-@nk.kernel
 def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     """The inward step at a joint of one degree of freedom, for one state or a lane.
 
@@ -162,7 +151,7 @@ def _inward_step(bodies, i, direction, qd, tau, work, out):
     results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried)
     if singular:
         return i
-    write_outputs(out, k, results)
+    set_results(out[:, k], results)
     return 0
 
 
@@ -208,7 +197,8 @@ def inward_coupled(robot, last, qd, tau, out):
         without_xi = -bias[k] - groups.momentum_rate(bodies, i, V_A, qd, work, Q_rate)
         # κ_g = F_cᵀ a = D Gᵀ a
         weight = root * sp.power(G, acceleration)
-        write_outputs(out, k, outputs(root, xi, kappa[k], without_xi, weight, D, D_rate))
+        results = outputs(root, xi, kappa[k], without_xi, weight, D, D_rate)
+        set_results(out[:, k], results)
         groups.eliminate_rate(bodies, first, i, work, Q, Q_rate)
     if bodies[first].parent > 0:
         records.add_to_force(base.y, y)
@@ -315,7 +305,7 @@ def inward_base(robot, last, tau, out):
         results, singular = eliminate_last(bodies[i].direction, bodies[i].armature, w)
         if singular:
             return i
-        write_outputs(out, bodies[i].dof, results)
+        set_results(out[:, bodies[i].dof], results)
     return 0
 
 
@@ -353,12 +343,10 @@ def sums(rows):
 def _complete(out, n):
     """Fill the rows of energies; return whether they and all other results are finite."""
     finite, energy, base, power = sums(out[:, :n])
-    for k in range(n):
-        out[ws.ENERGY_SHARE, k] = 0.5 * out[ws.NU, k] * out[ws.NU, k]
     if out.shape[1] > 0:
         out[ws.KINETIC_ENERGY, 0] = energy
         out[ws.BASE_ENERGY, 0] = base
-        out[ws.EFFORT_POWER, 0] = out[ws.POWER, 0] = power
+        out[ws.EFFORT_POWER, 0] = power
     return finite
 
 

@@ -50,7 +50,7 @@ class Workspace:
             table=self.table,
             nv=nv,
             nq=nq,
-            scratch=np.zeros((ws.N_SWEPT, max(1, nv))),
+            scratch=np.zeros((ws.N_ROWS, max(1, nv))),
             numbers=self.work.view(np.float64).reshape(len(bodies), -1),
             lanes=lanes,
             rows=lanes.view(np.float64).reshape(len(bodies), -1),

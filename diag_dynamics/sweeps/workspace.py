@@ -11,14 +11,13 @@ from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE, NU_DOT, XI_DOT = range(7, 12)
-KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, POWER, N_SWEPT = range(12, 17)
-POSITIONS, RATES, N_ROWS = range(16, 19)
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, KINETIC_ENERGY = range(7, 10)
+BASE_ENERGY, EFFORT_POWER, N_SWEPT = range(10, 13)
+POSITIONS, RATES, N_ROWS = range(12, 15)
 """Rows that evaluation.evaluate fills.
 
-A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the
-share of the first six total rates in it, and νᵀ(ε − ε_g) twice. The last two receive q and q̇ of a
-single state.
+From KINETIC_ENERGY on rows have a first entry only: K, the share of the first six total rates in
+it, and νᵀ(ε − ε_g). The last two receive q and q̇ of a single state.
 """
 
 N_NUMBERS = N_SWEPT - KINETIC_ENERGY
@@ -37,7 +36,7 @@ ROBOT = Table(
     table=array(float, 3),  # matrices 𝓜 and 𝓜̇ of groups, see groups
     nv=int,
     nq=int,
-    scratch=array(float, 2),  # N_SWEPT vectors
+    scratch=array(float, 2),  # N_ROWS vectors
     numbers=array(float, 2),  # the memory of `work`
     lanes=array(records.LANES),  # WIDTH states, see batch
     rows=array(float, 2),  # the memory of `lanes`

@@ -27,7 +27,6 @@ TITLES = {
 """Titles of groups by the package or module that defines a name."""
 
 RESULTS = (
-    "results.BatchEvaluation",
     "results.Factors",
     "results.Momentum",
     "results.ExternalWrench",

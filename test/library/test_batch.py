@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import diag_dynamics as dd
+from accuracy import QUANTITIES
 from diag_dynamics import threads as helpers
-from diag_dynamics.results import NAMES
 from diag_dynamics.sweeps import batch as kernels
 from diag_dynamics.sweeps import spatial
 from examples import shortened
@@ -77,8 +77,8 @@ def test_batch_equals_single_evaluations(dyn, threads, count, efforts):
     Q, QD, *TAU = states(dyn, count)[: 2 + efforts]
     many = dyn.evaluate(Q, QD, *TAU, threads=threads, friction=True)
     singles = [dyn.evaluate(*state, friction=True) for state in zip(Q, QD, *TAU, strict=True)]
-    assert len(many) == count
-    for name in NAMES if count else ():
+    assert len(many.nu) == count
+    for name in QUANTITIES if count else ():
         expected = [getattr(single, name) for single in singles]
         if expected[0] is None:
             assert getattr(many, name) is None, name

@@ -20,6 +20,7 @@ from diag_dynamics.exceptions import LoopError
 from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.model.flexible_links import bending_energy
 from diag_dynamics.simulation.plant import Plant
+from perturbed import perturbed
 
 G = np.array([0.3, -0.5, -9.81])
 
@@ -473,7 +474,7 @@ def test_what_is_rejected(arm):
     body = {"mass": 1.0, "com": [0, 0, 0], "inertia": np.eye(3).tolist()}
     with pytest.raises(dd.InputError, match="link 'b' is flexible"):
         arm.with_parameters({"links": {"b": body}})
-    assert arm.perturbed(0.1, 1).total_mass != arm.total_mass
+    assert perturbed(arm, 0.1, 1).total_mass != arm.total_mass
     loaded = dd.load_urdf(
         ARM,
         loops={"flexible_links": LINKS},

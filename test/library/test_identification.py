@@ -22,6 +22,7 @@ from diag_dynamics.identification.result import require_masses
 from examples import shortened, some_of
 from motions import changed, efforts, fourier, recorded
 from oracles import Oracle
+from perturbed import perturbed
 from robots import robot, without_hand
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
@@ -90,7 +91,7 @@ def test_inertias_and_friction_predict_another_motion_exactly(panda):
     effort does.
     """
     model, oracle = panda
-    start = model.perturbed(0.35, 3)
+    start = perturbed(model, 0.35, 3)
     assert residual(start, model, oracle, seed=78)[0] > 4.0
     result = dd.identify(
         recording(start, oracle, 2, shortened(20.0, 6.0), rate=1000.0), start, WITH_ALL
@@ -196,7 +197,7 @@ def test_payload(panda, known, seed):
     Gains, here exact, are uncertain by 5 %: no mass is more certain than the mean of seven joints.
     """
     model, oracle = panda
-    start = model if known else model.perturbed(0.35, seed)
+    start = model if known else perturbed(model, 0.35, seed)
     data = recording(start, loaded(oracle), seed, 10.0, noise=1.0, resist=np.zeros_like)
     reference = (
         None
@@ -224,7 +225,7 @@ def test_payload(panda, known, seed):
 def test_payload_without_noise_beside_a_reference(panda):
     """Its inertia is not that of the prior."""
     model, oracle = panda
-    start = model.perturbed(0.35, 11)
+    start = perturbed(model, 0.35, 11)
     data, reference = (
         recording(start, arm, seed, 6.0, 1000.0, resist=np.zeros_like)
         for arm, seed in ((loaded(oracle), 11), (oracle, 111))
@@ -484,7 +485,7 @@ def test_held_out_part_of_delayed_velocities(panda):
 
 def test_a_file_gives_the_same_model(panda, noisy, tmp_path):
     model, _ = panda
-    start = model.perturbed(0.2, 9)
+    start = perturbed(model, 0.2, 9)
     result = dd.identify(changed(noisy, start), start, ("friction", "inertias"))
     assert json.loads(json.dumps(result.quality)) == result.quality
     result.save(tmp_path / "arm.yaml")

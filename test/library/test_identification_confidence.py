@@ -21,6 +21,7 @@ from diag_dynamics.identification.regressors import Regressors
 from loads import Arm
 from motions import efforts, fourier, recorded
 from oracles import Oracle
+from perturbed import perturbed
 from robots import robot
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")
@@ -226,7 +227,7 @@ def test_intervals_of_base_parameters(arm):
     truth = BaseParameters(layout).matrix @ layout.known[: layout.robot]
     ratios = []
     for seed in range(5):
-        result = dd.identify(recording(arm, seed, 30.0), model.perturbed(0.35, 10 + seed))
+        result = dd.identify(recording(arm, seed, 30.0), perturbed(model, 0.35, 10 + seed))
         assert "inertias" in result.quality["taken"]
         rows = zip(result.quality["base_parameters"]["parameters"], truth, strict=True)
         ratios += [(entry["value"] - true) / entry["deviation"] for entry, true in rows]

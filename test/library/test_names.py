@@ -90,7 +90,7 @@ def test_results_without_a_constructor_live_in_their_modules():
     for name in dd.__all__:
         value = getattr(dd, name)
         assert callable(value) or inspect.ismodule(value)
-    for name in ("BatchEvaluation", "Excitation", "Identification", "Momentum", "Observed"):
+    for name in ("Excitation", "Identification", "Momentum", "Observed"):
         assert name not in dd.__all__ and not hasattr(dd, name)
 
 
@@ -103,7 +103,7 @@ def test_repr_has_one_line(dyn):
     assert repr(dd.Simulation(dyn.model)) == "<Simulation 'panda': 8 dof, time 0 s>"
     assert repr(dyn.factors(q[0])) == "<Factors of M: shape (8, 8)>"
     assert repr(dyn.evaluate(q[0], q[0])) == "<Evaluation of 'panda': shape (8,)>"
-    assert repr(dyn.evaluate(q, q)) == "<BatchEvaluation of 'panda': shape (4, 8)>"
+    assert repr(dyn.evaluate(q, q)) == "<Evaluation of 'panda': shape (4, 8)>"
     assert repr(observed) == "<Observed: 4 states, 3 valid>"
 
 

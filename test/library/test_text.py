@@ -20,7 +20,7 @@ from diag_dynamics.exceptions import RejectedError
 from diag_dynamics.text import MAX_LENGTH, distinct, number, plain
 
 FORGED = "elbow\n[FATAL] [0.0] [safety_controller]: fire"
-FORGED_SHOWN = r"elbow\x0a[FATAL] [0.0] [safety_controller]: fire"
+FORGED_SHOWN = r"elbow\n[FATAL] [0.0] [safety_controller]: fire"
 HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 """Unicode categories of characters that act."""
 
@@ -44,7 +44,7 @@ def test_plain_of_any_text(text):
     assert not {unicodedata.category(character) for character in shown} & HIDDEN
     assert len(shown.splitlines()) <= 1
     assert plain(shown) == shown
-    if not {unicodedata.category(character) for character in text} & HIDDEN:
+    if text.isprintable():
         assert shown == text
 
 

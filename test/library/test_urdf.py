@@ -20,8 +20,6 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics.description import urdf
 from diag_dynamics.description.urdf import MAX_JOINTS
-from diag_dynamics.model import robot as loader
-from diag_dynamics.model.tree import MAX_COUPLED
 from examples import shortened
 from robots import ARM, BOX, arm, changed, description, joint, link
 
@@ -395,17 +393,6 @@ def forbid(monkeypatch):
         raise AssertionError("called for a description that should have been rejected before")
 
     return lambda module, name: monkeypatch.setattr(module, name, never)
-
-
-@pytest.mark.parametrize("shape", [shape for shape in SHAPES if "source" in shape])
-def test_large_groups_are_rejected_before_their_evaluation(shape, forbid):
-    """An evaluation takes time as the cube of a group's size."""
-    forbid(loader, "massless_freedoms")
-    size = MAX_COUPLED + 1
-    with pytest.raises(
-        dd.MimicJointError, match=rf"of {size} bodies.*no more than {MAX_COUPLED} .*mimic: free"
-    ):
-        dd.load_urdf(grown(size, **SHAPES[shape]))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "fixed"])

@@ -166,7 +166,7 @@ def test_names_do_nothing_to_the_terminal(make_robot, make_top, screen):
     robot.publish(collision=True, touched_links=["\x1b[2J"], touched_link_probability=[1.0])
     text = screen.text.getvalue()
     assert "\x1b" not in text and "\x07" not in text
-    for shown in (r"\x1b]0;title\x07", "[red]shoulder[/]", r"[/nothing]\x0a", r"\x1b[2J"):
+    for shown in (r"\x1b]0;title\x07", "[red]shoulder[/]", r"[/nothing]\n", r"\x1b[2J"):
         assert shown in text
 
 

@@ -5,6 +5,14 @@
 
 import numpy as np
 
+from diag_dynamics.results import Evaluation
+
+QUANTITIES = [
+    name
+    for name, value in vars(Evaluation).items()
+    if isinstance(value, property) and name not in ("model", "rows")
+]
+
 EPS = np.finfo(float).eps
 norm = np.linalg.norm
 

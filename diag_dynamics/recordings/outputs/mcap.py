@@ -196,7 +196,7 @@ class TopicRows:
 
 
 class _Rows:
-    """Quantities of a BatchEvaluation at some states."""
+    """Quantities of an Evaluation at some states."""
 
     def __init__(self, s, places):
         self._s = s
