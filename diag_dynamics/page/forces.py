@@ -11,9 +11,6 @@ from diag_dynamics.page.layout import center_of_body
 CANDIDATES, MIN_PROBABILITY = 3, 0.2
 """Links that a page names at most, and the probability that the second and third one need."""
 
-BLOCK = 512
-"""Number of states whose intervals are computed at once."""
-
 
 class Forces:
     """Estimate forces from external torque.
@@ -70,9 +67,8 @@ class Forces:
             rows = np.flatnonzero(touched == k)
             forces[rows] = self._at_center(q[rows], torque[rows], self._names[k])
         rows = np.flatnonzero(touched >= 0.0)
-        for first in range(0, len(rows), BLOCK):
-            block = rows[first : first + BLOCK]
-            intervals[block] = self._force.interval(q[block], torque[block])
+        if rows.size:
+            intervals[rows] = self._force.interval(q[rows], torque[rows])
         return {"touch_force": forces, "touch_interval": intervals}
 
     def _at_center(self, q, torque, link):

@@ -12,8 +12,8 @@ import numpy as np
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model import end_effector_link
 from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
-from diag_dynamics.sweeps.spatial import ANGULAR_X
 
 KINDS = {REVOLUTE: "revolute", PRISMATIC: "prismatic", PLANAR: "planar", FLOATING: "floating"}
 
@@ -176,17 +176,13 @@ class Layout:
         """
         model = self._model
         unlimited = [math.inf] * (self._model.nv + 2)
-        angular = [False] * model.nv
-        for k, body in enumerate(model.bodies[1:], 1):
-            if body["leader"] == k:
-                angular[body["dof"]] = bool(body["direction"] >= ANGULAR_X)
         points = [{"name": name, "link": link} for name, link in self.points]
         return {
             "robot": model.name,
             "dofs": list(model.dof_names),
             "coordinates": [*model.coordinate_names, *model.followers],
             "links": list(model.link_names),
-            "angular": angular,
+            "angular": [not slides for slides in sliding_dofs(model)],
             "floating_base": model.floating_base,
             "fields": [field._asdict() for field in self.fields],
             "limits": {"effort": finite(model.effort_limit)},
