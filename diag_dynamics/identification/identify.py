@@ -286,8 +286,7 @@ def check_motion(model, datasets, slides):
     for t, states in segments:
         step = np.diff(t, prepend=t[0])
         times += [step @ (sign * states.velocity > MOVING * unit) for sign in (1.0, -1.0)]
-    low = np.min([states.position.min(axis=0) for _, states in segments], axis=0)
-    moved = np.max([states.position.max(axis=0) for _, states in segments], axis=0) - low
+    moved = np.ptp(np.vstack([states.position for _, states in segments]), axis=0)
     each_way = (times >= EACH_WAY).all(axis=0)
     findings = []
     for k in np.flatnonzero(~each_way):

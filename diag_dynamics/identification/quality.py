@@ -146,8 +146,8 @@ def quality_of(model, selection, data, last):
     }
     if data.gains is not None:
         quality["warnings"].append(
-            "efforts were multiplied by gains, effort_scale of the parameters. They are as wrong as "
-            "the weight of the model's links, and other joints remain unknown"
+            "efforts were multiplied by gains, effort_scale of the parameters. They are as wrong "
+            "as the weight of the model's links, and other joints remain unknown"
         )
     if free[layout.inertial].any():
         quality["warnings"].append(
