@@ -34,7 +34,6 @@ from diag_dynamics.recordings.messages import (
 )
 from diag_dynamics.wire.definitions import typestore
 
-METADATA = "metadata.yaml"  # file that rosbag2 writes into a folder when it closes a recording
 ZSTD = b"\x28\xb5\x2f\xfd"
 MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
@@ -43,7 +42,6 @@ KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .b
 ROS1 = "ros1", "ros1msg"  # names of the encoding of ROS 1
 ROS1_TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 """Types of messages that recordings are made of."""
-MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself [bytes]
 
 
 class Bag:
@@ -58,7 +56,7 @@ class Bag:
         self._folders = []  # temporary ones, which are deleted with the bag
         self.unread = []
         self._lose = partial(_add_damage, self.unread)
-        paths = _find_files(self.path, self._lose) if self.path.is_dir() else [self.path]
+        paths = _find_bags(self.path) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(path, str(path)) for path in paths]
         self._maps = [self._map_connections(file) for file in self._files]
         starts = (file.start for file in self._files if file.start is not None)
@@ -150,30 +148,18 @@ def _convert(messages, conversions, places, failed):
     """Return Messages in CDR with connections of the bag; `failed` counts those of another type."""
     if messages is None:
         return None
-    view = memoryview(messages.data)
-    first = int(messages.at[0])
-    is_compressed = view[first : first + 4] == ZSTD  # all messages of a file, or none
-    if not conversions and not is_compressed:
+    if not conversions:
         return messages._replace(connection=places[messages.connection])
+    view = memoryview(messages.data)
     rows = []
     columns = (column.tolist() for column in messages[1:])
     for k, at, size, time in zip(*columns, strict=True):
         raw = view[at : at + size]
         try:
-            raw = _unpack_message(raw) if raw[:4] == ZSTD else raw
             rows.append((places[k], time, conversions[k](raw) if k in conversions else raw))
         except Exception:  # rosbags generates code from the definition, which checks little
             failed[int(places[k])] += 1
     return Messages.from_rows(rows) if rows else None
-
-
-def _unpack_message(raw):
-    """Return the content of a message; itself if it is damaged, for its decoder to reject it."""
-    zstandard = require("zstandard", REASON)
-    with suppress(zstandard.ZstdError):
-        if zstandard.frame_content_size(raw) <= MAX_MESSAGE:
-            return zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
-    return raw
 
 
 def _normalize_type(name):
@@ -258,39 +244,20 @@ class RosbagFile:
 # --- Files of a folder ---
 
 
-def _find_files(folder, lose):
-    """Return the bags of a folder in the order of their names; report those that are missing."""
-    names = _find_bags(folder)
-    listed = _read_metadata(folder)
-    if not names:
-        raise InputError(f"'{folder}' contains no bag; expected {KNOWN}, or the file of a table.")
-    stored = {name.removesuffix(PACKED) for name in names}
-    missing = [name for name in listed if name.removesuffix(PACKED) not in stored]
-    if missing and not len(missing) == len(listed) <= len(names):  # all files may be renamed
-        lose(folder, METADATA, f"it lists {', '.join(missing)}, missing here")
-    return [folder / name for name in names]
-
-
-def _read_metadata(folder):
-    """Return the names of files that metadata.yaml lists; none if it is missing or damaged."""
-    yaml = require("yaml", REASON)
-    try:
-        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
-        paths = content["rosbag2_bagfile_information"]["relative_file_paths"]
-        return [Path(path).name for path in paths]
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError):
-        return []
-
-
 def _find_bags(folder):
-    """Return the names of bags by suffix or first bytes, `bag_10` behind `bag_9`."""
+    """Return the bags of a folder by suffix or first bytes, `bag_10` behind `bag_9`."""
     try:
         names = [path.name for path in folder.iterdir() if path.is_file() and is_bag(path)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
+    if not names:
+        raise InputError(f"'{folder}' contains no bag; expected {KNOWN}, or the file of a table.")
     unpacked = {f"{name}{PACKED}" for name in names}  # of files that were played
     parts = {name: enumerate(re.split(r"(\d+)", name)) for name in {*names} - unpacked}
-    return sorted(parts, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]])
+    names = sorted(
+        parts, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]]
+    )
+    return [folder / name for name in names]
 
 
 def is_bag(path):
