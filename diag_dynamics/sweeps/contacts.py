@@ -22,7 +22,7 @@ from diag_dynamics.sweeps import joints, records
 from diag_dynamics.sweeps import spatial as sp
 from diag_dynamics.sweeps import workspace as ws
 from diag_dynamics.sweeps.factorization import convert_rates, factorize_at, scale_by_inertia
-from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_of, mobility_times
+from diag_dynamics.sweeps.mobilities import mobilities_outward, mobility_times
 
 BY_ENERGY, BY_FORCE, BY_LIMIT = range(3)
 """Criterion of the worst point of an entry: transferable energy, force, or ratio of speed to
@@ -104,7 +104,7 @@ def _contact(at, entry, w, X, result):
     X is the placement of its body in the axes of results.
     """
     V = records.motion_of(w.V)
-    Y = mobility_of(w)
+    Y = records.inertia_of(w.P)  # of mobilities_outward
     R = X.rotation
     scale_of_V = sp.dot(V.linear, V.linear)
     scale_of_w = sp.dot(V.angular, V.angular)

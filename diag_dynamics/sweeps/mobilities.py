@@ -72,16 +72,8 @@ def mobility_to_child(X, Y):
 @nk.kernel
 def mobility_times(Y, F):
     """Υ F: the twist that a wrench gives to a body, per unit of time."""
-    return sp.Motion(
-        sp.add(sp.apply_transposed(Y.B, F.moment), sp.apply(Y.C, F.force)),
-        sp.add(sp.apply(Y.A, F.moment), sp.apply(Y.B, F.force)),
-    )
-
-
-@nk.kernel
-def mobility_of(w):
-    """Υ of a body, behind :func:`mobilities_outward`."""
-    return records.inertia_of(w.P)
+    angular, linear = sp.inertia_times(Y, sp.Motion(F.moment, F.force))
+    return sp.Motion(linear, angular)
 
 
 # --- The outward sweep ----------------------------------------------------------------------------
