@@ -491,10 +491,8 @@ def form_tables(forms: Mapping[str, Form], first_body: Mapping[str, int]) -> tup
     records = []
     coefficients = np.zeros(0)
     for name, form in forms.items():
-        is_quadratic = form.quadratic.any()
-        rows = np.column_stack([form.linear, form.quadratic]) if is_quadratic else form.linear
-        records.append((first_body[name], len(coefficients), is_quadratic))
-        coefficients = np.append(coefficients, rows)
+        records.append((first_body[name], len(coefficients)))
+        coefficients = np.append(coefficients, np.column_stack([form.linear, form.quadratic]))
     return np.array(records, couplings.FORM), coefficients
 
 

@@ -69,7 +69,7 @@ CURVE = np.dtype(
 )
 """A position that is a piecewise polynomial of another one."""
 
-FORM = np.dtype([("body", "i8"), ("begin", "i8"), ("is_quadratic", "i8")], align=True)
+FORM = np.dtype([("body", "i8"), ("begin", "i8")], align=True)
 """A position c + φᵀη + ½ηᵀQη by several joints: first body of the follower, and c; φ and row of Q
 of each joint follow."""
 
@@ -93,7 +93,7 @@ COUPLINGS = Table(
     before=array(float),
     position=array(float),
     forms=array(FORM),
-    coefficients=array(float),  # of forms; without Q if that is zero
+    coefficients=array(float),  # of forms
     ratio=array(float),  # of each loop: smallest diagonal entry of R by the longest column of J
     J=array(float, 2),  # ∂φ/∂q and its rate, a row for each joint
     J_rate=array(float, 2),
@@ -579,13 +579,11 @@ def _set_forms(table, q):
         position = 0.0
         for i in range(first, first + count):
             linear = ratio = at.coefficients[k]
-            if form.is_quadratic != 0:
-                for j in range(count):
-                    ratio += at.coefficients[k + 1 + j] * q[at.bodies[first + j].q]
-                k += count
+            for j in range(count):
+                ratio += at.coefficients[k + 1 + j] * q[at.bodies[first + j].q]
             position += 0.5 * (linear + ratio) * q[at.bodies[i].q]
             at.work[i].multiplier = ratio
-            k += 1
+            k += count + 1
         at.work[first].offset = position
 
 
@@ -594,16 +592,15 @@ def _set_form_rates(table, qd):
     """Rates Qη̇ of ratios that change."""
     at = _opened(table)
     for form in at.forms:
-        if form.is_quadratic != 0:
-            first = form.body
-            count = at.bodies[form.body].dofs
-            k = form.begin + 1
-            for i in range(first, first + count):
-                rate = 0.0
-                for j in range(count):
-                    rate += at.coefficients[k + j] * qd[at.bodies[first + j].dof]
-                at.work[i].multiplier_rate = rate
-                k += count + 1
+        first = form.body
+        count = at.bodies[form.body].dofs
+        k = form.begin + 1
+        for i in range(first, first + count):
+            rate = 0.0
+            for j in range(count):
+                rate += at.coefficients[k + j] * qd[at.bodies[first + j].dof]
+            at.work[i].multiplier_rate = rate
+            k += count + 1
 
 
 # --- All couplings of a robot ---------------------------------------------------------------------
@@ -632,8 +629,7 @@ def _couple(table, at, q):
         if curve.loop < 0:
             w = at.work[curve.follower]
             w.offset, w.multiplier, at.bend[k] = _curve_at(at, curve, q[at.bodies[curve.source].q])
-    if len(at.forms) > 0:
-        _set_forms(table, q)
+    _set_forms(table, q)
     for number in range(len(at.loops)):
         status = _close_loop(table, number, q)
         if status != 0:
@@ -648,7 +644,6 @@ def _couple_rates(table, qd):
         curve = at.curves[k]
         if curve.loop < 0:
             at.work[curve.follower].multiplier_rate = at.bend[k] * qd[at.bodies[curve.source].dof]
-    if len(at.forms) > 0:
-        _set_form_rates(table, qd)
+    _set_form_rates(table, qd)
     for number in range(len(at.loops)):
         _set_ratio_rates(table, number, qd)
