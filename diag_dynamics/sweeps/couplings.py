@@ -279,13 +279,11 @@ def _place(at, loop):
             X = joints.placement(sp.ANGULAR_Z, body, sp.reduced_angle(position))
         else:
             X = joints.placement(sp.LINEAR_Z, body, position)
-        R = X.rotation
-        p = X.translation
         if joint.carrier >= 0:
             carrier = at.frames[joint.carrier]
-            turn = records.matrix_of(carrier)
-            R = sp.product(turn, R)
-            p = sp.add(_part(carrier, 9), sp.apply(turn, p))
+            X = sp.compose(sp.Placement(records.matrix_of(carrier), _part(carrier, 9)), X)
+        R = X.rotation
+        p = X.translation
         records.set_matrix(frame, R)
         records.set_vector(frame, 9, p)
         axis = (R[0][2], R[1][2], R[2][2])

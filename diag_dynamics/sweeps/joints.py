@@ -80,16 +80,6 @@ def placement(direction, body, position):
 
 
 @nk.kernel
-def displaced(body, pose):
-    """X of a body whose frame has this pose in that of its joint at zero."""
-    R = records.matrix_of(body.rotation)
-    translation = records.vector_of(body.translation)
-    return sp.Placement(
-        sp.product(R, pose.rotation), sp.add(translation, sp.apply(R, pose.translation))
-    )
-
-
-@nk.kernel
 def moved_pose(body, q):
     """Displacement of a planar or floating joint by its positions."""
     k = body.q
@@ -118,7 +108,7 @@ def _update_placement_general(body, q, w):
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0:
-        X = displaced(body, moved_pose(body, q))
+        X = sp.compose(X, moved_pose(body, q))
     records.set_placement(w, X)
 
 
@@ -136,14 +126,11 @@ def update_placements(bodies, q, work):
 @nk.kernel
 def pose(bodies, i, base, work):
     """Placement of a placed body in one that carries it."""
-    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    p = sp.ZERO
+    T = sp.Placement(sp.IDENTITY, sp.ZERO)
     while i != base:
-        X = records.placement_of(work[i])
-        R = sp.product(X.rotation, R)
-        p = sp.add(X.translation, sp.apply(X.rotation, p))
+        T = sp.compose(records.placement_of(work[i]), T)
         i = bodies[i].parent
-    return sp.Placement(R, p)
+    return T
 
 
 @nk.kernel

@@ -46,21 +46,17 @@ def set_jacobian(bodies, body, point, work, J):
     for row in range(6):
         ws.clear(J[row])
     width = 0
-    R = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    p = (point[0], point[1], point[2])
+    T = sp.Placement(sp.IDENTITY, (point[0], point[1], point[2]))
     i = body
     while i > 0:
         S = sp.motion_along(bodies[i].direction, work[i].multiplier)
+        S = sp.motion_to_child(T, S)
         k = bodies[i].dof
         width = max(width, k + 1)
-        linear = sp.apply_transposed(R, sp.add(S.linear, sp.cross(S.angular, p)))
-        angular = sp.apply_transposed(R, S.angular)
         for axis in range(3):
-            J[axis, k] += linear[axis]
-            J[3 + axis, k] += angular[axis]
-        X = records.placement_of(work[i])
-        R = sp.product(X.rotation, R)
-        p = sp.add(X.translation, sp.apply(X.rotation, p))
+            J[axis, k] += S.linear[axis]
+            J[3 + axis, k] += S.angular[axis]
+        T = sp.compose(records.placement_of(work[i]), T)
         i = bodies[i].parent
     return width
 

@@ -71,20 +71,17 @@ def regressor(robot, q, qd, qdd, frames, Y):
     for link in range(len(frames)):
         frame = frames[link]
         i = frames[link].body
-        R = records.matrix_of(frame.rotation)
-        p = records.vector_of(frame.translation)
-        V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
-        A = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
+        T = records.placement_of(frame)
+        V = sp.motion_to_child(T, records.motion_of(work[i].V))
+        A = sp.motion_to_child(T, records.motion_of(work[i].acceleration))
         while i > 0:
             S = sp.motion_along(bodies[i].direction, work[i].multiplier)
-            S = sp.motion_to_child(sp.Placement(R, p), S)
+            S = sp.motion_to_child(T, S)
             inertial = coefficients(S, A)
             centrifugal = coefficients(sp.cross_motion(S, V), V)
             for j in range(PARAMETERS):
                 Y[bodies[i].dof, PARAMETERS * link + j] += inertial[j] + centrifugal[j]
-            X = records.placement_of(work[i])
-            R = sp.product(X.rotation, R)
-            p = sp.add(X.translation, sp.apply(X.rotation, p))
+            T = sp.compose(records.placement_of(work[i]), T)
             i = bodies[i].parent
     return 0 if joints.are_finite(flat(Y)) else -1
 
@@ -104,14 +101,12 @@ def load_columns(robot, q, qd, frames, momentum, bias):
         return status
     ws.clear(flat(momentum))
     ws.clear(flat(bias))
-    R = records.matrix_of(frame.rotation)
-    p = records.vector_of(frame.translation)
+    T = records.placement_of(frame)
     i = frames[0].body
-    V = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].V))
-    up = sp.motion_to_child(sp.Placement(R, p), records.motion_of(work[i].acceleration))
+    V = sp.motion_to_child(T, records.motion_of(work[i].V))
+    up = sp.motion_to_child(T, records.motion_of(work[i].acceleration))
     while i > 0:
         body = bodies[i]
-        T = sp.Placement(R, p)
         S = sp.motion_along(body.direction, work[i].multiplier)
         moving = records.motion_of(work[i - body.rank + body.dofs - 1].V)
         turning = sp.cross_motion(moving, S)
@@ -124,8 +119,6 @@ def load_columns(robot, q, qd, frames, momentum, bias):
         for j in range(LOAD):
             momentum[body.dof, j] += own[j]
             bias[body.dof, j] += weight[j] - kinetic[j]
-        X = records.placement_of(work[i])
-        R = sp.product(X.rotation, R)
-        p = sp.add(X.translation, sp.apply(X.rotation, p))
+        T = sp.compose(records.placement_of(work[i]), T)
         i = body.parent
     return 0

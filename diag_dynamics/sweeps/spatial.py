@@ -34,6 +34,8 @@ ZERO = (0.0, 0.0, 0.0)
 
 NO_MOTION, NO_FORCE = Motion(ZERO, ZERO), Force(ZERO, ZERO)
 
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
 NO_INERTIA = Inertia(3 * (ZERO,), 3 * (ZERO,), 3 * (ZERO,))
 
 # --- 3-vectors and 3x3 matrices -------------------------------------------------------------------
@@ -195,6 +197,14 @@ def cross_force(V, F):
     """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
     return Force(
         cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force))
+    )
+
+
+@nk.kernel
+def compose(X, T):
+    """Placement in the parent of X of a frame that has the placement T in its child."""
+    return Placement(
+        product(X.rotation, T.rotation), add(X.translation, apply(X.rotation, T.translation))
     )
 
 
