@@ -163,7 +163,7 @@ class Sweeps:
         """
         inputs = *before, at.q, *at.vectors.values(), *after
         if not at.threads:
-            outputs: Sequence[Array] = [np.empty(shape) for shape in shapes]
+            outputs: Sequence[Array] = list(map(np.empty, shapes))
             status = sweep.single(self._robot, *inputs, *outputs)
             if status or self._loops:
                 self._check(status, at, problem)
