@@ -418,7 +418,7 @@ class DiagonalDynamics(calls.Sweeps):
         try:
             if are_vectors(q, x, x):
                 result = np.empty(length or self._nv)
-                if not sweep.single.run(self._robot, q, x, result):
+                if not sweep.single(self._robot, q, x, result):
                     return result
         except TypeError:  # as in evaluate
             pass
