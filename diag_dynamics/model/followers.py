@@ -16,9 +16,11 @@ from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.rotations import wrap_angle
 from diag_dynamics.sweeps import couplings, followers
+from diag_dynamics.text import listed
 
 if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
+    from diag_dynamics.model.tree import MovingJoint
 
 WAYS: list[float] = np.cumprod([1.0, *[0.8] * 30]).tolist()
 """Fractions of the way from the start to random positions, tried where a loop is open."""
@@ -109,6 +111,83 @@ def closed(model: RobotModel, q: Array) -> Array:
             continue
         return start + way * (q - start)
     return start
+
+
+STEP, STEPS = 0.02, 1000
+"""Step [rad, m] by which an independent joint moves to where a follower ends, and the number of
+steps."""
+
+PRECISE = 1e-8
+"""Precision of such an end [rad, m]: loops are not singular yet."""
+
+
+def limit_by_followers(
+    model: RobotModel, joints: Mapping[str, MovingJoint], lower: Array, upper: Array
+) -> list[str]:
+    """Narrow limits of independent joints so that followers keep theirs and loops close.
+
+    Return texts on followers whose limits do not count: those of several joints, of continuous
+    ones, and those that are beyond their limits at the start.
+    """
+    ends = {}
+    for name in model.followers:
+        ends[name] = np.array([joints[name].joint.lower, joints[name].joint.upper])
+    limited = [name for name in ends if np.isfinite(ends[name]).any()]
+    omitted = set[str]()
+    for leaders in set(model.followers.values()):
+        group = {
+            name: ends[name] for name, sources in model.followers.items() if sources == leaders
+        }
+        if len(leaders) > 1 or leaders[0] in model.continuous_joints:
+            omitted |= group.keys()
+        elif group.keys() & set(limited) or any(leaders[0] in names for names in model.loop_joints):
+            k = model.coordinate_names.index(leaders[0])
+            bounds = [_end(model, k, lower[k], -1.0, group), _end(model, k, upper[k], 1.0, group)]
+            if None in bounds:
+                omitted |= group.keys()
+            else:
+                lower[k], upper[k] = bounds
+    return [
+        f"limits of joint '{name}', which follows {listed(model.followers[name])}"
+        for name in limited
+        if name in omitted
+    ]
+
+
+def _end(
+    model: RobotModel, k: int, limit: float, sign: float, group: Mapping[str, Array]
+) -> float | None:
+    """Return the position up to which a joint moves toward its limit from the start.
+
+    Return None if followers are beyond theirs.
+    """
+    motion = FollowerMotion(model)
+    start = model.start
+    rows = [motion.names.index(name) for name in group]
+    ends = np.array(list(group.values()))
+
+    def fits(x: float) -> bool:
+        start[k] = x
+        try:
+            position = motion.at(start).position[rows]
+        except LoopError:
+            return False
+        return not ((position < ends[:, 0]) | (position > ends[:, 1])).any()
+
+    good = float(start[k])
+    steps = 0
+    if not fits(good):
+        return None
+    while sign * (limit - good) > 0.0 and steps < STEPS:
+        ahead = min(sign * limit, sign * good + STEP) * sign
+        steps = steps + 1
+        if not fits(ahead):
+            while abs(ahead - good) > PRECISE:
+                middle = 0.5 * (good + ahead)
+                good, ahead = (middle, ahead) if fits(middle) else (good, middle)
+            return good
+        good = ahead
+    return limit
 
 
 # --- Values of followers in messages

@@ -28,7 +28,7 @@ from diag_dynamics.description.records import (
     FlexibleJoint,
 )
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
-from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed
+from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle, places
 from diag_dynamics.model.loops import coupled_tree, coupling_tables
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
@@ -36,7 +36,6 @@ from diag_dynamics.model.tree import Tree, resolve_mimics
 from diag_dynamics.rigid_body import RigidBody, not_physical, symmetric
 from diag_dynamics.sweeps import joints, kinematics
 from diag_dynamics.sweeps.memory import Workspace
-from diag_dynamics.text import listed
 
 REACH = 1.0  # distance from zero of random positions without limits [m]; angles are within ±π
 
@@ -86,8 +85,9 @@ class RobotModel:
     gravity : ndarray, shape (3,)
         Acceleration of gravity in the world's axes, those of the root link of a fixed base [m/s²].
     lower, upper : ndarray, shape (nq,)
-        Position limits [rad, m]; infinite where there are none. Those of mimic joints
-        and of other followers do not bind their leaders.
+        Position limits [rad, m]; infinite where there are none. Those of mimic joints do not bind
+        their leaders. A joint that others follow by changing ratios stays where they are within
+        theirs and its loop can be closed.
     velocity_limit, effort_limit, velocity_bound, effort_bound : ndarray, shape (nv,)
         Limits [rad/s, m/s] and [N m, N] of the URDF; infinite where it has none. Bounds are
         infinite where it has 0, too.
@@ -193,17 +193,15 @@ class RobotModel:
         self.locked_joints = MappingProxyType(tree.locked)
         self.payloads = MappingProxyType(description.payloads)
         self.total_mass = float(links["mass"].sum())
-        limits = (
-            f"limits of joint '{name}', which follows {listed(sources)}"
-            for name, sources in self.followers.items()
-            if np.isfinite([joints[name].lower, joints[name].upper]).any()
-        )
-        self.omitted = *description.omitted, *limits
+        self.omitted = description.omitted
         self.orientations = tree.orientations
         self.bodies = bodies
         self.links = links
         self.description = description
         self._tree = tree
+        if self.followers:
+            limits = limit_by_followers(self, tree.moving, self.lower, self.upper)
+            self.omitted = *self.omitted, *limits
         self._freeze()
 
     def _freeze(self) -> None:

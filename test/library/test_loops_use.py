@@ -229,12 +229,41 @@ def test_nearly_singular_loop():
 # --- Limits
 
 
-def test_limits_of_followers_are_omitted():
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_limits_of_followers(kind):
+    """An independent joint stops where its follower does; if that is beyond at the start, its
+    limits are named as omitted.
+    """
+    omitted = ("limits of joint 'rocker', which follows crank",)
     limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
     crank = '<limit lower="-3" upper="3" effort="9" velocity="9"/>'
-    model = dd.load_urdf(four_bar(limit, crank, "revolute"), loops=[FOUR_BAR])
-    assert (model.lower[0], model.upper[0]) == (-3.0, 3.0)
-    assert model.omitted == ("limits of joint 'rocker', which follows crank",)
+    model = dd.load_urdf(four_bar(limit, crank, kind), loops=[FOUR_BAR])
+    if kind == "continuous":
+        assert (model.lower[0], model.upper[0]) == (-np.inf, np.inf) and model.omitted == omitted
+        return
+    for end, expected in ((model.lower[0], -1.6), (model.upper[0], -2.3)):
+        assert abs(end) < 3.0
+        assert four_bar_followers(end)[1] == pytest.approx(expected, abs=1e-6)
+    beyond = dd.load_urdf(four_bar(limit.replace("-1.6", "-2.2"), crank, kind), loops=[FOUR_BAR])
+    assert (beyond.lower[0], beyond.upper[0]) == (-3.0, 3.0) and beyond.omitted == omitted
+
+
+def test_limits_by_the_loop():
+    """A rocker that drives has the range in which the loop can be closed; limits of several joints'
+    followers are omitted.
+    """
+    limit = '<limit lower="-6" upper="6" effort="1" velocity="1"/>'
+    model = dd.load_urdf(four_bar(limit), loops=[FOUR_BAR | {"independent": ["rocker"]}])
+    k = model.dof_names.index("rocker")
+    angles = [four_bar_followers(crank)[1] for crank in np.linspace(-np.pi, np.pi, 4001)]
+    assert model.lower[k] == pytest.approx(min(angles), abs=1e-5)
+    assert model.upper[k] == pytest.approx(max(angles), abs=1e-5)
+    urdf = five_bar('<limit lower="-1" upper="1" effort="1" velocity="1"/>').replace(
+        '"p2" type="continuous"', '"p2" type="revolute"'
+    )
+    assert dd.load_urdf(urdf, loops=[FIVE_BAR]).omitted == (
+        "limits of joint 'p2', which follows p1, r1",
+    )
 
 
 # --- Friction
@@ -300,6 +329,19 @@ def test_simulated_friction():
     two = dd.load_urdf(five_bar(RUBBING), loops=[FIVE_BAR])
     with pytest.raises(dd.UnsupportedError, match="'p2' follows several joints and has friction"):
         dd.Simulation(two)
+
+
+def test_simulated_stop():
+    """A crank stops where its rocker reaches its limit, and rests there."""
+    limit = '<limit lower="-2.3" upper="-1.6" effort="1" velocity="1"/>'
+    model = dd.load_urdf(
+        four_bar(limit, limit.replace("-2.3", "-3").replace("-1.6", "3"), "revolute"),
+        loops=[FOUR_BAR],
+    )
+    simulation = dd.Simulation(model, q=model.start, effort_limits=False)
+    simulation.advance([40.0, 0.0], steps=2000)
+    assert "crank" in simulation.at_limit and simulation.qd[0] == 0.0
+    assert model.followers_at(simulation.q).position[1] == pytest.approx(-2.3, abs=1e-6)
 
 
 def test_simulated_opening():
