@@ -24,7 +24,6 @@ from diag_dynamics.wire.definitions import read_message
 
 JOINT_STATE, ODOMETRY = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
-IMPLAUSIBLE = "implausible value"  # cause of messages that are rejected for a value of a joint
 MAX_TEXTS = 20  # rejections whose text is kept, of each cause
 
 

@@ -58,7 +58,6 @@ class Part(NamedTuple):
     start: int = 0  # log times [ns]
     end: int = 0
     channels: frozenset = frozenset()  # empty: not known
-    count: int = 0  # messages, 0: not known
 
     def __str__(self):
         return f"{'chunk' if self.is_chunk else 'messages'} at byte {self.at}"
@@ -120,11 +119,9 @@ class McapFile:
         self._schemas = summary.schemas
         for index in indexes:
             offsets = frozenset(index.message_index_offsets)
-            # Indexes are 15 bytes a channel, and 16 a message.
-            count = (index.message_index_length - 15 * len(offsets)) // 16 if offsets else 0
             place = index.chunk_start_offset, index.chunk_length, True
             times = index.message_start_time, index.message_end_time
-            self._parts.append(Part(*place, *times, offsets, count))
+            self._parts.append(Part(*place, *times, offsets))
 
     def _scan(self, file):
         """Read channels and parts from all records."""
@@ -197,8 +194,7 @@ class McapFile:
         except InputError:  # a package is missing
             raise
         except Exception as error:
-            lost = f"{part.count} messages" if part.count else f"{part.size} bytes"
-            self._lose(str(part), f"{describe_error(error)}: {lost}")
+            self._lose(str(part), f"{describe_error(error)}: {part.size} bytes")
             return None
 
     def _unpack(self, part, raw):

@@ -390,14 +390,14 @@ def chunks(content):
 @pytest.mark.parametrize(
     ("place", "new", "what"),
     [
-        (33, b"1234", "crc validation failed in Chunk.*: {count} messages"),
-        (41, b"zsta", "compression is 'zsta'; expected zstd, lz4 or none: {count} messages"),
+        (33, b"1234", r"crc validation failed in Chunk.*: \d+ bytes"),
+        (41, b"zsta", r"compression is 'zsta'; expected zstd, lz4 or none: \d+ bytes"),
         (
             25,
             b"\xff\xff\xff\x7f",
-            "2147483647 bytes is not the uncompressed size: {count} messages",
+            r"2147483647 bytes is not the uncompressed size: \d+ bytes",
         ),
-        (1, b"\xff" * 8, "the bytes are not a chunk: {count} messages"),
+        (1, b"\xff" * 8, r"the bytes are not a chunk: \d+ bytes"),
     ],
 )
 def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
@@ -408,7 +408,7 @@ def test_what_is_lost_of_a_chunk_is_named(tmp_path, place, new, what):
     content[at + place : at + place + len(new)] = new
     path.write_bytes(content)
     numbers, findings = read(path)
-    pattern = f"{path}, chunk at byte {at}: {what.format(count=200 - len(numbers))}"
+    pattern = f"{path}, chunk at byte {at}: {what}"
     assert 180 < len(numbers) < 200 and re.fullmatch(pattern, *unread(findings))
 
 

@@ -156,31 +156,19 @@ def read_npz(path):
         else:
             converted.append(None)
             content = f"{' × '.join(map(str, array.shape))} {array.dtype.name}"
-            content = "Python objects" if kind == "O" else content
             columns.append(Column(name, numeric=False, type=content, sample=(content,)))
     return MemoryTable(path, columns, converted, texts)
 
 
 def _read_arrays(path):
-    """Return arrays by name, bytes as texts; those of Python objects are empty."""
-    arrays = {}
-    name = ""
+    """Return arrays by name, bytes as texts."""
     try:
         with np.load(path) as file:
-            for name in file.files:
-                try:
-                    array = file[name]
-                except ValueError as error:
-                    if "allow_pickle" not in str(error):
-                        raise
-                    array = np.empty(0, object)
-                if isinstance(array, np.ndarray):
-                    arrays[name] = array.astype(str) if array.dtype.kind == "S" else array
+            arrays = {name: x for name, x in file.items() if isinstance(x, np.ndarray)}
     except _BROKEN as error:
-        where, advice = (f"'{path}': array '{name}'", "") if name else (f"'{path}'", _NOT_WHOLE)
-        text = f"{where} cannot be read: {describe_error(error)}. {advice}"
-        raise InputError(text.strip()) from error
-    return arrays
+        text = f"'{path}' cannot be read: {describe_error(error)}. {_NOT_WHOLE}"
+        raise InputError(text) from error
+    return {name: x.astype(str) if x.dtype.kind == "S" else x for name, x in arrays.items()}
 
 
 def _is_numeric(array):

@@ -114,7 +114,7 @@ class _Chooser:
         elif scale is None and unit is not None:
             scale = _factor("time", unit, column)
         names = " and ".join(self._headers[k] for k in time)
-        self._notes.append(f"time: {names}{_times([scale or 1.0], 'time')}.")
+        self._notes.append(f"time: {names}, times {scale or 1.0:g}.")
         return time, scale
 
     # --- Columns ---
@@ -161,7 +161,8 @@ class _Chooser:
         ]
         names = listed("none" if k is None else self._headers[k] for k in columns)
         whose = "joints that rows name" if self._names else listed(self._joints)
-        self._notes.append(f"{key}: {names} of {whose}{_times(scale, key)}.")
+        factors = listed(f"{factor:g}" for factor in sorted({*scale}))
+        self._notes.append(f"{key}: {names} of {whose}, times {factors}.")
         whole = len(columns) == 1 and columns[0] is not None and self._columns[columns[0]].width > 0
         offset = np.array(self._numbers("offset", key) or [0.0])
         return Quantity(columns, whole, np.array(scale), offset)
@@ -220,9 +221,3 @@ def _factor(key, unit, column):
             f"one of {listed(UNITS[key], 6)}."
         )
     return factor
-
-
-def _times(scale, key):
-    """Return factors for a note; an empty text if all are 1."""
-    factors = listed(f"{factor:g}" for factor in sorted({*scale}))
-    return "" if {*scale} == {1.0} else f", times {factors} for {_SI[key]}"
