@@ -218,7 +218,9 @@ class TableSource:
             cause = f"time outside of {least} … {least + LATEST} s"
             self._lose_rows(rows, cause, LEFT_OUT, lost, f"{time[lost[0]]:g} s")
         is_read &= ~is_beyond
-        return np.rint(time[is_read] * SECOND).astype(np.int64) + self.offset
+        second = np.floor(time[is_read])  # a product with all nanoseconds would be rounded twice
+        nanosecond = np.rint((time[is_read] - second) * SECOND)
+        return second.astype(np.int64) * SECOND + nanosecond.astype(np.int64) + self.offset
 
     def _check_times(self, time):
         """Reject times that decrease, or that no stamp can be of in seconds."""
