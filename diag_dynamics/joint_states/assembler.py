@@ -281,7 +281,8 @@ class StateAssembler:
             np.frombuffer(message, kind, count, first)
             for first, count in zip(places.first, places.counts, strict=True)
         ]
-        return self.accept_values(places.names, *places.stamp.unpack_from(message, 4), fields, now)
+        stamp = struct.unpack_from(f"{places.order}iI", message, 4)
+        return self.accept_values(places.names, *stamp, fields, now)
 
     def accept_values(self, names, sec, nanosec, fields, now):
         """Judge a joint state by its names, stamp, and positions, velocities and efforts."""

@@ -53,8 +53,6 @@ class Places:
     """Length of the message [bytes]."""
     order: str
     """< for little-endian numbers, > otherwise."""
-    stamp: struct.Struct
-    """Format of the seconds and nanoseconds of the stamp."""
     first: tuple
     """First byte of each of FIELDS, and their numbers."""
     counts: tuple
@@ -176,7 +174,6 @@ def find_places(raw):
         names=names,
         length=len(raw),
         order=reader.order,
-        stamp=struct.Struct(f"{reader.order}iI"),
         first=first,
         counts=counts,
         fixed=fixed,

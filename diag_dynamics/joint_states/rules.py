@@ -165,24 +165,18 @@ def _spread(numbers, layout, names, row):
 def _judge_values(memory, indices, position, velocity, outcome):
     """Return the code of positions or velocities that are missing or out of bounds."""
     for j in indices:
-        if not np.isfinite(position[j]):
-            outcome.joint = j
-            outcome.first = position[j]
-            return codes.NO_POSITION
-    for j in indices:
         rules = memory.joints[j]
+        outcome.joint = j
+        outcome.first = position[j]
+        if not np.isfinite(position[j]):
+            return codes.NO_POSITION
         if position[j] < rules.lower or position[j] > rules.upper:
-            outcome.joint = j
-            outcome.first = position[j]
             outcome.second = rules.lower
             outcome.third = rules.upper
             return codes.POSITION_BOUND
-    for j in indices:
-        fastest = memory.joints[j].fastest
-        if np.isfinite(velocity[j]) and abs(velocity[j]) > fastest:
-            outcome.joint = j
+        if np.isfinite(velocity[j]) and abs(velocity[j]) > rules.fastest:
             outcome.first = velocity[j]
-            outcome.second = fastest
+            outcome.second = rules.fastest
             return codes.VELOCITY_BOUND
     for j in indices:
         if not np.isfinite(velocity[j]) and not (

@@ -114,7 +114,7 @@ class _Chooser:
         elif scale is None and unit is not None:
             scale = _factor("time", unit, column)
         names = " and ".join(self._headers[k] for k in time)
-        self._notes.append(f"time: {names}, times {scale or 1.0:g}.")
+        self._notes.append(f"time: {names}, factor {scale or 1.0:g}.")
         return time, scale
 
     # --- Columns ---
@@ -162,7 +162,7 @@ class _Chooser:
         names = listed("none" if k is None else self._headers[k] for k in columns)
         whose = "joints that rows name" if self._names else listed(self._joints)
         factors = listed(f"{factor:g}" for factor in sorted({*scale}))
-        self._notes.append(f"{key}: {names} of {whose}, times {factors}.")
+        self._notes.append(f"{key}: {names} of {whose}, factor {factors}.")
         whole = len(columns) == 1 and columns[0] is not None and self._columns[columns[0]].width > 0
         offset = np.array(self._numbers("offset", key) or [0.0])
         return Quantity(columns, whole, np.array(scale), offset)
