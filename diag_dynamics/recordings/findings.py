@@ -19,9 +19,6 @@ SCALES = {"beyond_limits": "position: deg", "beyond_velocity": "velocity: deg/s"
 
 REJECTED = "rejected: "  # prefix of the counts of rejected joint states
 NOTE = "note"  # cause of findings about how a file was understood, of which nothing is wrong
-OTHER_TOPICS = (
-    "(--topic reads several)"  # in the note about topics of joint states that are not read
-)
 
 TEXTS = {
     "incomplete": None,
@@ -69,8 +66,7 @@ def no_states_error(path, findings):
     losses = [finding for finding in findings if finding.cause != NOTE]
     losses.sort(key=lambda finding: -finding.count)
     causes = "; ".join(map(str, losses[:3])) or "it has no messages"
-    topics = "".join(f" {finding.text}" for finding in findings if OTHER_TOPICS in finding.text)
-    return InputError(f"'{path}' contains no valid state: {causes.removesuffix('.')}.{topics}")
+    return InputError(f"'{path}' contains no valid state: {causes.removesuffix('.')}.")
 
 
 def collect_findings(counts, intake, source):

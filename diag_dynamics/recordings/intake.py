@@ -134,7 +134,6 @@ class Intake:
         is_state = code == codes.STATE
         self._counts["published"] += int(is_state.sum())
         moved = self._moved_at(assembled.outcome["events"] & codes.MOVED > 0, is_state)
-        is_state = slice(None) if is_state.all() else is_state
         outcome = assembled.outcome[is_state]
         stamps = (np.ascontiguousarray(outcome[field]) for field in ("newest", "oldest"))
         values = (column[is_state] for column in assembled[1:4])

@@ -17,7 +17,6 @@ from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.bags import Bag, is_bag
-from diag_dynamics.recordings.findings import OTHER_TOPICS
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import SAME_NAMES
 from diag_dynamics.recordings.messages import Unread
@@ -179,7 +178,7 @@ class BagSource:
         unread = ", ".join(name for name in topics if name not in usual)
         note = (
             f"'{self._path}': joint states of {usual[0]} are read, not those of {unread} "
-            f"{OTHER_TOPICS}."
+            "(--topic reads several)."
         )
         if kind == JOINT_STATE and note not in self.notes:
             self.notes.append(note)
