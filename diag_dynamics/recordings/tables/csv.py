@@ -20,11 +20,11 @@ from diag_dynamics.recordings.tables.cells import (
     make_column,
     unify,
 )
-from diag_dynamics.recordings.tables.table import LEFT_OUT, ROWS
+from diag_dynamics.recordings.tables.table import LEFT_OUT
 
 SPACES = " "  # as a delimiter: any number of spaces and tabs
 MAX_LINE = 1 << 26  # bytes
-_BEGINNING = 1 << 20  # bytes in which the header and the first rows are
+_BEGINNING, _BLOCK = 1 << 20, 1 << 22  # bytes with the header and first rows, and of a block
 _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
 _POINT = re.compile(rb"(?<=\d)(?<!:\d\d)(?<!T\d{6})\.(?=\d)", re.IGNORECASE)
@@ -52,7 +52,6 @@ class CsvTable:
             for at, line in enumerate(lines[:_COMMENTED], 1)
             if line and (at <= column_map.skip or line[0] in "#%") and at != self._above
         ]
-        self._size = min(max(ROWS * (len(begin) // len(lines) + 1), _BEGINNING), MAX_LINE)
 
     def blocks(self, numbers, texts, lose):
         """Yield numbers and texts by column, and the number of each line."""
@@ -62,7 +61,7 @@ class CsvTable:
             include_columns=list(map(str, types)),
             null_values=list(BLANK),
         )
-        for line, text in self._read_lines(self._size):
+        for line, text in self._read_lines(_BLOCK):
             if line == 1:  # the lines above the rows are all in it
                 *above, text = text.split(b"\n", self._above)
                 line = self._above + 1
