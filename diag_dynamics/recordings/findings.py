@@ -127,7 +127,10 @@ def _name_texts(intake):
     options = " ".join(quote(f"{name}={joint}") for name, joint in entries) or "NAME=JOINT"
     advice = f"; missing: {listed(missing)}."
     if unknown:
-        advice += f" The recording has {listed(unknown)}; map names by --joint-names {options} (joint_names)."
+        advice += (
+            f" The recording has {listed(unknown)}; map names by --joint-names {options} "
+            "(joint_names)."
+        )
     if lacking := [joint for joint in missing if joint not in mapped]:
         locks = ",".join(f"{name}=0" for name in lacking)
         value = f"locked_joints={locks}" if len(lacking) <= MAX_NAMES else "'locked_joints=*'"

@@ -43,8 +43,8 @@ class CsvTable:
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
             raise InputError(
-                f"'{path}' is not readable as CSV, Parquet or npz: its first line is not UTF-8 text "
-                "with a line break (LF or CR LF)."
+                f"'{path}' is not readable as CSV, Parquet or npz: its first line is not UTF-8 "
+                "text with a line break (LF or CR LF)."
             )
         self.columns, self._delimiter, self._above = _read_head(lines, column_map, path)
         self.texts = [
