@@ -113,8 +113,8 @@ class ContactLimits:
         )
         if self.default is not None:
             put("default", self._known("default", self.default))
-        links = mapping("links", self.links).items()
-        put("links", {str(link): self._known(f"links: '{link}'", of) for link, of in links})
+        for link, names in mapping("links", self.links).items():
+            self._known(f"links: '{link}'", names)
         points = mapping("points", self.points).items()
         keys = "link", "xyz", "regions"
         put(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -65,7 +64,8 @@ def link_geometry(
     for link in model.link_names:
         if model.placement_in_body(link)[0] == 0:
             continue
-        around = np.array([np.zeros(3), *_frames_of(model, link)])
+        joints = [joint for joint in model.description.joints.values() if joint.parent == link]
+        around = np.array([np.zeros(3), *(joint.origin[:3, 3] for joint in joints)])
         for role in ("collision", "visual") if geometry != "frames" and link in elements else ():
             try:
                 every = shapes_of(elements[link], role)
@@ -93,20 +93,16 @@ def _points_around(shapes: list[Shape], meshes: Meshes, most: int) -> Array:
     if len(corners) > CORNERS * most:
         farthest = np.argmax(corners @ _directions(int(CORNERS * most)).T, axis=0)
         corners = corners[np.unique(farthest)]
-        centre = corners.mean(axis=0)
-        reach = support - dense @ centre
-        hull_reach = ((corners - centre) @ dense.T).max(axis=0)
-        # In other directions nothing can lie outside.
-        is_relevant = hull_reach > 1e-9 * reach.max()
-        factor = max(1.0, float((reach[is_relevant] / hull_reach[is_relevant]).max(initial=1.0)))
-        corners = centre + factor * (corners - centre)
     centre = corners.mean(axis=0)
+    reach = support - dense @ centre
+    hull_reach = ((corners - centre) @ dense.T).max(axis=0)
+    # In other directions nothing can lie outside.
+    is_relevant = hull_reach > 1e-9 * reach.max()
+    factor = (reach[is_relevant] / hull_reach[is_relevant]).max(initial=1.0)
+    corners = centre + factor * (corners - centre)
     rays = _directions(most - len(corners))
     ahead = rays @ dense.T
-    with np.errstate(divide="ignore"):
-        way = np.where(
-            ahead > 1e-6, (support - dense @ centre) / np.maximum(ahead, 1e-6), np.inf
-        ).min(axis=1)
+    way = np.where(ahead > 1e-6, reach / np.maximum(ahead, 1e-6), np.inf).min(axis=1)
     return np.concatenate([corners, centre + np.maximum(way, 0.0)[:, None] * rays])
 
 
@@ -141,10 +137,3 @@ def _directions(count: int) -> Array:
     angle = math.pi * (1.0 + math.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
-
-
-def _frames_of(model: RobotModel, link: str) -> Iterator[Array]:
-    """Yield the origins of the joints that a link carries, in its axes."""
-    for joint in model.description.joints.values():
-        if joint.parent == link and joint.origin[:3, 3].any():
-            yield joint.origin[:3, 3]

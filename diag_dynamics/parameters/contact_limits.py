@@ -49,7 +49,7 @@ def contact_points(model, description, limits):
     """
     chosen = limits or ContactLimits()
     shapes = link_geometry(model, description, chosen.geometry)
-    points = [point for point in shapes.points if chosen.links.get(point.link) != ()]
+    points = [point for point in shapes.points if chosen.links.get(point.link, True)]
     points += chosen.contact_points()
     return ContactPoints(model, points, limits, chosen.worst_by), shapes.left_out
 
