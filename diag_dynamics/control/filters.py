@@ -286,22 +286,15 @@ class Limits:
             friction = self._share * friction
         return command._replace(tau=tau, epsilon=self._share * command.epsilon, friction=friction)
 
-    def _towards(self, demand: Array, period: float) -> Array:
-        """Return the efforts nearest to a demand that are reached within a period [s].
-
-        Each joint approaches its effort at its own rate, because a slow joint must not delay the
-        gravity torque of the others.
-        """
-        change = period * self._rate
-        return np.clip(demand, self.sent - change, self.sent + change)
-
     def ramp(self, effort: VectorLike, period: float) -> Array:
         """Return the efforts to send without a law.
 
-        They are those nearest to `effort` [N m, N] within a period [s].
+        They are those nearest to `effort` [N m, N] within a period [s], joint by joint: a slow one
+        does not delay the gravity torque of the others.
         """
         demand = vector("effort", effort, self._names)
-        return self._send(self._towards(demand, period))
+        change = period * self._rate
+        return self._send(np.clip(demand, self.sent - change, self.sent + change))
 
     def _send(self, effort: Array) -> Array:
         self.sent = effort.copy()
@@ -326,8 +319,7 @@ class Limits:
         gravity = self.gravity_compensation
         effort = gravity + (command.tau - command.gravity_torque)
         between = np.clip(self.sent, np.minimum(gravity, effort), np.maximum(gravity, effort))
-        near = np.abs(self._towards(between, period) - between) <= 1e-9
-        return bool(near.all())
+        return bool((np.abs(between - self.sent) <= period * self._rate + 1e-9).all())
 
     @property
     def gravity_compensation(self) -> Array:

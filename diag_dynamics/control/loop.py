@@ -150,7 +150,6 @@ class ControlLoop:
         self.state = None
         self.energy = 0.0
         self._stands_by = False  # whether the last command came from stand_by
-        self._origin = None  # stamp of the observer's first state [ns]
         self._is_late = False  # whether the last period was longer than max_age
         self._periods = 0  # number of measured periods of states
         self._period = 0.0  # and their mean [s]
@@ -557,11 +556,6 @@ class ControlLoop:
         """Return ε of external forces by the observer; None without a result."""
         if self._observer is None:
             return None
-        if (
-            self._origin is None
-        ):  # a float of seconds since 1970 resolves a quarter of a microsecond
-            self._origin = state.newest
-        time = (state.newest - self._origin) * 1e-9
-        return self._observer.update(
-            time, state.position, state.velocity, self.limits.acting
-        ).residual
+        time = state.newest * 1e-9
+        motion = state.position, state.velocity
+        return self._observer.update(time, *motion, self.limits.acting).residual

@@ -348,13 +348,11 @@ class JointMode(Mode):
         command, _ = super().follow(state)
         if command.lyapunov <= self._max_error:
             return command, ""
-        k = int(np.argmax(np.abs(command.error)))
-        behind = f"joint '{self._model.dof_names[k]}' is {abs(command.error[k]):.3g} behind"
         energy, limit = distinct(command.lyapunov, self._max_error, digits=3)
         lost = f"V is {energy} J; expected at most following_energy = {limit} J"
         self.stop()
         self.begin(state)
-        return self.command(state), f"target given up: {lost}; {behind}"
+        return self.command(state), f"target given up: {lost}"
 
     def _describe_distance(self, command):
         distances = np.abs(command.error)

@@ -203,7 +203,13 @@ class Trajectory:
         self._points = waypoints
         self._times = waypoints.times
         self.positions = waypoints.positions
-        _require_order(self._times)
+        late = np.flatnonzero((np.diff(self._times, prepend=-1.0) <= 0.0) | (self._times < 0.0))
+        if len(late):
+            k = late[0]
+            raise InputError(
+                f"trajectory.points[{k}].time_from_start is {self._times[k]:.10g} s; expected "
+                "times from 0 s on that increase."
+            )
         for field in ("positions", "velocities", "accelerations"):
             _require_numbers(field, getattr(waypoints, field), names)
         last = waypoints.velocities[-1]
@@ -266,17 +272,6 @@ class Trajectory:
         duration = self._durations[k]
         motion = ((t - self._knots[k]) / duration) ** POWERS @ DERIVATIVES @ self._segments[k]
         return Desired(*(motion / duration ** POWERS[:3, None]))
-
-
-def _require_order(times):
-    """Reject times [s] that do not increase, or begin before the start."""
-    late = np.flatnonzero((np.diff(times, prepend=-1.0) <= 0.0) | (times < 0.0))
-    if len(late):
-        k = late[0]
-        raise InputError(
-            f"trajectory.points[{k}].time_from_start is {times[k]:.10g} s; expected times from 0 s "
-            "on that increase."
-        )
 
 
 def _require_numbers(field, table, names):
