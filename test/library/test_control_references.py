@@ -247,15 +247,6 @@ def test_bad_trajectories_are_rejected(message, key):
         Trajectory(received.trajectory(message, NAMES, HELD)[0], NAMES)
 
 
-@pytest.mark.parametrize("stamp", [(-1, 0), (100, 1_000_000_000)], ids=["negative", "nanoseconds"])
-def test_stamp_that_is_no_time(stamp):
-    """A negative stamp would start at once, and nanoseconds of a second later than stated."""
-    message = trajectory([POINT])
-    message.header.stamp = SimpleNamespace(sec=stamp[0], nanosec=stamp[1])
-    with pytest.raises(InputError, match=r"trajectory\.header\.stamp is .* expected a time"):
-        received.trajectory(message, NAMES, HELD)
-
-
 @pytest.mark.parametrize(
     ("message", "key"),
     [
