@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import array_of, instance, numbers, per_name, positive, vector
+from diag_dynamics.checks import instance, numbers, per_name, positive, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 
@@ -29,9 +29,6 @@ Gain: TypeAlias = VectorLike | float
 
 ORTHOGONAL = 1e-6
 """Maximum deviation of RᵀR of a desired orientation from the identity."""
-
-UNIT = 1e-3
-"""Maximum deviation of a quaternion's length from 1."""
 
 STABLE = 2.0
 """Product of gain and period below which ṡ = −Ks is stable if its torque lasts for a period."""
@@ -453,10 +450,13 @@ class PoseRegulation(Law):
         """Set the target in the root link's axes, which a command requires.
 
         The position [m] is from the root link's origin, shape (3,). The orientation is a rotation
-        matrix, with the frame's axes as columns, or a unit quaternion (x, y, z, w).
+        matrix, with the frame's axes as columns.
         """
         position = numbers("position", position, (3,), "three finite numbers [m]")
-        self._target = position, rotation_of(orientation)
+        R = numbers("orientation", orientation, (3, 3), "a rotation matrix")
+        if np.abs(R.T @ R - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0.0:
+            raise InputError(f"orientation is {R.tolist()}, expected a rotation matrix.")
+        self._target = position, R
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:
         """Return the frame's position [m], shape (3,), and axes as columns, shape (3, 3), at q.
@@ -507,20 +507,3 @@ class PoseRegulation(Law):
         names = [f"position_stiffness of '{axis}'" for axis in "xyz"]
         names += 3 * ["orientation_stiffness"]
         require_slow(root, names, self._root**2, largest, period)
-
-
-def rotation_of(orientation: Any) -> Array:
-    """Return the rotation matrix of a unit quaternion (x, y, z, w) or a rotation matrix."""
-    expected = "a rotation matrix or a unit quaternion (x, y, z, w)"
-    array = array_of(orientation)
-    if array is not None and array.shape == (4,) and np.isfinite(array).all():
-        length = math.sqrt(float(array @ array))
-        if abs(length - 1.0) > UNIT:
-            raise InputError(
-                f"orientation is {array.tolist()}, of length {length:.6g}, expected {expected}."
-            )
-        return rotations.from_quaternion(*array)
-    R = numbers("orientation", orientation, (3, 3), expected)
-    if np.abs(R.T @ R - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0.0:
-        raise InputError(f"orientation is {R.tolist()}, expected {expected}.")
-    return R

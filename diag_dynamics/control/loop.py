@@ -255,8 +255,8 @@ class ControlLoop:
     def take_pose(self, link, position, orientation):
         """Go to a position [m] and an orientation; see :class:`PoseTarget`.
 
-        The orientation is a unit quaternion x y z w or a rotation matrix. Both are in the axes of a
-        link and from its origin, where these are now. Each target replaces the one before.
+        The orientation is a rotation matrix. Both are in the axes of a link and from its origin,
+        where these are now. Each target replaces the one before.
         """
         self.require("target")
         self._mode.take_pose(self.state, link, position, orientation)

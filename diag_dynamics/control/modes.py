@@ -16,7 +16,6 @@ from diag_dynamics.control.laws import (
     PoseRegulation,
     RateDamping,
     largest_frequency,
-    rotation_of,
 )
 from diag_dynamics.control.references import PoseTarget, SetPoint, Trajectory, at_rest, nearest
 from diag_dynamics.exceptions import InputError
@@ -215,16 +214,15 @@ class PoseMode(Mode):
         self.law.aim(*self._aim)
 
     def take_pose(self, state, link, position, orientation):
-        """Go to a position [m], shape (3,), and an orientation in the axes of a link.
+        """Go to a position [m], shape (3,), and a rotation matrix in the axes of a link.
 
         The motion starts from a RobotState.
         """
         name = "target.pose.position"
         position = numbers(name, position, (3,), "three finite numbers [m]")
-        axes = rotation_of(orientation)
         X = self.law.dynamics.placement(state.position, link)
         self.begin(state)
-        goal = (X[:3, :3] @ position + X[:3, 3], X[:3, :3] @ axes)
+        goal = (X[:3, :3] @ position + X[:3, 3], X[:3, :3] @ orientation)
         motion = self._speed, APPROACH_RATE, self._max_period
         self._target = PoseTarget(goal, state.newest, self._aim, *motion, self._target)
         self.forget_rate()

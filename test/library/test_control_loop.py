@@ -6,6 +6,7 @@
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -26,10 +27,10 @@ from arm import (
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
-from diag_dynamics.control.laws import rotation_of
 from diag_dynamics.control.modes import MODES, POSE, TRACKING
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.nodes.controller import received
 from examples import shortened, some_of
 from limits import HANG
 
@@ -250,11 +251,10 @@ def test_a_target_that_is_not_reached_is_named(strong, mode, text):
     _, stamp = settle(loop)
     goal = Q + 0.1 * np.eye(6)[2]
     position, axes = pose_of(Q)
-    orientation = pin.Quaternion(axes).coeffs()
     if mode == TRACKING:
         loop.take_set_point(goal)
     else:
-        loop.take_pose("base_link", position - [0.1, 0.0, 0.0], orientation)
+        loop.take_pose("base_link", position - [0.1, 0.0, 0.0], axes)
     texts = []
     for _ in range(800):
         stamp += 10 * MS
@@ -264,7 +264,7 @@ def test_a_target_that_is_not_reached_is_named(strong, mode, text):
     if mode == TRACKING:
         loop.step(state_at(stamp + MS, goal), stamp + MS)
     else:
-        loop.take_pose("base_link", position, orientation)
+        loop.take_pose("base_link", position, axes)
         loop.step(state_at(stamp + MS, Q), stamp + MS)
     assert loop.shortfall == ""
 
@@ -313,7 +313,7 @@ def test_a_robot_that_carries_itself_is_controlled_as_far_as_its_limits_go(stron
         assert (efforts == efforts[0]).all() if direction > 0.0 else not efforts[-1]
 
 
-ORIGIN, UPRIGHT, REST = np.zeros(3), (0.0, 0.0, 0.0, 1.0), np.zeros(6)
+ORIGIN, UPRIGHT, REST = np.zeros(3), np.eye(3), np.zeros(6)
 FAR = Q + np.array([0.0, 0.0, 1.8, 0.0, 0.0, 0.0])
 THERE = Q + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
@@ -364,7 +364,13 @@ def follow(points, stamp=0):
         (POSE, lambda loop: loop.take_pose("wing", ORIGIN, UPRIGHT), "'wing' is not a link"),
         (
             POSE,
-            lambda loop: loop.take_pose("base_link", ORIGIN, (0.0, 0.0, 0.0, 3.0)),
+            lambda _: received.pose(
+                SimpleNamespace(
+                    pose=SimpleNamespace(
+                        position=None, orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=3.0)
+                    )
+                )
+            ),
             "orientation is",
         ),
     ],
@@ -396,11 +402,13 @@ def test_a_trajectory_begins_at_the_target_or_at_the_robot(arm, away):
 
 CYCLES = """
 import sys
+from types import SimpleNamespace
 import numpy as np
 import diag_dynamics as dd
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.nodes.controller import received
 from diag_dynamics.numerics import kernel
 from diag_dynamics.parameters.controller import PARAMETERS
 
@@ -433,7 +441,7 @@ for mode in loop.modes:
         sent = loop.step(RobotState(q, qd, None, time, time, False), time)
         limited |= {name for name in ("energy_limited", "contact_limited") if getattr(sent, name)}
         if mode == "pose" and k == 3:
-            loop.take_pose("forearm_link", (0.1, 0.2, 0.3), (0.0, 0.0, 0.0, 1.0))
+            loop.take_pose("forearm_link", (0.1, 0.2, 0.3), np.eye(3))
         if mode in ("tracking", "regulation") and k == 3:
             loop.take_set_point(q - 0.1)
         if mode in ("tracking", "regulation") and k == 6:
@@ -471,7 +479,7 @@ def test_a_pose_in_the_axes_of_a_moving_link(strong):
     """
     loop = slow_loop_of(strong, initial_mode=POSE)
     _, stamp = settle(loop)
-    loop.take_pose("tool0", np.array([0.1, 0.0, -0.2]), (0.0, 0.0, 0.0, 1.0))
+    loop.take_pose("tool0", np.array([0.1, 0.0, -0.2]), np.eye(3))
     sent = loop.step(state_at(stamp + MS, Q), stamp + MS)
     axes = loop.dynamics.placement(Q, "tool0")[:3, :3]
     np.testing.assert_allclose(sent.command.error.position, axes @ [0.1, 0.0, -0.2], atol=1e-12)
@@ -533,7 +541,7 @@ def test_a_pose_is_gone_to_and_the_arm_is_not_thrown_at_it(arm, away):
     """
     closed = Closed(arm, Q, initial_mode="pose", controlled_link="tool0").go(0.1)
     placed = closed.loop.dynamics.placement(Q, "tool0")
-    axes = placed[:3, :3] @ rotation_of([np.sin(0.5), 0.0, 0.0, np.cos(0.5)])
+    axes = placed[:3, :3] @ pin.exp3(np.array([1.0, 0.0, 0.0]))
     goal = placed[:3, 3] + away
     closed.loop.take_pose("base_link", goal, axes)
     closed.go(0.1)

@@ -9,16 +9,18 @@ from diag_dynamics.checks import vector
 from diag_dynamics.control.following import Tolerances
 from diag_dynamics.control.references import Waypoints
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.nodes.support.tf import unit_quaternion
+from diag_dynamics.rotations import from_quaternion
 
 MAX_POINTS = 2000
 """Points that one trajectory may have."""
 
 
 def pose(message):
-    """Return link, position [m] in its axes and quaternion of a PoseStamped."""
+    """Return link, position [m] in its axes and rotation matrix of a PoseStamped."""
     p = message.pose.position
-    o = message.pose.orientation
-    return message.header.frame_id, [p.x, p.y, p.z], (o.x, o.y, o.z, o.w)
+    axes = from_quaternion(*unit_quaternion(message.pose.orientation))
+    return message.header.frame_id, [p.x, p.y, p.z], axes
 
 
 def set_point(message, names):
