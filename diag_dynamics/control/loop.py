@@ -40,6 +40,9 @@ STANDING = 0.003
 BRAKING = "braking before the mode begins"
 """Text of a start, and of a mode that waits for the arm to stand."""
 
+NO_LINK = "parameter 'controlled_link' is empty; expected a link for mode pose."
+"""Error of mode pose without a link."""
+
 VOID = "the robot's position replaced the target: no valid joint state for longer than hold_time"
 """Reason of targets that end with a gap of the states, also where their time goes back."""
 
@@ -87,9 +90,7 @@ def require_consistent(values):
             f"max_state_age = {age} s. Else a single invalid state lets the robot go."
         )
     if values["initial_mode"] == POSE and not values["controlled_link"]:
-        raise InputError(
-            "parameter 'controlled_link' is ''; expected a link because initial_mode is pose."
-        )
+        raise InputError(NO_LINK)
 
 
 def _limits(dynamics, values, compensated, points):
@@ -175,7 +176,7 @@ class ControlLoop:
         if name not in LAWS:
             raise InputError(f"mode is '{name}', expected one of {', '.join(LAWS)}.")
         if name not in self.modes:
-            raise InputError("parameter 'controlled_link' is empty: there is no pose to regulate.")
+            raise InputError(NO_LINK)
         return self.modes[name]
 
     def switch(self, mode):

@@ -93,7 +93,9 @@ def _read(source: Any) -> Any:
             return file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise UrdfError(f"Cannot read the URDF file '{path}': {reason}.") from error
+        raise UrdfError(
+            f"Cannot read the URDF file '{path}': {reason}. load_robot loads robots by name."
+        ) from error
 
 
 def _is_path(text: str) -> bool:

@@ -386,17 +386,6 @@ def test_several_recordings(tmp_path, table, bag, analyse):
     assert "is an input. Choose another file" in analyse(bag, table, "--json", table)[2]
 
 
-def test_collisions_of_several_recordings(tmp_path, table, analyse):
-    (tmp_path / "b.csv").write_bytes(table.read_bytes())
-    threshold = "--set", "collision.threshold=norm=0.001", "--gain", 25
-    result = len(json.loads(analyse(table, *threshold, "--json", "-")[1])["collisions"])
-    for options, count in (((), "-"), (threshold, str(result))):  # unknown without a threshold
-        head, *rows = analyse(table, tmp_path / "b.csv", *options)[1].splitlines()[-3:]
-        assert result
-        assert [row.split()[-3] for row in rows] == [count] * 2
-        assert "collisions  rejected" in head
-
-
 def test_joints_that_a_recording_lacks_are_locked(tmp_path, driven, table, analyse):
     """A star locks them, in tables and bags, by the robot's names; others in the same list keep
     their positions.

@@ -108,5 +108,5 @@ def test_repr_has_one_line(dyn):
 
 
 def test_name_of_a_robot_is_no_path():
-    with pytest.raises(dd.UrdfError, match=r"load_robot\('panda'\)"):
+    with pytest.raises(dd.UrdfError, match="load_robot loads robots by name"):
         dd.load_urdf("panda")
