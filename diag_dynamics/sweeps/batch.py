@@ -356,8 +356,8 @@ FORWARD, INVERSE, TRANSFORM, MOMENTUM, FIRST_MOMENT = range(5)
 def sweep_each(robot, which, Q, A, B, option, begin, end, results):
     """Run a sweep at states `begin` to `end`, a row of Q, A, B and `results` each.
 
-    A and B may have one row for all states. The option is the weight of gravity in inverse dynamics,
-    and the number of a transformation.
+    A and B may have one row for all states. The option is the weight of gravity in inverse
+    dynamics, and the number of a transformation.
     """
     for t in range(begin, end):
         q = Q[t]

@@ -222,7 +222,7 @@ def is_floating_base(bodies, i):
 
 @nk.kernel
 def start_base(effort, w):
-    """Let z be less the efforts of a floating base, and gravity's wrench replace its acceleration."""
+    """Subtract the efforts of a floating base from z; gravity's wrench is its acceleration."""
     acceleration = sp.Motion(records.vector_of(w.acceleration), sp.ZERO)
     records.set_force(w.z, sp.subtract_force(records.force_of(w.z), effort))
     records.set_force(w.acceleration, sp.inertia_times(records.inertia_of(w.P), acceleration))

@@ -458,7 +458,7 @@ def test_all_entry_kernels_are_compiled():
 
 
 def test_compile_in_this_process(run, tmp_path, monkeypatch):
-    """Progress reaches 100 %, a failure is named, --if-needed compiles other units and lost code."""
+    """Progress reaches 100 %, a failure is named, --if-needed compiles other or lost code."""
     done = []
     monkeypatch.setattr(compiling, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(compiling, "UNITS", {"a": 3, "b": 1})
