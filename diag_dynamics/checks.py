@@ -39,7 +39,7 @@ def array_of(value: object) -> Array | None:
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     """Return the value if it is an object of a class."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} is {value!r}, expected a {kind.__name__}.")
+        raise InputError(f"{name} is {value!r}, expected an object of class {kind.__name__}.")
     return value
 
 

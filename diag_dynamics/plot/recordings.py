@@ -39,8 +39,10 @@ def energy(of: Evaluation, t: VectorLike | None = None, ax: Any = None) -> Any:
     matplotlib.axes.Axes
     """
     values = instance("of", of, Evaluation).energy_share
-    if values.ndim != 2 or not values.size:
-        raise InputError(f"of has shape {values.shape}; expected states by joints that move.")
+    if values.ndim < 2:
+        raise InputError("of is the evaluation of one state; expected that of many states.")
+    if not values.size:
+        raise InputError("of has no states, or its robot no joint that moves; expected energies.")
     times = np.arange(len(values)) if t is None else np.asarray(t, dtype=float)
     if times.shape != values.shape[:1]:
         raise InputError(f"t has shape {times.shape}; expected ({len(values)},), one per state.")

@@ -134,7 +134,9 @@ def _outward_base(at, i):
         position = row.position[:, b]
         motion = records.motion_of(row.rate[:, b])
         R = sp.rotation_of_quaternion(position[3], position[4], position[5], position[6])
-        X = sp.compose(records.placement_of(base), sp.Placement(R, records.vector_of(position)))
+        X = sp.compose_placements(
+            records.placement_of(base), sp.Placement(R, records.vector_of(position))
+        )
         evaluation.outward_joint(body, X, motion, lane_of(row.own, b), lane_of(row.parent, b))
 
 

@@ -281,7 +281,9 @@ def _place(at, loop):
             X = joints.placement(sp.LINEAR_Z, body, position)
         if joint.carrier >= 0:
             carrier = at.frames[joint.carrier]
-            X = sp.compose(sp.Placement(records.matrix_of(carrier), _part(carrier, 9)), X)
+            X = sp.compose_placements(
+                sp.Placement(records.matrix_of(carrier), _part(carrier, 9)), X
+            )
         R = X.rotation
         p = X.translation
         records.set_matrix(frame, R)

@@ -108,7 +108,7 @@ def _update_placement_general(body, q, w):
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
     elif body.rank == 0:
-        X = sp.compose(X, moved_pose(body, q))
+        X = sp.compose_placements(X, moved_pose(body, q))
     records.set_placement(w, X)
 
 
@@ -128,7 +128,7 @@ def pose(bodies, i, base, work):
     """Placement of a placed body in one that carries it."""
     T = sp.Placement(sp.IDENTITY, sp.ZERO)
     while i != base:
-        T = sp.compose(records.placement_of(work[i]), T)
+        T = sp.compose_placements(records.placement_of(work[i]), T)
         i = bodies[i].parent
     return T
 

@@ -56,7 +56,7 @@ def set_jacobian(bodies, body, point, work, J):
         for axis in range(3):
             J[axis, k] += S.linear[axis]
             J[3 + axis, k] += S.angular[axis]
-        T = sp.compose(records.placement_of(work[i]), T)
+        T = sp.compose_placements(records.placement_of(work[i]), T)
         i = bodies[i].parent
     return width
 

@@ -81,7 +81,7 @@ def regressor(robot, q, qd, qdd, frames, Y):
             centrifugal = coefficients(sp.cross_motion(S, V), V)
             for j in range(PARAMETERS):
                 Y[bodies[i].dof, PARAMETERS * link + j] += inertial[j] + centrifugal[j]
-            T = sp.compose(records.placement_of(work[i]), T)
+            T = sp.compose_placements(records.placement_of(work[i]), T)
             i = bodies[i].parent
     return 0 if joints.are_finite(flat(Y)) else -1
 
@@ -119,6 +119,6 @@ def load_columns(robot, q, qd, frames, momentum, bias):
         for j in range(LOAD):
             momentum[body.dof, j] += own[j]
             bias[body.dof, j] += weight[j] - kinetic[j]
-        T = sp.compose(records.placement_of(work[i]), T)
+        T = sp.compose_placements(records.placement_of(work[i]), T)
         i = body.parent
     return 0

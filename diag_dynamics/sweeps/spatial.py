@@ -201,7 +201,7 @@ def cross_force(V, F):
 
 
 @nk.kernel
-def compose(X, T):
+def compose_placements(X, T):
     """Placement in the parent of X of a frame that has the placement T in its child."""
     return Placement(
         product(X.rotation, T.rotation), add(X.translation, apply(X.rotation, T.translation))

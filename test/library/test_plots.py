@@ -108,8 +108,8 @@ def test_peaks_are_drawn():
 def test_errors_name_the_argument():
     fixed = dd.DiagonalDynamics(dd.load_urdf(description("fixed", link("base"))))
     for draw, key in (
-        (lambda: dd.plot.energy([1.0]), "BatchEvaluation"),
-        (lambda: dd.plot.energy(DYN.evaluate(Q[0], QD[0])), "BatchEvaluation"),
+        (lambda: dd.plot.energy([1.0]), "class Evaluation"),
+        (lambda: dd.plot.energy(DYN.evaluate(Q[0], QD[0])), "of one state"),
         (
             lambda: dd.plot.energy(DYN.evaluate(Q, QD), t=[0.0, 1.0, 2.0]),
             r"t has shape \(3,\)",

@@ -480,8 +480,11 @@ def test_bad_options(options, key):
         (lambda sim: setattr(sim, "damping", -np.ones(9)), "damping of .panda_joint1. is -1"),
         (lambda sim: sim.reset(np.zeros(2), np.zeros(9)), "q has shape"),
         (lambda sim: sim.change_model(load(UR5)), "degrees of freedom"),
-        (lambda sim: sim.change_model(None), "expected a RobotModel"),
-        (lambda sim: dd.Simulation("arm.urdf"), "model is 'arm.urdf', expected a RobotModel"),
+        (lambda sim: sim.change_model(None), "expected an object of class RobotModel"),
+        (
+            lambda sim: dd.Simulation("arm.urdf"),
+            "model is 'arm.urdf', expected an object of class RobotModel",
+        ),
         (
             lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)),
             "quaternion",
