@@ -61,11 +61,12 @@ def set_jacobian(bodies, body, point, work, J):
     return width
 
 
-@nk.entry_kernel(*(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.FLAG, nk.MATRIX, nk.FILLED_STATES), nogil=True)
+@nk.entry_kernel(nk.ROBOT, nk.COUNT, nk.VECTOR, nk.FLAG, nk.MATRIX, nk.FILLED_STATES)
 def jacobians(robot, body, point, in_world, Q, results):
     """J of a point of a body at all states before the first that fails; return their number.
 
     Linear rows are first, in the axes of the body or the world. Further rows of the results remain.
+    Calls for one state share memory among threads, so it keeps the interpreter's lock.
     """
     bodies, _, work, _ = ws.opened(robot)
     for t in range(len(Q)):

@@ -18,7 +18,7 @@ import diag_dynamics as dd
 from accuracy import QUANTITIES
 from diag_dynamics import threads as helpers
 from diag_dynamics.sweeps import batch as kernels
-from diag_dynamics.sweeps import spatial
+from diag_dynamics.sweeps import kinematics, spatial
 from examples import shortened
 from limits import HANG
 from robots import KINDS, SEVERAL, TwoLinkArm, random_tree, robot_path
@@ -281,6 +281,7 @@ SHARED = METHODS | {
     "factors": lambda d, q, v, t: d.factors(q).l,
     "jacobian": lambda d, q, v, t: d.jacobian(q, "panda_hand", frame="world"),
     "wrench_factor": lambda d, q, v, t: d.wrench_factor(q, "panda_hand"),
+    "wrench": lambda d, q, v, t: d.wrench(q, "panda_hand", t).wrench,
     "rows": lambda d, q, v, t: d.forward_dynamics(q[None], v[None], t[None]),
 }
 
@@ -307,3 +308,4 @@ def test_threads_share_one_dynamics(name, frequent_switches):
     for thread in threads:
         thread.join()
     assert not wrong
+    assert not kinematics.jacobians._nogil  # races in so short a sweep are rare
