@@ -506,6 +506,37 @@ def test_deactivation_leaves_the_gravity_torque(damped):
 
 
 @ONE
+def test_every_hold_has_lines(fed):
+    """A second hold within 10 s for another reason ends with a line, too; one for the same reason
+    has no lines while it is short, and diagnostics log it when it lasts.
+    """
+    fed.settle()
+    fed.peer.pass_time(LOG_PERIOD)
+    begin = len(fed.process.output)
+
+    def hold(names):
+        def publish():
+            fed.tick()
+            fed.publish(names=names)
+
+        fed.answered(publish, lambda s: s.phase == HOLDING, f"a hold by {names}")
+
+    def count(text):
+        return fed.process.output[begin:].count(text)
+
+    for k, names in enumerate((["a", *NAMES[1:]], [*NAMES[:5], "b"]), 1):
+        hold(names)
+        assert count("Holding gravity: ") == k
+        fed.step()
+        assert count("Resumed: mode ") == k
+    hold(["a", *NAMES[1:]])
+    assert count("Holding gravity: ") == 2
+    fed.wait_until_told("control", "holding gravity: ", b"\1")
+    fed.process.wait_for_text("control: holding gravity: ")
+    fed.step()
+
+
+@ONE
 def test_another_robot(fed):
     """While active, the controller rejects another description and reports it; deactivated, it
     loads it.

@@ -121,6 +121,7 @@ class ControllerNode(ManagedNode):
         self._left = {}  # efforts that the robot was left with, by joint
         self._last_time = None  # of anything [ns]
         self._lines = RepeatLimit()
+        self._hold_is_logged = False
         specs = PARAMETERS | {COMPENSATES: Spec(False, WHY_REQUIRED, while_unconfigured=True)}
         judge(self, specs, self.values.update)
         self._diagnostics = Diagnostics(
@@ -448,20 +449,25 @@ class ControllerNode(ManagedNode):
         if self._reported == (before, reason):
             return
         if phase == HOLDING:
-            self._log_limited(self.log_warning, f"Holding gravity: {supervisor.reason}.")
+            is_logged = self._log_limited(
+                self.log_warning, f"Holding gravity: {supervisor.reason}."
+            )
+            self._hold_is_logged = is_logged or (before == HOLDING and self._hold_is_logged)
         elif phase == RAMPING_DOWN and before != phase:
             self.log_error(f"Ramping down: {supervisor.reason}.")
         elif before == RAMPING_DOWN:
             self.log_warning(f"Resumed: mode {self._loop.mode}. Choose a mode to go on.")
-        elif before == HOLDING:
-            self._log_limited(self.log_info, f"Resumed: mode {self._loop.mode}.")
+        elif before == HOLDING and self._hold_is_logged:
+            self.log_info(f"Resumed: mode {self._loop.mode}.")
         if phase not in (before, IN_FORCE):
             self._diagnostics.publish([self._control_status(Counter())])
 
     def _log_limited(self, log, text):
-        """Log a text unless an equal one was logged in the last ten seconds."""
-        if self._lines.is_due(text, self.time.steady()):
+        """Log a text unless an equal one was logged in the last ten seconds; return whether."""
+        is_due = self._lines.is_due(text, self.time.steady())
+        if is_due:
             log(text)
+        return is_due
 
     def _send(self, effort):
         self._commands.publish(Float64MultiArray(data=array("d", effort[self._order])))
@@ -559,7 +565,8 @@ class ControllerNode(ManagedNode):
             status = self._record.law_status(recent, self._loop, values)
             if reason:
                 status = status._replace(level=ERROR, message=f"{status.message}; {reason}")
-            is_logged = bool(self._loop.state and not self._loop.shortfall)  # by _report_phase
+            by_phase = self._loop.supervisor.phase != HOLDING or self._hold_is_logged
+            is_logged = bool(self._loop.state and by_phase and not self._loop.shortfall)
             return status._replace(is_logged=is_logged)
         if reason:
             return Status("control", ERROR, reason, values, is_logged=True)
