@@ -140,13 +140,17 @@ class ContactLimits:
         return tuple(self.links.get(point.link, every))
 
     def with_energy(self, energy: float) -> ContactLimits:
-        """Return these limits with at most this transferable energy [J] in every region."""
-        regions = self.regions or {"any": BodyRegion()}
+        """Return these limits with at most this transferable energy [J] in every region.
+
+        So it is on links without a region of their own if `default` has none.
+        """
+        default = tuple(self.regions) if self.default is None else self.default
+        regions = self.regions if default else {"any": BodyRegion(), **self.regions}
         limited = {
             name: replace(region, energy=min(energy, region.energy))
             for name, region in regions.items()
         }
-        return replace(self, regions=limited)
+        return replace(self, regions=limited, default=default or ("any",))
 
     def contact_points(self) -> tuple[ContactPoint, ...]:
         """Return the additional points."""

@@ -317,6 +317,18 @@ def test_limits_from_a_file(tmp_path):
     np.testing.assert_array_equal(points.points[0], [[0, 0, 0.1]])
 
 
+@pytest.mark.parametrize("default", [None, ["chest"], []])
+def test_a_bound_of_energy_is_on_every_link(default):
+    """It is on links of any default, and leaves lower limits of a region."""
+    limits = dd.ContactLimits(
+        {"hand": {"energy": 0.2}, "chest": {"mass": 5.0}}, default, {"panda_hand": ["hand"]}
+    ).with_energy(0.5)
+    places = [(name, name) for name in ("panda_hand", "panda_link5")]
+    points = dd.ContactPoints(dd.load_urdf(robot(PANDA).urdf), places, limits)
+    lowest = [min(limits.regions[name].energy for name in names) for names in points.regions]
+    assert points.limited.all() and lowest == [0.2, 0.2 if default is None else 0.5]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
