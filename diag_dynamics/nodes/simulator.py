@@ -388,7 +388,8 @@ class SimulatorNode(TableNode, Node):
         self._failure = ""
         self._plant.advance(0)
         self._go_on()
-        self._measure_and_publish()
+        if not self._timeless:
+            self._measure_and_publish()
 
     # --- Parameters
 
