@@ -3,10 +3,15 @@
 
 """Phases of the control loop, and the timeout of a hold."""
 
+import time
+
 from diag_dynamics.text import distinct
 
 INACTIVE, ACTIVE, HOLDING, RAMPING_DOWN = range(4)
 """Phases as ControllerStatus reports them."""
+
+MIN_STANDSTILL = 1.0
+"""Minimum time of the machine for which the clock stands still before a hold ends [s]."""
 
 
 class Supervisor:
@@ -16,14 +21,16 @@ class Supervisor:
     then ramps the efforts down to zero. The next valid state starts the loop again.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions.
+    `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still.
     `starting` is whether the loop has started, and the efforts have not reached gravity
     compensation. `reason` is why the law is not in force, and `cause` that of the last ramp until a
     mode is chosen.
     """
 
-    def __init__(self, max_age, hold_time):
+    def __init__(self, max_age, hold_time, machine_time=time.monotonic):
         self.max_age = max_age
         self.hold_time = hold_time
+        self._machine_time = machine_time
         self.forget()
 
     def forget(self):
@@ -34,6 +41,7 @@ class Supervisor:
         self.cause = ""
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
         self._last = 0  # clock at the last event [ns]
+        self._moved = 0.0  # machine time when it moved [s]
 
     @property
     def will_start(self):
@@ -77,23 +85,27 @@ class Supervisor:
         self.starting = True
         self.reason = reason
         self._outage = 0
-        self._last = now
+        self._last, self._moved = now, self._machine_time()
 
     def invalid(self, now, reason):
         """Record the reason why no state is valid at a time [ns]; end a hold after its timeout."""
         self.reason = reason
         if self.phase == INACTIVE:
             return
+        machine = self._machine_time()
         elapsed = now - self._last
         if self.phase == ACTIVE:  # the last state was valid for max_age at most
             self._outage = max(self._outage - min(max(elapsed, 0), round(self.max_age * 1e9)), 0)
         else:  # a clock that goes back does not shorten the outage
             self._outage += max(elapsed, 0)
+        if elapsed or self.phase == ACTIVE:
+            self._moved = machine
         self._last = now
+        stands_still = machine - self._moved > max(self.hold_time, MIN_STANDSTILL)
         if self.phase == RAMPING_DOWN:
             return
         self.phase = HOLDING
-        if self._outage * 1e-9 >= self.hold_time:
+        if stands_still or self._outage * 1e-9 >= self.hold_time:
             self.phase = RAMPING_DOWN
             self.starting = False
-            self.cause = reason
+            self.cause = f"{reason}; the clock stands still" if stands_still else reason

@@ -69,7 +69,9 @@ class Driven:
         self.loop = control_loop(arm, compensated, **values)
         self.now = S
         self.sent = None
+        self.machine = 0.0
         self.hold = hold
+        self.loop.supervisor._machine_time = lambda: self.machine
 
     @property
     def state(self):
@@ -86,6 +88,7 @@ class Driven:
 
     def without(self, period=MS):
         self.now += period
+        self.machine += abs(period) * 1e-9
         self.sent = self.loop.without_state(self.now, "NaN")
 
     def go(self, event):
@@ -370,7 +373,7 @@ def test_gravity_compensation_and_damping_after_the_ramp(strong, compensated):
 
 def outage(*times):
     """Return a supervisor after times [ms]; there is no valid state at negative ones."""
-    supervisor = Supervisor(AGE * 1e-3, HOLD * 1e-3)
+    supervisor = Supervisor(AGE * 1e-3, HOLD * 1e-3, machine_time=lambda: 0.0)
     for time in times:
         if time > 0:
             supervisor.valid(time * MS)
@@ -417,6 +420,41 @@ def test_a_whole_hold_after_the_ramp():
     for time, phase in ((1401, HOLDING), (1700, HOLDING), (1701, RAMPING_DOWN)):
         supervisor.invalid(time * MS, "late")
         assert supervisor.phase == phase
+
+
+@pytest.mark.parametrize(("hold", "timeout"), [(0.3, 1.0), (2.5, 2.5)])
+def test_a_clock_that_stands_still(hold, timeout):
+    """The hold ends by the time of the machine: after the hold time, and no less than a second; a
+    tick begins it anew.
+    """
+    machine = [0.0]
+    supervisor = Supervisor(0.02, hold, machine_time=lambda: machine[0])
+    supervisor.valid(S)
+    machine[0] = 50.0
+    supervisor.invalid(S, "late")
+    machine[0] += timeout
+    supervisor.invalid(S, "late")
+    assert supervisor.phase == HOLDING
+    supervisor.invalid(S + 1, "late")
+    machine[0] += timeout
+    supervisor.invalid(S + 1, "late")
+    assert supervisor.phase == HOLDING
+    machine[0] += 0.01
+    supervisor.invalid(S + 1, "late")
+    assert supervisor.phase == RAMPING_DOWN
+    assert "late; the clock stands still" in supervisor.cause
+
+
+def test_the_ramp_of_a_clock_that_stood_still_goes_on():
+    """A clock that moves again does not end it, though it never counted a whole hold."""
+    machine = [0.0]
+    supervisor = Supervisor(0.02, 0.3, machine_time=lambda: machine[0])
+    supervisor.valid(S)
+    supervisor.invalid(S, "late")
+    machine[0] = 1.1
+    supervisor.invalid(S, "late")
+    supervisor.invalid(S + MS, "late")
+    assert supervisor.phase == RAMPING_DOWN
 
 
 def test_texts_of_the_age():
