@@ -25,10 +25,13 @@ from diag_dynamics.control.limits import (
 )
 from diag_dynamics.control.tank import EnergyTank
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.sweeps.limits import ROWS, deliver, demand_rate
+from diag_dynamics.sweeps.limits import HEAVY, ROWS, deliver, demand_rate
 
 FIRST_PERIOD = 1e-3
 """Assumed length of the first cycle [s]."""
+
+MAX_RAMP_TIME = 0.1
+"""Maximum time in which efforts reach gravity compensation without a warning [s]."""
 
 SPRING_SHARE, SPRING_EFFORT, SPRING_TIME = 0.5, 10.0, 0.1
 """Effort of a spring at a position limit, and its damping per stiffness [s].
@@ -335,3 +338,14 @@ class Limits:
     def acting(self) -> Array:
         """Effort on the joints since the last command [N m, N], gravity compensation included."""
         return self.sent + self._gravity if self._compensated else self.sent
+
+    @property
+    def heavy(self) -> tuple[str, ...]:
+        """Joints whose gravity torque exceeds HEAVY of their effort limit in the last state."""
+        return names_where(self._names, np.abs(self._gravity) > HEAVY * self._effort_limit)
+
+    @property
+    def slow(self) -> tuple[str, ...]:
+        """Joints that need more than MAX_RAMP_TIME for gravity compensation in the last state."""
+        gravity = self.gravity_compensation
+        return names_where(self._names, np.abs(gravity) > MAX_RAMP_TIME * self._rate)

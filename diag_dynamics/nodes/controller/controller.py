@@ -39,6 +39,7 @@ from diag_dynamics.nodes.controller.lifecycle import (
 )
 from diag_dynamics.nodes.controller.record import (
     Record,
+    problems_of_limits,
     status_message,
     values_of_loop,
 )
@@ -578,7 +579,7 @@ class ControllerNode(ManagedNode):
         return Status("control", WARN, message, values, is_logged=is_logged)
 
     def _listeners(self):
-        """Return problems of receivers and tank, and diagnostic values of receivers."""
+        """Return problems of receivers and limits, and diagnostic values of receivers."""
         if self.phase != ACTIVE:
             return [], {}
         topic = self._commands.topic_name
@@ -598,10 +599,7 @@ class ControllerNode(ManagedNode):
                 )
         if other_count > 0:
             problems.append(f"other nodes publish {topic}")
-        tank = self._loop.limits.tank
-        if tank and tank.is_overdrawn:
-            problems.append("the energy tank is overdrawn (late states, effort_rate or a push)")
-        return problems, {
+        return [*problems, *problems_of_limits(self._loop.limits)], {
             "subscribers": receivers,
             "other publishers": other_count,
             "state of the effort controller": state or "unknown",

@@ -23,7 +23,7 @@ from diag_dynamics.nodes.support.statuses import (
     problem_status,
     without_numbers,
 )
-from diag_dynamics.text import shortened
+from diag_dynamics.text import listed, shortened
 
 ROUNDING = 1.0 + 1e-6
 """Factor on its bound above which an energy exceeds it."""
@@ -97,7 +97,7 @@ class Record:
         return _fault("holding gravity: ", supervisor.reason, values)
 
     def command_status(self, recent, problems, values):
-        """Return the status of commands; `problems` are those of receivers and tank."""
+        """Return the status of commands; `problems` are those of receivers and limits."""
         values = {key: self.counts[key] for key in _OF_COMMANDS} | values
         if recent[_ABOVE]:
             above = f"{_ABOVE} at '{self._link_above}' (external push, or effort limits)"
@@ -127,6 +127,18 @@ def _fault(text, reason, values, level=WARN):
     values["reason"] = reason
     message = text + without_numbers(reason)
     return Status("control", level, message, values, text + reason)
+
+
+def problems_of_limits(limits):
+    """Return problems of effort limits that are too low and of an overdrawn energy tank."""
+    problems = []
+    if limits.tank and limits.tank.is_overdrawn:
+        problems.append("the energy tank is overdrawn (late states, effort_rate or a push)")
+    if heavy := limits.heavy:
+        problems.append(f"gravity nearly reaches the effort limit of {listed(heavy)}")
+    if slow := limits.slow:
+        problems.append(f"effort_rate is too low to hold {listed(slow)} before the robot sinks")
+    return problems
 
 
 def values_of_loop(loop):
