@@ -21,7 +21,7 @@ from diag_dynamics.text import plain, shortened
 
 DONE, DOUBTFUL, FAILED = range(3)  # exit statuses: success; a result with reservations; no result
 
-INTERRUPTED = 130
+INTERRUPTED, TERMINATED = 128 + signal.SIGINT, 128 + signal.SIGTERM  # as shells report
 
 GAIN = 25.0  # default gain of the disturbance observer [1/s]
 
@@ -43,21 +43,25 @@ def run_command(name, about, module, arguments):
     outputs = {
         option: getattr(chosen, dest) for option, dest in getattr(module, "OUTPUTS", {}).items()
     }
-    # SIGTERM cleans up as Ctrl-C does.
-    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    handler = signal.signal(signal.SIGTERM, _terminate)
     try:
         check_outputs(chosen, outputs)
         return module.run(chosen)
     except BrokenPipeError:
         raise  # of `… | head`, which main handles
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         print(f"diag-dynamics {name}: interrupted.", file=sys.stderr)
-        return INTERRUPTED
+        return TERMINATED if error.args else INTERRUPTED
     except (DiagDynamicsError, OSError) as error:
         report_error(name, error, chosen)
         return FAILED
     finally:
         signal.signal(signal.SIGTERM, handler)
+
+
+def _terminate(number, _):
+    """Clean up at SIGTERM as at Ctrl-C."""
+    raise KeyboardInterrupt(number)
 
 
 def report_error(name, error, chosen):
