@@ -400,7 +400,6 @@ INTERFACES = {
             "ContactLimits",
             "of every monitor with contact limits",
         ),
-        Interface(IN, "diag_dynamics/load", "Load", "of every monitor with load.link"),
         Interface(
             IN, "robot_description", "std_msgs/String", "URDF, in the namespace of each monitor"
         ),
