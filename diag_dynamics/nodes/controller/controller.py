@@ -15,6 +15,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import Trigger
@@ -619,11 +620,13 @@ def joints_of_controller(node, controller):
         executor.add_node(asking)
         client = asking.create_client(GetParameters, f"{controller}/get_parameters")
         request = GetParameters.Request(names=["joints"])
+        futures = []
         for _ in range(REQUESTS):
-            future = client.call_async(request)
-            executor.spin_until_future_complete(future, timeout_sec=RETRY_PERIOD)
-            if future.done():
-                return [joint for x in future.result().values for joint in x.string_array_value]
+            futures.append(client.call_async(request))
+            executor.spin_until_future_complete(futures[-1], timeout_sec=RETRY_PERIOD)
+            done = next(filter(Future.done, futures), None)  # perhaps an earlier one
+            if done:
+                return [joint for x in done.result().values for joint in x.string_array_value]
         return None
     finally:
         executor.shutdown()
