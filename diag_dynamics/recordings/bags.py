@@ -213,7 +213,8 @@ class RosbagFile:
             size = path.stat().st_size
             text = f"{describe_error(error)}: {size} bytes; {self._advice}"
             lose("index", text if size else "the file is empty")
-        if any(Path(f"{path}{end}").is_file() for end in ("-wal", "-journal")):
+        journals = [Path(f"{name}{end}") for end in ("-wal", "-journal")]
+        if any(journal.is_file() and journal.stat().st_size for journal in journals):
             lose("journal", f"it is not read; `sqlite3 {name} .schema` writes it into the file")
 
     def parts(self, connections):
