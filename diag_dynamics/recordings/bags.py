@@ -42,6 +42,7 @@ KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .b
 ROS1 = "ros1", "ros1msg"  # names of the encoding of ROS 1
 ROS1_TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 """Types of messages that recordings are made of."""
+OF_URIS = {*"?#%"}  # signs that rosbags cannot have in the name of a SQLite file
 
 
 class Bag:
@@ -101,7 +102,17 @@ class Bag:
             reader = import_module("diag_dynamics.recordings.mcap_file").McapFile
         else:
             reader = partial(RosbagFile, is_ros1=kind == "ros1")
+            if kind == "sqlite" and (path.suffix != ".db3" or OF_URIS.intersection(str(path))):
+                path = self._link(path)
         return reader(path, name, partial(self._lose, name))
+
+    def _link(self, path):
+        """Return a path to a SQLite file by which rosbags opens it."""
+        folder = tempfile.TemporaryDirectory(prefix="diag_dynamics-")
+        self._folders.append(folder)
+        link = Path(folder.name) / "bag.db3"
+        link.symlink_to(path.absolute())
+        return link
 
     def _unpack(self, path):
         """Return the path of the content of a compressed file."""

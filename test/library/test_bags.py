@@ -231,6 +231,7 @@ def test_kinds_are_known_by_content(tmp_path):
         write_mcap(tmp_path / "mcap.bag", messages),
         write_ros1(tmp_path / "ros1.mcap", messages),
         tmp_path / "packed.mcap",
+        shutil.copy(file_of(write_rosbag2(tmp_path / "bag", messages)), tmp_path / "50% #1?.mcap"),
     ]
     paths[2].write_bytes(zstandard.compress(paths[0].read_bytes()))
     for path in paths:
