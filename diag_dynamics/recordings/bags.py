@@ -42,6 +42,7 @@ KNOWN = "a rosbag2 folder, .mcap or .db3, also compressed by zstd, or a ROS 1 .b
 ROS1 = "ros1", "ros1msg"  # names of the encoding of ROS 1
 ROS1_TYPES = "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry", "std_msgs/msg/String"
 """Types of messages that recordings are made of."""
+MAX_MESSAGE = 1 << 26  # maximum size of a message that is compressed by itself [bytes]
 OF_URIS = {*"?#%"}  # signs that rosbags cannot have in the name of a SQLite file
 
 
@@ -85,8 +86,8 @@ class Bag:
         )
         for k, count in failed.items():
             topic, kind = self.connections[k][:2]
-            text = f"{count} messages of '{topic}' are not of the type {kind} of ROS Noetic"
-            self._lose(self.path, "messages of ROS 1", text)
+            text = f"{count} of '{topic}' are damaged, or not of the type {kind} of ROS Noetic"
+            self._lose(self.path, "messages", text)
 
     def _open_file(self, path, name):
         """Open a file; one that is compressed is unpacked into a temporary folder."""
@@ -159,18 +160,31 @@ def _convert(messages, conversions, places, failed):
     """Return Messages in CDR with connections of the bag; `failed` counts those of another type."""
     if messages is None:
         return None
-    if not conversions:
-        return messages._replace(connection=places[messages.connection])
     view = memoryview(messages.data)
+    first = int(messages.at[0])
+    is_compressed = view[first : first + 4] == ZSTD  # all messages of a file, or none
+    if not conversions and not is_compressed:
+        return messages._replace(connection=places[messages.connection])
+    if is_compressed:
+        require("zstandard", REASON)
     rows = []
     columns = (column.tolist() for column in messages[1:])
     for k, at, size, time in zip(*columns, strict=True):
         raw = view[at : at + size]
         try:
+            raw = _unpack_message(raw) if is_compressed else raw
             rows.append((places[k], time, conversions[k](raw) if k in conversions else raw))
         except Exception:  # rosbags generates code from the definition, which checks little
             failed[int(places[k])] += 1
     return Messages.from_rows(rows) if rows else None
+
+
+def _unpack_message(raw):
+    """Return the content of a compressed message; raise an error if it is damaged or too large."""
+    zstandard = require("zstandard", REASON)
+    if zstandard.frame_content_size(raw) > MAX_MESSAGE:
+        raise DamageError("the message is too large")
+    return zstandard.ZstdDecompressor().decompress(raw, MAX_MESSAGE)
 
 
 def _normalize_type(name):

@@ -105,12 +105,17 @@ def test_a_robot_of_ros1_in_mcap(tmp_path):
 
 
 NOT_UNDERSTOOD = [
-    (b"short", {}, "sensor_msgs/JointState", "40 messages of '/joint_states' are not of the type"),
+    (
+        b"short",
+        {},
+        "sensor_msgs/JointState",
+        "40 of '/joint_states' are damaged, or not of the type",
+    ),
     (
         None,
         {"md5sum": "1" * 32},
         "sensor_msgs/JointState",
-        "40 messages of '/joint_states' are not of the type",
+        "40 of '/joint_states' are damaged, or not of the type",
     ),
     (
         None,

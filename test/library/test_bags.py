@@ -84,17 +84,13 @@ def test_mcap(tmp_path, data, count, disorder):
 
 
 @pytest.mark.parametrize(
-    ("mode", "version"),
-    [
-        (CompressionMode.NONE, 9),
-        (CompressionMode.STORAGE, 9),
-        (CompressionMode.FILE, 9),
-        (CompressionMode.FILE, 8),
-    ],
+    ("mode", "version"), [*((mode, 9) for mode in CompressionMode), (CompressionMode.FILE, 8)]
 )
 @pytest.mark.parametrize("plugin", [SQLITE, MCAP])
 def test_rosbag2(tmp_path, plugin, mode, version):
-    """A folder, and its file alone."""
+    """A folder, and its file alone: only metadata.yaml says that messages are compressed one by
+    one.
+    """
     if (plugin, mode) == (SQLITE, CompressionMode.STORAGE):
         return
     folder = write_rosbag2(
