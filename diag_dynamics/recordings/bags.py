@@ -33,7 +33,9 @@ from diag_dynamics.recordings.messages import (
     merge_parts,
 )
 from diag_dynamics.wire.definitions import typestore
+from diag_dynamics.yaml_files import read_yaml
 
+METADATA = "metadata.yaml"  # file that rosbag2 writes into a folder when it closes a recording
 ZSTD = b"\x28\xb5\x2f\xfd"
 MAGIC = {b"\x89MCAP": "mcap", b"SQLite format 3": "sqlite", b"#ROSBAG": "ros1"}
 SUFFIXES = {".mcap": "mcap", ".db3": "sqlite", ".bag": "ros1"}
@@ -58,7 +60,7 @@ class Bag:
         self._folders = []  # temporary ones, which are deleted with the bag
         self.unread = []
         self._lose = partial(_add_damage, self.unread)
-        paths = _find_bags(self.path) if self.path.is_dir() else [self.path]
+        paths = _find_bags(self.path, self._lose) if self.path.is_dir() else [self.path]
         self._files = [self._open_file(path, str(path)) for path in paths]
         self._maps = [self._map_connections(file) for file in self._files]
         starts = (file.start for file in self._files if file.start is not None)
@@ -270,20 +272,36 @@ class RosbagFile:
 # --- Files of a folder ---
 
 
-def _find_bags(folder):
-    """Return the bags of a folder by suffix or first bytes, `bag_10` behind `bag_9`."""
+def _find_bags(folder, lose):
+    """Return the bags of a folder by suffix or first bytes, `bag_10` behind `bag_9`.
+
+    Report those that metadata.yaml lists and that are missing.
+    """
     try:
         names = [path.name for path in folder.iterdir() if path.is_file() and is_bag(path)]
     except OSError as error:
         raise InputError(f"'{folder}' cannot be read: {error.strerror}.") from error
     if not names:
         raise InputError(f"'{folder}' contains no bag; expected {KNOWN}, or the file of a table.")
+    listed = _read_metadata(folder)
+    missing = sorted(listed.difference(name.removesuffix(PACKED) for name in names))
+    if missing and not len(missing) == len(listed) <= len(names):  # all files may be renamed
+        lose(folder, METADATA, f"it lists {', '.join(missing)}, missing here")
     unpacked = {f"{name}{PACKED}" for name in names}  # of files that were played
     parts = {name: enumerate(re.split(r"(\d+)", name)) for name in {*names} - unpacked}
     names = sorted(
         parts, key=lambda name: [int(part) if k % 2 else part for k, part in parts[name]]
     )
     return [folder / name for name in names]
+
+
+def _read_metadata(folder):
+    """Return the names of files that metadata.yaml lists; none if it is missing or damaged."""
+    with suppress(InputError, KeyError, TypeError):
+        content = read_yaml(folder / METADATA, METADATA)
+        paths = content["rosbag2_bagfile_information"]["relative_file_paths"]
+        return {Path(path).name.removesuffix(PACKED) for path in paths}
+    return set()
 
 
 def is_bag(path):
