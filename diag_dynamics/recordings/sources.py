@@ -16,7 +16,7 @@ from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.bags import Bag, is_bag
+from diag_dynamics.recordings.bags import METADATA, Bag, is_bag
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import SAME_NAMES
 from diag_dynamics.recordings.messages import Unread
@@ -72,7 +72,7 @@ def open_source(path, columns=None, topic=None, names=SAME_NAMES) -> Source:
     for file in paths:
         if not file.exists():
             raise InputError(f"there is no file or folder '{file}'.")
-    path = paths[0].parent if paths[0].name == "metadata.yaml" else paths[0]
+    path = paths[0].parent if paths[0].name == METADATA else paths[0]
     if len(paths) > 1 or not (path.is_dir() or (path.is_file() and is_bag(path))):
         return _open_table("+".join(map(str, paths)), columns, names)
     if columns != ColumnMap():
@@ -192,7 +192,7 @@ class BagSource:
         }
         topics = ", ".join(sorted(texts)) or "no readable topics"
         damage = "".join(f"; {part.where}: {part.what}" for part in self.unread[:3])
-        return f"its content is {topics}; expected messages encoded as {EXPECTED}{damage}"
+        return f"it has {topics}; expected messages encoded as {EXPECTED}{damage}"
 
 
 def decode_messages(decoder, messages, kinds):

@@ -121,7 +121,7 @@ NOT_UNDERSTOOD = [
         None,
         {},
         "my_msgs/JointState",
-        r"has no joint states: its content is /joint_states .my_msgs/msg/JointState, encoded",
+        r"has no joint states: it has /joint_states .my_msgs/msg/JointState, encoded",
     ),
 ]
 

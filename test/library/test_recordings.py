@@ -162,7 +162,7 @@ def test_errors_of_reading(tmp_path, panda):
     refused(r"no file or folder.*nothing\.mcap", tmp_path / "nothing.mcap")
     write_mcap(path, states)
     refused("robot_description", model=None)
-    refused(r"no topic '/joint_state'.*: its content is /joint_states", topic="/joint_state")
+    refused(r"no topic '/joint_state'.*: it has /joint_states", topic="/joint_state")
     refused("no parameter 'max_agge'", parameters={"max_agge": 1.0})
     refused("parameter 'locked_joints' is", parameters={"locked_joints": ["a=0"]})
     assert len(dd.read_recording(path, panda, parameters={"gravity": [0.0, 0.0, -9.81]})) == 5
