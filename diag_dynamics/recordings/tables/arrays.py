@@ -156,6 +156,7 @@ def read_npz(path):
         else:
             converted.append(None)
             content = f"{' × '.join(map(str, array.shape))} {array.dtype.name}"
+            content = "Python objects" if kind == "O" else content
             columns.append(Column(name, numeric=False, type=content, sample=(content,)))
     return MemoryTable(path, columns, converted, texts)
 
@@ -164,11 +165,22 @@ def _read_arrays(path):
     """Return arrays by name, bytes as texts."""
     try:
         with np.load(path) as file:
-            arrays = {name: x for name, x in file.items() if isinstance(x, np.ndarray)}
+            contents = {name: _read_array(file, name) for name in file.files}
     except _BROKEN as error:
         text = f"'{path}' cannot be read: {describe_error(error)}. {_NOT_WHOLE}"
         raise InputError(text) from error
+    arrays = {name: x for name, x in contents.items() if isinstance(x, np.ndarray)}
     return {name: x.astype(str) if x.dtype.kind == "S" else x for name, x in arrays.items()}
+
+
+def _read_array(file, name):
+    """Return an array of an archive; an empty one for Python objects, which are not read."""
+    try:
+        return file[name]
+    except ValueError as error:
+        if "allow_pickle" not in str(error):
+            raise
+        return np.empty(0, object)
 
 
 def _is_numeric(array):
