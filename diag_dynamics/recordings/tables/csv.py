@@ -11,6 +11,7 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.bags import first_bytes
 from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import (
     BLANK,
@@ -24,6 +25,13 @@ from diag_dynamics.recordings.tables.table import LEFT_OUT
 
 SPACES = " "  # as a delimiter: any number of spaces and tabs
 MAX_LINE = 1 << 26  # bytes
+_CODECS = {
+    b"\x1f\x8b": "gzip",
+    b"BZh": "bz2",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"\x04\x22\x4d\x18": "lz4",
+}
+"""Compressions that are read, by the first bytes."""
 _BEGINNING, _BLOCK = 1 << 20, 1 << 22  # bytes with the header and first rows, and of a block
 _COMMENTED = 100  # first lines whose comments may name joints
 _COMMENT = re.compile(r'#|%[%\s]|"?sep=."?\s*$')
@@ -38,13 +46,16 @@ class CsvTable:
 
     def __init__(self, path, column_map):
         self.path = path
+        begin = first_bytes(path)
+        codecs = (codec for magic, codec in _CODECS.items() if begin.startswith(magic))
+        self._codec = next(codecs, None)
         self._decimal = column_map.decimal
         _, begin = next(self._read_lines(_BEGINNING), (1, b""))
         lines = [_decode(line) for line in begin.split(b"\n")]
         if len(lines) < 2 or "\0" in lines[0]:
             raise InputError(
                 f"'{path}' is not readable as CSV, Parquet or npz: its first line is not UTF-8 "
-                "text with a line break (LF or CR LF)."
+                "text with a line break (LF or CR LF). Unpack files, but for gzip, bz2, zstd, lz4."
             )
         self.columns, self._delimiter, self._above = _read_head(lines, column_map, path)
         self.texts = [
@@ -76,7 +87,7 @@ class CsvTable:
         text = bytearray()
         line = 1
         try:
-            with pa.input_stream(str(self.path)) as stream:  # decompresses by the name of the file
+            with pa.input_stream(str(self.path), self._codec) as stream:
                 while chunk := stream.read(size):
                     text += chunk
                     end = text.rfind(b"\n") + 1
@@ -90,7 +101,8 @@ class CsvTable:
                         )
         except (OSError, pa.ArrowException) as error:
             raise InputError(
-                f"'{self.path}': {describe_error(error)} after line {line}."
+                f"'{self.path}': {describe_error(error)} after line {line}. It is damaged or was not "
+                "copied completely: unpack what can be read."
             ) from error
         if text:
             yield line, bytes(text)
