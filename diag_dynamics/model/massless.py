@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 MASSLESS = 1e-12
 """D below this fraction of all inertia outboard is rounding."""
 
+DISTINCT = 1e-9
+"""D above this fraction is far from rounding by any order of operations."""
+
 
 def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int64], Array]:
     """Return the degrees of freedom that move no inertia in four configurations.
@@ -37,9 +41,10 @@ def massless_freedoms(model: RobotModel, tree: Tree) -> tuple[npt.NDArray[np.int
     smallest = np.full(model.nv, np.inf)
     massless = np.ones(model.nv, dtype=bool)
     turning = np.array([orientation < 0 for orientation in model.orientations], dtype=bool)
-    for spread in (0.0, *[1.0 if workspace is None else 0.05] * 3):
+    spread = 1.0 if workspace is None else 0.05
+    for part in (0.0, spread, spread, spread):
         q = tree.start.copy()
-        q[turning] += spread * rng.uniform(-1.0, 1.0, turning.sum())
+        q[turning] += part * rng.uniform(-1.0, 1.0, turning.sum())
         D, size = joint_inertias(model, q, workspace)
         massless &= ~(MASSLESS * size < D)
         smallest = np.minimum(smallest, D)
@@ -69,39 +74,55 @@ def joint_inertias(model: RobotModel, q: Array, workspace: Workspace | None) -> 
         ratio = ratios[np.arange(len(bodies)) - bodies["rank"], 1 + bodies["dof"]]
     elif model.nq:
         position = ratio * q[bodies["q"]] + bodies["offset"]
+    X = np.zeros((len(bodies), 6, 6))
+    P = np.zeros((len(bodies), 6, 6))
     J = np.zeros((len(bodies), 6, model.nv))
     rotor = np.zeros((len(bodies), model.nv))
-    P = np.zeros((len(bodies), 6, 6))
     outboard = np.zeros((len(bodies), 2))
     levers = np.zeros(len(bodies))
     for i in numbers:
         body = bodies[i]
         R, p = _placement(body, q, position[i])
-        X = np.block([[R.T, R.T @ _cross(p).T], [np.zeros((3, 3)), R.T]])
-        J[i] = X @ J[body["parent"]]
+        X[i, :3, :3] = X[i, 3:, 3:] = R.T
+        X[i, :3, 3:] = R.T @ _cross(p).T
+        J[i] = X[i] @ J[body["parent"]]
         J[i, body["direction"], body["dof"]] += ratio[i]
         # One rotor turns at the sum of the rates of a follower's bodies.
         turning = i - body["rank"] if body["kind"] == VIRTUAL else i
         rotor[turning, body["dof"]] += ratio[i]
-        mass = body["mass"] * np.eye(3)
         moment = _cross(body["first_moment"])
         inertia = symmetric(body["inertia"])
-        P[i] = np.block([[mass, moment.T], [moment, inertia]])
-        outboard[i] = np.trace(mass), np.trace(inertia)
+        P[i, :3, :3] = body["mass"] * np.eye(3)
+        P[i, :3, 3:] = moment.T
+        P[i, 3:, :3] = moment
+        P[i, 3:, 3:] = inertia
+        outboard[i] = 3.0 * body["mass"], np.trace(inertia)
         levers[i] = p @ p
-    M = np.tensordot(J, P @ J, ((0, 1), (0, 1))) + rotor.T @ (bodies["armature"][:, None] * rotor)
-    D = np.zeros(model.nv)
+    M = rotor.T @ (bodies["armature"][:, None] * rotor)
     size = np.zeros(model.nv)
+    force = P @ J  # of each body's inertia, and, added on the way to the base, of all outboard
     for i in reversed(numbers):
         body = bodies[i]
+        M[body["dof"]] += ratio[i] * force[i, body["direction"]]
+        force[body["parent"]] += X[i].T @ force[i]
         linear, angular = outboard[i]
         outboard[body["parent"]] += linear, angular + levers[i] * linear
         size[body["dof"]] += ratio[i] ** 2 * outboard[i, int(body["direction"] >= ANGULAR_X)]
-    for k in reversed(range(model.nv)):
+    return _eliminated(M, size), size
+
+
+def _eliminated(M: Array, size: Array) -> Array:
+    """Return D of M = U D Uᵀ, in which a massless joint counts as locked."""
+    with suppress(np.linalg.LinAlgError):
+        D = np.diag(np.linalg.cholesky(M[::-1, ::-1]))[::-1] ** 2
+        if (DISTINCT * size < D).all():
+            return D
+    D = np.zeros(len(M))
+    for k in reversed(range(len(M))):
         D[k] = M[k, k]
         if MASSLESS * size[k] < D[k]:
             M[:k, :k] -= np.outer(M[k, :k] / D[k], M[k, :k])
-    return D, size
+    return D
 
 
 def _placement(body: np.void, q: Array, position: float) -> tuple[Array, Array]:
