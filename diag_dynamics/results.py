@@ -76,8 +76,8 @@ class Evaluation:
         self._state = state
         self._rows = state[..., : model.nv]
         self._with_tau = with_tau
-        self._external = external
-        self._friction = friction
+        self._external = None if external is None else read_only(external)
+        self._friction = None if friction is None else read_only(friction)
         self._memory = tuple(map(read_only, memory))
 
     nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
@@ -219,7 +219,7 @@ class Evaluation:
         attrgetter("_state"),
         """Memory with the rows of `diag_dynamics.sweeps.workspace`.
 
-        Its shape is (N_ROWS, max(nq, 1)); that of a batch (N_RESULTS, T, nv).
+        Its shape is (N_ROWS, max(nq, 1)); that of many states (N_RESULTS, T, nv).
         """,
     )
 

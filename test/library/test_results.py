@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Results: read-only and permanent; batches as sequences and tables."""
+"""Results: read-only and permanent, of one state and of many."""
 
 import copy
 import pickle
@@ -81,5 +81,7 @@ def test_results_are_read_only(dyn):
 def test_copies_are_permanent(dyn, way):
     for result in every_kind(dyn).values():
         twin = COPIES[way](result)
-        assert type(twin) is type(result) and not twin.nu.flags.writeable
+        assert type(twin) is type(result)
+        terms = [x for x in (twin.nu, twin.external, twin.friction) if x is not None]
+        assert not any(term.flags.writeable for term in terms)
         assert_equal(twin, result)
