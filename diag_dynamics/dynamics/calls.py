@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from diag_dynamics import checks, results, threads
+from diag_dynamics import checks, threads
 from diag_dynamics.arrays import Array, Frame, PointLike
 from diag_dynamics.description.checks import warn
 from diag_dynamics.dynamics.arguments import States
@@ -74,7 +74,8 @@ def _transformation(number: int) -> Sweep:
 
 def _factors_each(robot: int, Q: Array, first: int, last: int, factors: Array, D: Array) -> Any:
     """Fill the factors of many states, (T, 3, nv, nv), and their D."""
-    return batch.factors_each(robot, Q, first, last, factors.reshape(-1, *factors.shape[2:]), D)
+    matrices = factors.reshape(3 * len(Q), *factors.shape[2:])
+    return batch.factors_each(robot, Q, first, last, matrices, D)
 
 
 MASS_MATRIX = Sweep(classical.mass_matrix, batch.mass_matrix_each)
@@ -261,10 +262,10 @@ class Sweeps:
         return self._vector(INVERSE_DYNAMICS, at, 1.0)
 
     def _epsilon(self, at: States, tau: Array, problem: str) -> Array:
-        """Return ε = ℓτ, read-only."""
+        """Return ε = ℓτ."""
         at = at._replace(vectors={"tau": tau})
         problem = f"{problem}: a result overflows"
-        return results.read_only(self._vector(EPSILON_FROM_TAU, at, problem=problem))
+        return self._vector(EPSILON_FROM_TAU, at, problem=problem)
 
     # --- Links and contact
 

@@ -328,6 +328,8 @@ def test_motionless(id):
     assert answers["operational_inverse_inertia"].shape == (6, 6)
     for name in ("m", "l", "unit", "mass_matrix", "mass_matrix_rate"):
         assert answers[name].shape == (0, 0), name
+    rows = np.zeros((3, 0))
+    assert dd.DiagonalDynamics(model).factors(rows).m.shape == (3, 0, 0)
 
 
 @pytest.mark.parametrize("id", EMPTY)
