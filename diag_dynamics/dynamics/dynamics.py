@@ -22,7 +22,16 @@ from diag_dynamics.arrays import (
     StatesLike,
     VectorLike,
 )
-from diag_dynamics.checks import check_finite, instance, is_rows, numbers, rows, unit, vector
+from diag_dynamics.checks import (
+    check_finite,
+    choice,
+    instance,
+    is_rows,
+    numbers,
+    rows,
+    unit,
+    vector,
+)
 from diag_dynamics.collision.contact_points import ContactPoint, ContactPoints
 from diag_dynamics.collision.predicted_contact import Impact, PredictedContact, impact
 from diag_dynamics.dynamics import calls, external_wrench, noise
@@ -127,6 +136,7 @@ class DiagonalDynamics(calls.Sweeps):
         }
         public = [name for name in vars(DiagonalDynamics) if name[0] != "_" and name != "compile"]
         for name in methods or public:
+            choice("method", name, public)
             method = getattr(self, name)
             values = {
                 parameter.name: arguments.get(parameter.name, self._zero)
@@ -135,6 +145,8 @@ class DiagonalDynamics(calls.Sweeps):
             }
             with suppress(DiagDynamicsError):  # the start may be singular
                 method(**values)
+            if name == "evaluate":
+                evaluation.link_energies.compile()  # for Evaluation.link_energy
 
     # --- All quantities
 

@@ -14,6 +14,7 @@ import pytest
 import diag_dynamics as dd
 from diag_dynamics import checks
 from diag_dynamics.dynamics import dynamics
+from diag_dynamics.sweeps import evaluation
 from robots import description, joint, link
 
 NAMES = ("shoulder", "elbow")
@@ -181,7 +182,8 @@ def test_methods_are_compiled_by_calls_of_one_state(two, monkeypatch):
     assert called == [[0.0, 0.0]]
     monkeypatch.setattr(dynamics, "suppress", lambda *errors: nullcontext())
     two.compile()
-    with pytest.raises(AttributeError, match="'evaluation'"):
+    assert evaluation.link_energies.run != evaluation.link_energies._compile_and_run
+    with pytest.raises(dd.InputError, match="method is 'evaluation', expected one of 'evaluate'"):
         two.compile("evaluation")
 
 
