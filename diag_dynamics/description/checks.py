@@ -227,8 +227,8 @@ WARNED = {  # mistakes of elements, of links, joints or the robot
     "ignored rotor": Check(
         "warning",
         "",
-        "the rotor inertia of {} is ignored: expected one >= 0 of one joint of one degree of "
-        "freedom and one gear ratio other than 0",
+        "the rotor inertia of {} is ignored: expected one from 0 to 1e9 kg m² at one joint of one "
+        "degree of freedom and one gear ratio other than 0",
         "Give the armature of each joint.",
     ),
 }

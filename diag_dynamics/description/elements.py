@@ -19,6 +19,7 @@ from lxml import etree
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.records import (
+    LARGEST_INERTIA,
     SINGLE,
     Loop,
     LoopEnd,
@@ -210,7 +211,7 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
         inertia = N * N * rotors[0]
         is_single = len(names) == len(rotors) == 1 and len(ratios) <= 1
         is_free = types.get(joint) in SINGLE and joint not in armature
-        if is_single and is_free and N and inertia >= 0.0:
+        if is_single and is_free and N and 0.0 <= inertia <= LARGEST_INERTIA:
             armature[joint] = inertia
         else:
             where = f"transmission {short(element.get('name'))}"

@@ -431,6 +431,7 @@ LEFT_OUT = {
     "two reductions": motor(ROTOR + GEAR, more="<mechanicalReduction>50</mechanicalReduction>"),
     "a joint and a fixed one": motor(ROTOR, more='<joint name="weld"/>'),
     "negative": motor('<drake:rotor_inertia value="-1e-4"/>'),
+    "too large": motor('<drake:rotor_inertia value="1e200"/>'),
     "in words": motor('<rotorInertia value="${J}"/>'),
     "nothing": motor("<rotorInertia/>"),
     "reduction of zero": motor(f"{ROTOR}<mechanicalReduction>0</mechanicalReduction>"),
