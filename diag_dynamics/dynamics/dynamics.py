@@ -498,7 +498,7 @@ class DiagonalDynamics(calls.Sweeps):
 
     def log_det(self, q: VectorLike) -> float:
         """Return ln det M = Σ ln D_k of the numerical values in SI units."""
-        return np.log(self.factors(q).D).sum(axis=-1)
+        return np.log(self.evaluate(q, self._zero).articulated_inertia).sum(axis=-1)
 
     def log_det_rate(self, q: VectorLike, qd: VectorLike) -> float:
         """Return d/dt ln det M = Σ Ḋ_k/D_k [1/s] along q̇."""
