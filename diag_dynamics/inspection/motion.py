@@ -28,9 +28,11 @@ class Motion:
         Q = np.array([model.random(rng) for _ in range(POSES)])
         velocity = np.nan_to_num(model.velocity_limit, posinf=0.0)
         signs = np.random.default_rng(1).choice([-1.0, 1.0], (POSES, model.nv))
-        states = dynamics.evaluate(Q, signs * velocity)
-        self.D = states.articulated_inertia
-        self.largest_energy = float(np.max(states.kinetic_energy))
+        QD = signs * velocity
+        # A limit of 1e308 is an energy of inf here, and an error of evaluate.
+        energy = 0.5 * np.einsum("ti,tij,tj->t", QD, dynamics.mass_matrix(Q), QD)
+        self.D = dynamics.evaluate(Q, np.zeros_like(QD)).articulated_inertia
+        self.largest_energy = float(np.max(energy))
         self.gravity_torque = dynamics.gravity_torque(Q)
 
 

@@ -157,6 +157,7 @@ MISTAKES = (
     ("effort_limits", "note", "elbow", 1e6, arm('effort="20"', 'effort="1e6"')),
     ("velocity_limits", "note", "elbow", None, arm('velocity="3"', "")),
     ("velocity_limits", "warning", "elbow", None, arm('velocity="3"', 'velocity="0"')),
+    ("velocity_limits", "note", "elbow", 1.7e308, arm('velocity="3"', 'velocity="1.7e308"')),
     ("rotor_inertia", "note", "elbow", 1e3 * 0.0363 * 3 / 200, arm('effort="20"', 'effort="200"')),
     ("gravity", "note", "shoulder", None, arm('effort="24"', 'effort="12"')),
     ("gravity", "warning", "shoulder", None, arm('effort="24"', 'effort="2"')),
@@ -201,6 +202,7 @@ def test_mistakes(mistake):
     numbers = list(finding.values.values())
     assert numbers == sorted(numbers, key=abs, reverse=True)  # the worst first
     assert finding.what and finding.remedy
+    assert check == "missing_inertias" or report.checks["loading"] == "ok"
     worst = {*report.checks.values(), "note"} - {"skipped"}
     assert report.checks[check] in worst and report.status == max(map(SEVERITIES.index, worst)) - 1
 
