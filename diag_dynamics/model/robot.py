@@ -24,7 +24,6 @@ from diag_dynamics.description.parameters import (
 )
 from diag_dynamics.description.records import (
     Description,
-    Flexible,
     FlexibleJoint,
 )
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
@@ -440,16 +439,6 @@ class RobotModel:
             raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
         _, body, placement = self._tree.links[self.link_names.index(link)]
         return body, placement
-
-    def cut_tree(self) -> RobotModel:
-        """Return this robot with its loops open and every joint independent.
-
-        Some may move no inertia.
-        """
-        description = self.description._replace(
-            mimic="free", loops=(), flexible=Flexible(), locked=self._tree.locked
-        )
-        return RobotModel(tree_of(description))
 
     def first_body(self, joint: str) -> int:
         """Return the first body of a joint that moves."""

@@ -5,7 +5,6 @@
 simulation, control.
 """
 
-import pickle
 import warnings
 
 import numpy as np
@@ -178,18 +177,6 @@ def test_rounded_axes():
         np.testing.assert_allclose(result.position, four_bar_followers(model.start[0]), atol=1e-5)
         free = FOUR_BAR | {"type": kind, "axis": [0, 0, -1], "independent": []}
         assert dd.load_urdf(askew, loops=[free]).nv == 2
-
-
-def test_cut_tree(bar):
-    """It stays open where it is copied, or gets other parameters."""
-    cut = bar.cut_tree()
-    for copied in (
-        pickle.loads(pickle.dumps(cut)),
-        cut.with_parameters({}),
-        cut.with_payload("arm", 1.0),
-    ):
-        assert copied.nv == 4 and not copied.followers
-    assert cut.with_locked_joints({"arm": 0.0}).nv == 3
 
 
 def test_locked_joints_of_a_loop():
