@@ -32,7 +32,9 @@ def find_mesh(name: str, folder: Path | None) -> Path:
         places = [share / file for share in _packages(package, folder)]
     else:
         path = Path(os.path.expanduser(re.sub(r"^file:(//)?", "", name.strip())))
-        places = [path] if path.is_absolute() else [folder / path] if folder else []
+        if folder:
+            path = folder / path  # which is `path` if that is absolute
+        places = [path] if path.is_absolute() or folder else []
     for place in places:
         if place.is_file():
             return place

@@ -35,7 +35,8 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
         return np.eye(count)
     expected = f"finite numbers, shape ({count}, {count}), in the order of model.dof_names"
     array = checks.numbers("covariance", covariance, (count, count), expected)
-    size = np.sqrt(np.outer(*[np.abs(np.diag(array))] * 2))
+    deviation = np.sqrt(np.abs(np.diag(array)))
+    size = np.outer(deviation, deviation)
     if (np.abs(array - array.T) > SYMMETRIC * size).any():
         raise InputError(
             "covariance is not symmetric; expected the second moment of external torque."
@@ -47,8 +48,7 @@ def whitening(model: RobotModel, covariance: Any) -> Array:
         smallest = np.linalg.eigvalsh(array)[0]
         raise InputError(
             f"covariance has the eigenvalue {smallest:.3g}; expected all of them > 0. "
-            "Calibrate with a "
-            "recording in which all joints move."
+            "Calibrate with a recording in which all joints move."
         ) from None
 
 

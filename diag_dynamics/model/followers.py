@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from diag_dynamics.model.robot import RobotModel
     from diag_dynamics.model.tree import MovingJoint
 
-WAYS: list[float] = np.cumprod([1.0, *[0.8] * 30]).tolist()
+WAYS = [0.8**k for k in range(31)]
 """Fractions of the way from the start to random positions, tried where a loop is open."""
 
 

@@ -154,7 +154,7 @@ def _touches_spring(address, h):
         k = bodies[i].dof
         x = sim.q[sim.coordinate[k]]
         u = _displacement(sim, k, h)
-        side = 1.0 if x + u > sim.upper[k] else -1.0 if x + u < sim.lower[k] else 0.0
+        side = float((x + u > sim.upper[k]) - (x + u < sim.lower[k]))
         if side * u > 0.0 and sim.spring[k] == 0.0 and sim.stiffness[k] < math.inf:
             sim.spring[k] = side
             touching = True

@@ -138,7 +138,7 @@ def _contact(at, entry, w, X, result):
         if at.by == BY_FORCE and entry.end_region > entry.first_region:
             score = force
         elif at.by == BY_LIMIT and strictest >= 0:
-            score = speed / allowed if allowed > 0.0 else (math.inf if speed > 0.0 else 0.0)
+            score = speed / allowed if speed > 0.0 else 0.0
         if best < 0 or score > strongest * TIE:
             best = k
             strongest = score
