@@ -165,7 +165,7 @@ class Evaluation:
         The six shares of a floating base depend on the order of its twist's components; their sum
         `base_energy` does not.
         """
-        return energy_shares(self.nu)
+        return 0.5 * self.nu * self.nu
 
     @property
     def base_energy(self) -> Any:
@@ -375,11 +375,6 @@ def expand(result: _Result, rows: BoolArray) -> _Result:
         return read_only(full)
 
     return type(result)(*map(expanded, result))
-
-
-def energy_shares(nu: Array) -> Array:
-    """Return ½ν_k² [J] of total rates ν [J^½]."""
-    return 0.5 * nu * nu
 
 
 def read_only(array: Array) -> Array:
