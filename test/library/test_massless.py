@@ -13,6 +13,7 @@ import robots
 from accuracy import assert_close, norm
 from derivative_oracles import RateOracle
 from diag_dynamics.inspection import inspect_robot
+from diag_dynamics.model import massless as check
 from laws import everything
 from oracles import Oracle
 from robots import BOX, description, joint, link
@@ -338,6 +339,19 @@ def test_empty(id):
     assert "<link" not in robots.robot(id).urdf
     with pytest.raises(dd.UrdfError, match="link"):
         dd.load_urdf(robots.robot_path(id), mimic="free")
+
+
+def test_factorization_and_elimination_agree(monkeypatch):
+    """Where all joints clearly move inertia D is that of a factorization, which is fast."""
+    model = dd.load_robot("talos_full_v2")
+    q = model.random(np.random.default_rng(0))
+    fast, _ = check.joint_inertias(model, q, None)
+    monkeypatch.setattr(check, "DISTINCT", np.inf)
+    exact, size = check.joint_inertias(model, q, None)
+    np.testing.assert_allclose(fast, exact, rtol=1e-9)
+    D = dd.DiagonalDynamics(model).factors(q).D
+    np.testing.assert_allclose(exact, D, rtol=1e-9)
+    assert (exact / size < 1.0).all()
 
 
 # --- Negative moments
