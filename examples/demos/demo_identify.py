@@ -53,6 +53,24 @@ class Push(NamedTuple):
     force: np.ndarray
 
 
+def real_links(model, error, rng):
+    """Return bodies of links whose masses, centres in radii of gyration and lengths differ.
+
+    The error of lengths is half of that of masses.
+    """
+    links = {}
+    for name, link in model.description.links.items():
+        if link.inertial is None or not link.inertial.mass:
+            continue
+        body = link.inertial.body
+        heavier, longer = 1.0 + error * rng.uniform(-1.0, 1.0, 2) * (1.0, 0.5)
+        radius = np.sqrt(0.5 * np.trace(body.inertia) / body.mass)
+        centre = body.centre + error * radius * rng.uniform(-1.0, 1.0, 3) / np.sqrt(3.0)
+        inertia = heavier * longer**2 * body.inertia
+        links[name] = dd.Payload(heavier * body.mass, centre, inertia)
+    return links
+
+
 def real_robot(model, error, seed):
     """Return a robot with other inertias than its model, and with friction and rotors of geared joints."""
     rng = np.random.default_rng(seed)
@@ -72,7 +90,8 @@ def real_robot(model, error, seed):
     joints = {}
     for k, name in enumerate(model.dof_names):
         joints[name] = dd.JointParameters(**{key: float(value[k]) for key, value in values.items()})
-    return model.perturbed(error, seed).with_parameters(dd.Parameters(joints=joints))
+    links = real_links(model, error, rng)
+    return model.with_parameters(dd.Parameters(joints=joints, links=links))
 
 
 def record(robot, known, sensors, time, position, velocity, acceleration, pushes=()):
