@@ -74,11 +74,13 @@ class Evaluation:
         state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
         self._model = model
         self._state = state
-        self._rows = state[..., : model.nv]
+        self._rows = state if memory else state[:, : model.nv]
         self._with_tau = with_tau
         self._external = None if external is None else read_only(external)
         self._friction = None if friction is None else read_only(friction)
-        self._memory = tuple(map(read_only, memory))
+        self._memory = memory
+        for array in memory:
+            read_only(array)
 
     nu = _row(ws.NU, "Total joint rates ν = mᵀq̇ [J^½] (Table 1).")
     xi = _row(ws.XI, "Un-normalized total joint rates ξ = D^−½ν [rad/s, m/s] (eq. 7.7).")
@@ -165,7 +167,7 @@ class Evaluation:
         The six shares of a floating base depend on the order of its twist's components; their sum
         `base_energy` does not.
         """
-        return 0.5 * self.nu * self.nu
+        return 0.5 * self.nu * self.nu if self._memory else self._rows[ws.ENERGY_SHARE]
 
     @property
     def base_energy(self) -> Any:
@@ -205,8 +207,8 @@ class Evaluation:
         Wrenches and friction count if they were requested.
         """
         power = self.effort_power
-        if power is None:
-            return None
+        if power is None or (self._external is None and self._friction is None):
+            return power
         with np.errstate(over="ignore", invalid="ignore"):
             if self._external is not None:
                 power = power + np.einsum("...k,...k->...", self.nu, self._external)

@@ -64,7 +64,7 @@ def _transformation(number: int) -> Sweep:
     """Return a transformation of factorization.transform by its number."""
 
     def single(robot: int, q: Array, x: Array, result: Array) -> Any:
-        return factorization.transform(robot, q, x, number, result)
+        return factorization.transform.run(robot, q, x, number, result)
 
     def many(robot: int, Q: Array, X: Array, first: int, last: int, result: Array) -> Any:
         return batch.sweep_each(robot, batch.TRANSFORM, Q, X, X, number, first, last, result)

@@ -321,6 +321,8 @@ def sums(rows):
 def _complete(out, n):
     """Fill the rows of energies; return whether they and all other results are finite."""
     finite, energy, base, power = sums(out[:, :n])
+    for k in range(n):
+        out[ws.ENERGY_SHARE, k] = 0.5 * out[ws.NU, k] * out[ws.NU, k]
     if out.shape[1] > 0:
         out[ws.KINETIC_ENERGY, 0] = energy
         out[ws.BASE_ENERGY, 0] = base

@@ -11,13 +11,14 @@ from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import records
 
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
-ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, KINETIC_ENERGY = range(7, 10)
-BASE_ENERGY, EFFORT_POWER, N_SWEPT = range(10, 13)
-POSITIONS, RATES, N_ROWS = range(12, 15)
+ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE = range(7, 10)
+KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, N_SWEPT = range(10, 14)
+POSITIONS, RATES, N_ROWS = range(13, 16)
 """Rows that evaluation.evaluate fills.
 
-From KINETIC_ENERGY on rows have a first entry only: K, the share of the first six total rates in
-it, and νᵀ(ε − ε_g). The last two receive q and q̇ of a single state.
+A batch keeps those before ENERGY_SHARE. From KINETIC_ENERGY on rows have a first entry only: K, the
+share of the first six total rates in it, and νᵀ(ε − ε_g). The last two receive q and q̇ of a single
+state.
 """
 
 N_NUMBERS = N_SWEPT - KINETIC_ENERGY
