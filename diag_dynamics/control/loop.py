@@ -522,7 +522,8 @@ class ControlLoop:
             self._observer.reset()
         silent = self.is_silent
         demand = self.at_rest
-        effort = self.limits.ramp(demand, self._elapsed(now))
+        still = min(self.supervisor.still, self._max_period)
+        effort = self.limits.ramp(demand, max(self._elapsed(now), still))
         self._count_time(now)
         waiting = names_where(self.dynamics.model.dof_names, effort != demand)
         age = (now - self.state.newest) * 1e-9

@@ -21,7 +21,8 @@ class Supervisor:
     then ramps the efforts down to zero. The next valid state starts the loop again.
 
     `max_age` is the maximum difference of a state's stamp and the clock [s], in both directions.
-    `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still.
+    `machine_time` returns a monotonic time [s], which ends a hold if the clock stands still, and
+    which passes then: `still` is how much of it did since the last event [s].
     `starting` is whether the loop has started, and the efforts have not reached gravity
     compensation. `reason` is why the law is not in force, and `cause` that of the last ramp until a
     mode is chosen.
@@ -41,7 +42,9 @@ class Supervisor:
         self.cause = ""
         self._outage = 0  # time without valid states, less that of later valid ones [ns]
         self._last = 0  # clock at the last event [ns]
-        self._moved = 0.0  # machine time when it moved [s]
+        self._machine = 0.0  # machine time then [s]
+        self._standstill = 0.0  # machine time since the clock moved [s]
+        self.still = 0.0
 
     @property
     def will_start(self):
@@ -85,7 +88,9 @@ class Supervisor:
         self.starting = True
         self.reason = reason
         self._outage = 0
-        self._last, self._moved = now, self._machine_time()
+        self._last = now
+        self._machine = self._machine_time()
+        self._standstill = 0.0
 
     def invalid(self, now, reason):
         """Record the reason why no state is valid at a time [ns]; end a hold after its timeout."""
@@ -98,10 +103,13 @@ class Supervisor:
             self._outage = max(self._outage - min(max(elapsed, 0), round(self.max_age * 1e9)), 0)
         else:  # a clock that goes back does not shorten the outage
             self._outage += max(elapsed, 0)
-        if elapsed or self.phase == ACTIVE:
-            self._moved = machine
+        passed = machine - self._machine
+        moves = elapsed or self.phase == ACTIVE
+        self._standstill = 0.0 if moves else self._standstill + passed
+        stands_still = self._standstill > max(self.hold_time, MIN_STANDSTILL)
+        self.still = passed if stands_still else 0.0
         self._last = now
-        stands_still = machine - self._moved > max(self.hold_time, MIN_STANDSTILL)
+        self._machine = machine
         if self.phase == RAMPING_DOWN:
             return
         self.phase = HOLDING

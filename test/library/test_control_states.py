@@ -445,6 +445,25 @@ def test_a_clock_that_stands_still(hold, timeout):
     assert "late; the clock stands still" in supervisor.cause
 
 
+def test_the_ramp_while_the_clock_stands_still(strong):
+    """Efforts go to zero at their rate by the time of the machine, and then there are none."""
+    driver = Driven(strong)
+    driver.carry()
+    driver.step()
+    driver.step()
+    efforts = []
+    while not driver.sent.silent:
+        driver.machine += 0.004
+        driver.sent = driver.loop.without_state(driver.now, "late")
+        efforts.append(driver.sent.effort)
+        assert driver.machine < 20.0
+    held, ramp = np.split(efforts, [round(1.0 / 0.004)])
+    np.testing.assert_allclose(held, np.tile(gravity_of(Q), (len(held), 1)), atol=1e-9)
+    largest = 0.004 * RATE
+    assert np.abs(np.diff(ramp, axis=0)).max() == pytest.approx(largest)
+    assert len(ramp) == pytest.approx(np.abs(gravity_of(Q)).max() / largest, abs=4)
+
+
 def test_the_ramp_of_a_clock_that_stood_still_goes_on():
     """A clock that moves again does not end it, though it never counted a whole hold."""
     machine = [0.0]
