@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 import robots
 from diag_dynamics import DiagonalDynamics, load_urdf
@@ -107,6 +108,8 @@ def test_simulated_time(peer):
             clock.publish(message)
             return len(simulator.states.messages) >= 50
 
+        peer.pass_time(1.0)
+        assert simulator.call(Trigger, "reset").success
         peer.pass_time(1.0)
         assert not simulator.states.messages
         peer.wait_until(tick, "states in simulated time")
