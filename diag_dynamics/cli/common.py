@@ -283,8 +283,9 @@ def check_outputs(chosen, outputs):
         for file, use in files.items():
             if full == file or file in full.parents:
                 raise InputError(f"{option} is '{path}', but {use}. Choose another file.")
-        if not full.parent.is_dir():
-            raise InputError(f"{option} is '{path}', but there is no folder '{full.parent}'.")
+        folder = full if path.endswith("/") else full.parent
+        if not folder.is_dir():
+            raise InputError(f"{option} is '{path}', but there is no folder '{folder}'.")
         files[full] = f"{option} writes this file"
 
 

@@ -298,6 +298,7 @@ WRONG = {
     ("--threads", "0"): "argument --threads: value is 0; expected at least 1",
     ("--csv", "{out}", "--json", "{out}"): "--csv writes this file",
     ("--json", "{out}/a.json"): "there is no folder",
+    ("--csv", "{out}/"): "there is no folder",
     ("--start", "50"): "contains no message between start and end",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
     ("--joint-names", "a=b", "a=c"): "parameter '--joint-names' has two entries for 'a'",
