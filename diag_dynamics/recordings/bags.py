@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from diag_dynamics.description.text import GIT_LFS
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.messages import (
@@ -316,6 +317,9 @@ def first_bytes(path):
     """Return the first bytes of a file; raise InputError if it cannot be read."""
     try:
         with open(path, "rb") as file:
-            return file.read(64)
+            content = file.read(64)
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}.") from error
+    if content.startswith(GIT_LFS):
+        raise InputError(f"'{path}' is a pointer of Git LFS. Run git lfs pull.")
+    return content

@@ -160,6 +160,9 @@ def test_errors_of_reading(tmp_path, panda):
             dd.read_recording(path, model, **options)
 
     refused(r"no file or folder.*nothing\.mcap", tmp_path / "nothing.mcap")
+    for name in ("day.mcap", "day.csv", "day"):
+        (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:12\n")
+        refused(rf"{name}' is a pointer of Git LFS\. Run git lfs pull", tmp_path / name)
     write_mcap(path, states)
     refused("robot_description", model=None)
     refused(r"no topic '/joint_state'.*: it has /joint_states", topic="/joint_state")
