@@ -35,6 +35,8 @@ from diag_dynamics.recordings.states import States
 SIZE = 20_000
 """States of a piece: more are no faster, and take more memory than the processor's cache has."""
 
+MAX_SPAN = 1e9  # duration that no recording has [s]
+
 
 class Recording:
     """States of a robot over time, as the monitor would have evaluated them.
@@ -328,10 +330,12 @@ def make_settings(parameters):
 
 def _check_span(start, end):
     """Return start and end [s] in nanoseconds, -inf and inf for None."""
-    if not (start or 0.0) < (inf if end is None else end) or (start or 0.0) < 0.0:
+    begin = start or 0.0
+    last = inf if end is None else end
+    if not 0.0 <= begin < min(last, MAX_SPAN):
         raise InputError(
             f"start is {start!r} s and end is {end!r} s; expected seconds after the beginning of "
             "the recording, start from 0 and end after it."
         )
-    first = -inf if start is None else round(start * SECOND)
-    return first, inf if end is None else round(end * SECOND)
+    first = -inf if start is None else round(begin * SECOND)
+    return first, round(last * SECOND) if last < MAX_SPAN else inf

@@ -166,6 +166,9 @@ def test_errors_of_reading(tmp_path, panda):
     write_mcap(path, states)
     refused("robot_description", model=None)
     refused(r"no topic '/joint_state'.*: it has /joint_states", topic="/joint_state")
+    for span in ({"start": 1e300}, {"start": 2.0, "end": 2.0}, {"end": float("nan")}):
+        refused(r"start is .* s and end is .* s; expected seconds after", **span)
+    assert len(dd.read_recording(path, panda, end=float("inf"))) == 5
     refused("no parameter 'max_agge'", parameters={"max_agge": 1.0})
     refused("parameter 'locked_joints' is", parameters={"locked_joints": ["a=0"]})
     assert len(dd.read_recording(path, panda, parameters={"gravity": [0.0, 0.0, -9.81]})) == 5
