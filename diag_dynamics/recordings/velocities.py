@@ -107,10 +107,15 @@ def position_ratios(elapsed, changes, integrals):
     It is 1 if units agree, and NaN without correlation or at rest.
     """
     relation = VelocityRelation(changes.shape[1])
-    forward = elapsed > 0.0
-    usual = np.median(elapsed[forward]) if forward.any() else 0.0
-    used = forward & (elapsed < 2.0 * usual)
-    relation.add_steps(changes[used], integrals[used])
+    follows = elapsed >= 0.0
+    elapsed, changes, integrals = (steps[follows] for steps in (elapsed, changes, integrals))
+    forward = np.flatnonzero(elapsed > 0.0)
+    if len(forward):
+        begins = np.append(0, forward[:-1] + 1)  # changes under one stamp belong to the next step
+        usual = elapsed[forward] < 2.0 * np.median(elapsed[forward])
+        relation.add_steps(
+            np.add.reduceat(changes, begins)[usual], np.add.reduceat(integrals, begins)[usual]
+        )
     travel = np.abs(np.cumsum(changes, axis=0)).max(axis=0, initial=0.0)
     return np.where((relation.r2 > MIN_R2) & (travel > MIN_TRAVEL), relation.slope, np.nan)
 

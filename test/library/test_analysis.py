@@ -656,6 +656,14 @@ def test_gaps_and_repeats(analysed, motion):
     assert any("times with too few digits" in text for text in summary["warnings"])
 
 
+def test_times_under_one_stamp_are_no_wrong_unit(analysed, motion):
+    """What changes between such states belongs to the step after them."""
+    t, *values = motion
+    rows = slice(0, len(t) // 2 * 2)
+    _, text, _ = analysed(np.repeat(t[rows][::2], 2), *(entry[rows] for entry in values))
+    assert "repeat the previous time stamp" in text and "as fast as the velocities" not in text
+
+
 def test_a_gap_is_no_wrong_unit(analysed, motion):
     """The motion in it is no part of the ratio of positions to velocities."""
     summary, text, _ = analysed(*(np.delete(x, slice(200, 1400), axis=0) for x in motion))
