@@ -16,6 +16,4 @@ TAU = dyn.gravity_torque(Q)
 
 batch = dyn.evaluate(Q, QD, TAU)
 peak = batch.kinetic_energy.argmax()
-print(
-    f"{len(t)} states; K is highest after {t[peak, 0]:.3f} s: {batch.kinetic_energy[peak]:.3f} J"
-)
+print(f"{len(t)} states; K is highest after {t[peak, 0]:.3f} s: {batch.kinetic_energy[peak]:.3f} J")
