@@ -96,10 +96,10 @@ def _inward_joint(direction, at, i):
     for b in range(WIDTH):
         w = lane_of(row.own, b)
         parent = lane_of(row.parent, b)
+        D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
         rate = row.rate[0, b]
-        results, singular = evaluation.inward_joint(
-            direction, body.armature, rate, row.effort[0, b], w, parent, True
-        )
+        effort = row.effort[0, b]
+        results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
         evaluation.set_results(row.results[:, b], results)
         count += 1 if singular else 0
     _accumulate(at, i)

@@ -88,22 +88,7 @@ def set_results(column, x):
 
 
 @nk.kernel
-def results_along(direction, D, G, u, rate, tau, weight, w):
-    """Results of a degree of freedom with Ṗ S in `u` and (P S)ᵀ a in `weight`."""
-    V = records.motion_of(w.V)
-    root = math.sqrt(D)
-    # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
-    v_J = sp.motion_along(direction, rate)
-    xi = rate + sp.power(G, sp.subtract_motion(V, v_J))
-    # Coriolis term, un-normalized Sᵀ[y − Ṗ(V − S ξ)] and normalized with half of the last part
-    without_xi = sp.along(direction, records.force_of(w.y)) - sp.power(u, V)
-    # κ = τ − Sᵀ z (5.4), and gravity's ε_g = D^−½ (P S)ᵀ a
-    kappa = tau - sp.along(direction, records.force_of(w.z))
-    return outputs(root, xi, kappa, without_xi, weight / root, D, sp.along(direction, u))
-
-
-@nk.kernel
-def inward_joint(direction, armature, rate, tau, w, parent, is_carried):
+def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     """The inward step at a joint of one degree of freedom, for one state or a lane.
 
     The direction is a constant. Returns its results and whether it is singular. P⁺, Ṗ⁺, y⁺ and z⁺
@@ -111,24 +96,36 @@ def inward_joint(direction, armature, rate, tau, w, parent, is_carried):
     """
     P = records.inertia_of(w.P)
     P_rate = records.inertia_of(w.P_rate)
+    V = records.motion_of(w.V)
     y = records.force_of(w.y)
     z = records.force_of(w.z)
-    D, column, G = joints.joint_inertia(direction, armature, P)
+    column = sp.column_along(direction, P)
+    root = math.sqrt(D)
+
+    # Total rate: own rate, and the rate induced by the base's motion (eq. 5.3)
+    v_J = sp.motion_along(direction, rate)
+    xi = rate + sp.power(G, sp.subtract_motion(V, v_J))
+
+    # Coriolis term, un-normalized Sᵀ[y − Ṗ(V − S ξ)] and normalized with half of the last part
     u = sp.column_along(direction, P_rate)
-    weight = sp.dot(column.force, records.vector_of(w.acceleration))
-    results = results_along(direction, D, G, u, rate, tau, weight, w)
+    D_rate = sp.along(direction, u)
+    without_xi = sp.along(direction, y) - sp.power(u, V)
+
+    # κ = τ − Sᵀ z (5.4), and gravity's ε_g = D^−½ (P S)ᵀ a
+    kappa = tau - sp.along(direction, z)
+    weight = sp.dot(column.force, records.vector_of(w.acceleration)) / root
 
     # y⁺ = τ̄ y + P⁺ζ, P⁺ζ = Pζ − G (P S)ᵀζ;  z⁺ = z + G κ
-    zeta = sp.cross_along_z(direction, records.motion_of(w.V), rate)
+    zeta = sp.cross_along_z(direction, V, rate)
     y_plus = sp.subtract_force(
         y, sp.scale_force(G, sp.along(direction, y) + sp.power(column, zeta))
     )
     y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
-    z_plus = sp.add_force(z, sp.scale_force(G, results[3]))
+    z_plus = sp.add_force(z, sp.scale_force(G, kappa))
 
     # P⁺ = P − G (P S)ᵀ;  Ṗ⁺ = Ṗ − G hᵀ − h Gᵀ − (v_J×)ᵀP⁺ − P⁺(v_J×), h = Ṗ S − ½ Ḋ G
     P_plus = sp.less_rank_one(P, G, column)
-    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * results[8]))
+    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
     moved = sp.transport_along_z(direction, rate, P_plus)
     rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
     if is_carried:
@@ -138,6 +135,7 @@ def inward_joint(direction, armature, rate, tau, w, parent, is_carried):
         records.add_to_inertia(parent.P_rate, sp.inertia_to_parent(X, rate_plus))
         records.add_to_force(parent.y, sp.force_to_parent(X, y_plus))
         records.add_to_force(parent.z, sp.force_to_parent(X, z_plus))
+    results = outputs(root, xi, kappa, without_xi, weight, D, D_rate)
     return results, joints.is_singular(joints.scale_along(direction, w), D)
 
 
@@ -149,7 +147,8 @@ def _inward_step(bodies, i, direction, qd, tau, work, out):
     w = work[i]
     parent = work[body.parent]
     is_carried = body.parent > 0
-    results, singular = inward_joint(direction, body.armature, qd[k], tau[k], w, parent, is_carried)
+    D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
+    results, singular = inward_joint(direction, D, G, qd[k], tau[k], w, parent, is_carried)
     if singular:
         return i
     set_results(out[:, k], results)
@@ -208,7 +207,7 @@ def inward_coupled(robot, last, qd, tau, out):
 
 
 # A floating base: V of the world is zero, so 𝓜 and 𝓜̇ are P and Ṗ of the base. Its last body has
-# them, z less the efforts, and gravity's wrench in place of the acceleration. The last direction,
+# them, κ in z, the bias in y and gravity's wrench in place of the acceleration. The last direction,
 # angular z, is eliminated. The others move up by one, so that the next one is the last.
 
 
@@ -216,16 +215,21 @@ def inward_coupled(robot, last, qd, tau, out):
 def is_floating_base(bodies, i):
     """Whether a body is of a floating joint that the world carries, and of no larger group."""
     body = bodies[i]
-    is_alone = bodies[body.first].parent == 0 and body.last - body.first == 5
-    return is_alone and body.kind == records.FLOATING
+    return (
+        body.kind == records.FLOATING
+        and bodies[body.first].parent == 0
+        and body.last - body.first == 5
+    )
 
 
 @nk.kernel
 def start_base(effort, w):
-    """Subtract the efforts of a floating base from z; gravity's wrench is its acceleration."""
-    acceleration = sp.Motion(records.vector_of(w.acceleration), sp.ZERO)
-    records.set_force(w.z, sp.subtract_force(records.force_of(w.z), effort))
-    records.set_force(w.acceleration, sp.inertia_times(records.inertia_of(w.P), acceleration))
+    """κ and gravity's wrench of a floating base, from the effort of each direction."""
+    weight = sp.inertia_times(
+        records.inertia_of(w.P), sp.Motion(records.vector_of(w.acceleration), sp.ZERO)
+    )
+    records.set_force(w.acceleration, weight)
+    records.set_force(w.z, sp.subtract_force(effort, records.force_of(w.z)))
 
 
 @nk.kernel
@@ -234,24 +238,42 @@ def eliminate_last(direction, armature, w):
     P = records.inertia_of(w.P)
     P_rate = records.inertia_of(w.P_rate)
     V = records.motion_of(w.V)
-    y = records.force_of(w.y)
-    z = records.force_of(w.z)
+    kappas = records.force_of(w.z)
+    bias = records.force_of(w.y)
     weights = records.force_of(w.acceleration)
     D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
     u = sp.column_along(sp.ANGULAR_Z, P_rate)
+    rate = V.angular[2]
+    D_rate = u.moment[2]
+    kappa = kappas.moment[2]
+    y = bias.moment[2]
     weight = weights.moment[2]
-    results = results_along(sp.ANGULAR_Z, D, G, u, V.angular[2], 0.0, weight, w)
-    # P⁺, Ṗ⁺, y⁺ and z⁺ as in inward_joint, without ζ and v_J
-    h = sp.subtract_force(u, sp.scale_force(G, 0.5 * results[8]))
+    # ξ_c = q̇_c + Gᵀ V and 𝓜̇_c V, over all directions but the last
+    root = math.sqrt(D)
+    xi = _add_power(rate, G, V)
+    momentum_rate = _add_power(D_rate * rate, u, V)
+    rest = sp.subtract_force(u, sp.scale_force(G, D_rate))  # as groups.eliminate_rate
+    # 𝓜, 𝓜̇, κ, the bias and gravity's wrench without the last direction
     records.set_inertia(w.P, _moved_up_inertia(sp.less_rank_one(P, G, column)))
-    records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_rank_two(P_rate, G, h)))
-    records.set_force(w.y, _moved_up(sp.subtract_force(y, sp.scale_force(G, y.moment[2]))))
-    records.set_force(w.z, _moved_up(sp.add_force(z, sp.scale_force(G, results[3]))))
-    records.set_force(w.V, _moved_up(sp.Force(V.linear, V.angular)))
+    records.set_inertia(w.P_rate, _moved_up_inertia(sp.less_products(P_rate, G, rest, u)))
+    records.set_force(w.z, _moved_up(sp.subtract_force(kappas, sp.scale_force(G, kappa))))
+    records.set_force(w.y, _moved_up(sp.subtract_force(bias, sp.scale_force(G, y))))
     records.set_force(
         w.acceleration, _moved_up(sp.subtract_force(weights, sp.scale_force(G, weight)))
     )
+    records.set_force(w.V, _moved_up(sp.Force(V.linear, V.angular)))
+    results = outputs(root, xi, kappa, y - momentum_rate, weight / root, D, D_rate)
     return results, joints.is_singular(joints.scale_along(direction, w), D)
+
+
+@nk.kernel
+def _add_power(start, F, V):
+    """Add FᵀV of all directions but the last, one by one."""
+    f = F.force
+    m = F.moment
+    v = V.linear
+    w = V.angular
+    return start + f[0] * v[0] + f[1] * v[1] + f[2] * v[2] + m[0] * w[0] + m[1] * w[1]
 
 
 @nk.kernel

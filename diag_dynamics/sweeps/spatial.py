@@ -285,6 +285,19 @@ def less_rank_one(P, G, H):
 
 
 @nk.kernel
+def less_products(P, G, H, u):
+    """P − (G Hᵀ + u Gᵀ), for a difference that is symmetric."""
+    A = matrix_sum(outer(G.force, H.force), outer(u.force, G.force))
+    B = matrix_sum(outer(G.force, H.moment), outer(u.force, G.moment))
+    C = matrix_sum(outer(G.moment, H.moment), outer(u.moment, G.moment))
+    return Inertia(
+        mirror(matrix_difference(P.A, A)),
+        matrix_difference(P.B, B),
+        mirror(matrix_difference(P.C, C)),
+    )
+
+
+@nk.kernel
 def less_rank_two(P, G, H):
     """P − G Hᵀ − H Gᵀ: lower triangles, which no difference needs, follow from the upper ones."""
     return less_rank_one(less_rank_one(P, G, H), H, G)
