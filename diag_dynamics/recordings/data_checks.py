@@ -84,7 +84,8 @@ SIGN = (
 class EffortRange:
     """Find efforts that are unknown: 0, constant or missing throughout, or in an unknown unit.
 
-    The effort_scale of a model is NaN for a joint in an unknown unit. `states` is their number.
+    The effort_scale of a model is NaN for a joint in an unknown unit. `states` is their number. The
+    six coordinates of a floating base, which no drive moves, count as measured.
     """
 
     def __init__(self, model):
@@ -92,6 +93,7 @@ class EffortRange:
         self.states = 0
         scales = [model.effort_scale.get(name, 1.0) for name in model.dof_names]
         self._unscaled = np.isnan(np.array(scales, float))
+        self._driven = np.arange(model.nv) >= (6 if model.floating_base else 0)
         self._low = np.full((2, model.nv), np.inf)
         self._high = -self._low
 
@@ -110,7 +112,7 @@ class EffortRange:
     @property
     def measures(self):
         """Whether the effort of any joint can have been measured."""
-        return bool((self._words() == "").any())
+        return bool((self._words() == "")[self._driven].any())
 
     def hide_constant(self, states):
         """Add States.
@@ -131,7 +133,7 @@ class EffortRange:
     def unmeasured(self):
         """Return which efforts are unknown, in words; or an empty text."""
         groups = self.groups()
-        if len(groups.get(MISSING, ())) == len(self._names):
+        if len(groups.get(MISSING, ())) == self._driven.sum():
             return ""
         return "; ".join(describe_unknown(word, names) for word, names in groups.items())
 
@@ -141,16 +143,16 @@ class EffortRange:
         is_zero = np.maximum(np.abs(self._low[0]), np.abs(self._high[0])) < ZERO
         conditions = [is_missing & self._unscaled, is_missing, is_zero, self._constant()]
         words = np.select(conditions, [UNSCALED, MISSING, "0", "constant"], "")
-        return words if self.states > 1 else np.full(len(words), "")
+        is_judged = self._driven & (self.states > 1)
+        return np.where(is_judged, words, "")
 
     def _constant(self):
         """Return which joints moved while their efforts were constant or missing, bool (n,)."""
         low, lowest = self._low
         high, highest = self._high
         with np.errstate(invalid="ignore"):
-            return (highest - lowest > TRAVEL) & (
-                high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high))
-            )
+            is_constant = high - low <= CONSTANT * np.maximum(np.abs(low), np.abs(high))
+            return self._driven & (highest - lowest > TRAVEL) & is_constant
 
 
 def describe_unknown(word, names):

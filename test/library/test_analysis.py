@@ -19,6 +19,7 @@ from described import S
 from diag_dynamics.cli.main import main
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.recordings.balance import Balance, Windows
+from diag_dynamics.recordings.data_checks import EffortRange
 from diag_dynamics.recordings.recording import Reading
 from robots import TwoLinkArm
 
@@ -212,6 +213,20 @@ def test_a_joint_that_stands_is_not_judged_by_its_velocity(analysed, motion):
     qd[:, 5] = 2e-4 * np.cos(t)
     summary, text, _ = analysed(t, q, qd, tau)
     assert "as fast as the velocities" not in text and summary["quality"]["wrong_unit"] is None
+
+
+def test_coordinates_of_a_floating_base_need_no_effort():
+    """They move far without an effort; an elbow without one is named."""
+    model = dd.load_robot("ur5", floating_base=True)
+    rng = np.random.default_rng(3)
+    efforts = rng.normal(size=(50, model.nv))
+    efforts[:, :6] = 0.0
+    for names in ([], ["elbow_joint"]):
+        efforts[:, [model.dof_names.index(name) for name in names]] = 0.0
+        effort_range = EffortRange(model)
+        effort_range.add_values(rng.normal(size=(50, model.nv)), efforts)
+        assert effort_range.measures and effort_range.groups() == ({"0": names} if names else {})
+
 
 
 @pytest.mark.parametrize(
