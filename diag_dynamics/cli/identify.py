@@ -17,6 +17,7 @@ from diag_dynamics.identification.report import write_report
 from diag_dynamics.identification.result import require_masses
 from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters
+from diag_dynamics.optional import require
 from diag_dynamics.recordings.balance import MIN_EXPLAINED
 from diag_dynamics.recordings.sources import open_source
 from diag_dynamics.text import Progress, aligned, plain
@@ -78,6 +79,8 @@ def run(chosen):
             f"effort_scale is {parameters['effort_scale']}; expected none beside gains, which the "
             "output has as effort_scale."
         )
+    if chosen.report:
+        require("jinja2", f"'{chosen.report}'")  # before the fit
     with Progress(chosen.quiet) as progress, common.json_output(chosen.json) as write:
         model, loaded = common.stream_recordings(
             chosen, chosen.recording, parameters, robot, progress
