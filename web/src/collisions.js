@@ -61,8 +61,8 @@ export function eventsOf(rows, layout, known = []) {
   return [...collisions, ...contacts, ...others].sort((a, b) => a.start - b.start).map((one) => described(rows, layout, one));
 }
 
-// With the place and the number of the event at its largest |r|: the touched link and its force, or else the joint with the
-// largest external torque. A summary names the link.
+// With the place and the number of the event at its largest |r|: the touched link and its force, or else the joint whose
+// external torque is the largest part of its threshold. A summary names the link.
 function described(rows, layout, { start, end, kind, text = "", link = "", isReported = false }) {
   const [norm, touched] = [field(layout, "norm"), field(layout, "touched_link")];
   const atLink = (d, b) => (!link || layout.links[touched(d, b)] === link ? norm(d, b) : NaN);
@@ -73,7 +73,10 @@ function described(rows, layout, { start, end, kind, text = "", link = "", isRep
   const [d, b] = [rows.data, rows.base(rows.nearest(t))];
   const touch = touchAt(layout, d, b);
   const torques = layout.dofs.map((_, k) => Math.abs(field(layout, "external_torque", k)(d, b)) || 0);
-  const dof = torques.indexOf(Math.max(...torques));
+  const limits = layout.thresholds.external_torque ?? [];
+  const isLimited = limits.some((limit) => limit > 0);
+  const shares = torques.map((torque, k) => (isLimited ? torque / (limits[k] > 0 ? limits[k] : Infinity) : torque));
+  const dof = shares.indexOf(Math.max(...shares));
   const torque = quantity(torques[dof], layout.json.angular?.[dof] === false ? "N" : "N m");
   if (!touch) return { ...event, place: layout.short[dof], number: torque };
   return { ...event, touch, place: linkText(touch), number: forceText(touch) };
