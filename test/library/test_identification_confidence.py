@@ -222,7 +222,7 @@ def test_curves_have_the_errors_of_an_arm_whose_first_joint_stands(arm):
 @pytest.mark.full
 @pytest.mark.parametrize(("error", "share"), [(0.35, 0.85), (0.1, 0.95)])
 def test_intervals_of_base_parameters(arm, error, share):
-    """Noise and parts of the recording make them, so that they lean on the inertias of the model."""
+    """Noise and parts of the recording make them, so they depend on the inertias of the model."""
     model = arm[0]
     layout = Layout(model, Regressors(model))
     truth = BaseParameters(layout).matrix @ layout.known[: layout.robot]

@@ -37,6 +37,12 @@ test("runs of flags are events; what rises again within a second belongs to the 
   assert.deepEqual([first.touch, eventText(first)], [null, "collision: slide, 5.00\u00a0N"]);
 });
 
+test("without a touched link an event has the joint nearest to its threshold", () => {
+  const limited = new Layout({ ...layout.json, thresholds: { external_torque: [2, 10] } });
+  const [event] = eventsOf(stored([{ flags: collision, norm: 9 }]), limited);
+  assert.equal(eventText(event), "collision: turn, 3.00\u00a0N\u00a0m");
+});
+
 test("times and texts of a summary replace the runs that they overlap", () => {
   const rows = stored([...quiet(2), { flags: collision, norm: 5 }, { flags: collision, norm: 7 }, ...quiet(11), { flags: contact }]);
   const events = eventsOf(rows, layout, [

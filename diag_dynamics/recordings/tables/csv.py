@@ -101,8 +101,8 @@ class CsvTable:
                         )
         except (OSError, pa.ArrowException) as error:
             raise InputError(
-                f"'{self.path}': {describe_error(error)} after line {line}. It is damaged or was not "
-                "copied completely: unpack what can be read."
+                f"'{self.path}': {describe_error(error)} after line {line}. It is damaged or was "
+                "not copied completely: unpack what can be read."
             ) from error
         if text:
             yield line, bytes(text)
