@@ -386,9 +386,9 @@ def test_how_columns_were_read_is_noted(in_columns):
         "t,q_elbow [deg],q_wrist,temperature,tau_wrist", joints=("elbow", "wrist")
     )
     assert notes(recording) == [
-        "time: t, factor 1.",
+        "time: t.",
         "position: q_elbow [deg], q_wrist of elbow, wrist, factor 0.0174533, 1.",
-        "effort: none, tau_wrist of elbow, wrist, factor 1.",
+        "effort: none, tau_wrist of elbow, wrist.",
         "not read: temperature.",
     ]
     assert np.isnan(recording.tau).any(axis=1).all()  # in no state one of every joint

@@ -114,7 +114,7 @@ class _Chooser:
         elif scale is None and unit is not None:
             scale = _factor("time", unit, column)
         names = " and ".join(self._headers[k] for k in time)
-        self._notes.append(f"time: {names}, factor {scale or 1.0:g}.")
+        self._notes.append(f"time: {names}{_in_words([scale or 1.0])}.")
         return time, scale
 
     # --- Columns ---
@@ -161,8 +161,7 @@ class _Chooser:
         ]
         names = listed("none" if k is None else self._headers[k] for k in columns)
         whose = "joints that rows name" if self._names else listed(self._joints)
-        factors = listed(f"{factor:g}" for factor in sorted({*scale}))
-        self._notes.append(f"{key}: {names} of {whose}, factor {factors}.")
+        self._notes.append(f"{key}: {names} of {whose}{_in_words(scale)}.")
         whole = len(columns) == 1 and columns[0] is not None and self._columns[columns[0]].width > 0
         offset = np.array(self._numbers("offset", key) or [0.0])
         return Quantity(columns, whole, np.array(scale), offset)
@@ -208,6 +207,12 @@ def _require_type(key, column):
         holds = f"is of type {column.type}{example}"
         holds = f"has {column.width} columns" if column.width else holds
         raise InputError(f"{key}: '{column.name}' {holds}; expected {expected}.")
+
+
+def _in_words(factors):
+    """Return factors to SI for a note, or nothing if all are 1."""
+    different = sorted({*factors})
+    return "" if different == [1.0] else f", factor {listed(f'{x:g}' for x in different)}"
 
 
 def _factor(key, unit, column):
