@@ -94,7 +94,7 @@ def slices(states):
             batch = dyn.evaluate(*(array[first : first + SIZE] for array in arrays))
             peak = max(peak, _own_memory() - base)
             results += batch.rows.nbytes
-            seen += len(batch)
+            seen += len(batch.nu)
     assert seen == states
     return {"states": states, "peak": peak, "results": results}
 
