@@ -228,7 +228,6 @@ def test_coordinates_of_a_floating_base_need_no_effort():
         assert effort_range.measures and effort_range.groups() == ({"0": names} if names else {})
 
 
-
 @pytest.mark.parametrize(
     ("value", "said"),
     [
