@@ -5,7 +5,7 @@
 
 numba optimizes each function together with all functions that it calls, and emits machine code for
 it. Python calls entries alone: the code of a kernel is inlined into its callers' code, simplified,
-and not emitted.
+and not emitted. Of a table, kernels compile the fields alone that they use.
 """
 
 import logging
@@ -15,12 +15,14 @@ from pathlib import Path
 
 import numba
 from llvmlite import binding
-from numba import _dynfunc
+from numba import _dynfunc, types
 from numba.core.caching import CacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import cpu_target
 from numba.core.runtime import nrtdynmod
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
 from diag_dynamics.numerics.cache import PACKAGE, cache_folder
 from diag_dynamics.numerics.progress import begin_compilation
@@ -183,3 +185,69 @@ ENTRY = {"pipeline_class": KernelCompiler} | _supported(_nrt=False, no_cfunc_wra
 LARGE_KERNEL = ENTRY | _supported(no_cpython_wrapper=True)
 KERNEL = LARGE_KERNEL | _supported(forceinline=True)
 ARRAY_KERNEL = KERNEL | _supported(_nrt=True)
+
+
+# --- Tables
+
+
+class Reference(types.Opaque):
+    """A table as kernels see it: its address. A field is read where a kernel uses it."""
+
+    def __init__(self, name, fields):
+        super().__init__(f"Table({name})")
+        self.fields = fields
+
+
+register_model(Reference)(models.OpaqueModel)
+
+
+@infer_getattr
+class Fields(AttributeTemplate):
+    """Types of the fields of a table."""
+
+    key = Reference
+
+    def generic_resolve(self, table, name):
+        """Return the type of a field, or None."""
+        return table.fields.get(name, (None,))[0]
+
+
+@lower_getattr_generic(Reference)
+def _read_field(context, builder, table, address, name):
+    """Read a field. No kernel writes it: LLVM may read it once for a loop."""
+    kind, offset = table.fields[name]
+    is_array = isinstance(kind, types.Array)
+    pointer = context.get_value_type(types.CPointer(types.intp if is_array else kind))
+    entry = builder.gep(address, [context.get_constant(types.intp, offset)])
+    first = builder.bitcast(entry, pointer)
+    values = []
+    for k in range(1 + kind.ndim if is_array else 1):
+        value = builder.load(builder.gep(first, [context.get_constant(types.intp, k)]))
+        value.set_metadata("invariant.load", builder.module.add_metadata([]))
+        values.append(value)
+    if not is_array:
+        return values[0]
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    strides = [context.get_constant(types.intp, size)]
+    for length in reversed(values[2:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    array = context.make_array(kind)(context, builder)
+    data = builder.inttoptr(values[0], array.data.type)
+    context.populate_array(
+        array, data=data, shape=values[1:], strides=strides, itemsize=size, meminfo=None
+    )
+    return array._getvalue()
+
+
+def table_at(name, fields):
+    """Kernel (address) that returns a table; `fields` has the type and the offset of each."""
+    table = Reference(name, fields)
+
+    @intrinsic
+    def opened(typingctx, address):
+        def lower(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(table))
+
+        return table(types.intp), lower
+
+    return opened

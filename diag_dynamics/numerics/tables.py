@@ -5,14 +5,15 @@
 
 import functools
 import operator
+from collections import namedtuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numba import types
-from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
+from numba.extending import intrinsic
 
-from diag_dynamics.numerics.kernel import array_kernel, kernel
+from diag_dynamics.numerics.kernel import array_kernel, kernel, linking
 
 
 @functools.cache
@@ -46,15 +47,16 @@ def flat(array):
     return array.reshape(array.size)
 
 
-@functools.cache
-def type_of(dtype):
-    """Return numba's type of a dtype, which takes 0.1 ms to find for a record."""
-    return numba.from_dtype(dtype)
+class Array(NamedTuple):
+    """Field of a Table: a C-contiguous array."""
+
+    dtype: np.dtype
+    ndim: int
 
 
 def array(dtype, ndim=1):
     """Field of a Table: a C-contiguous array of numbers or records."""
-    return types.Array(type_of(np.dtype(dtype)), ndim, "C")
+    return Array(np.dtype(dtype), ndim)
 
 
 class Table:
@@ -62,7 +64,7 @@ class Table:
 
     Its fields are :class:`int`, :class:`float` or an :func:`array`; numba distinguishes types of
     tables by `name`. The kernel `opened` of the address of a table returns the table, with its
-    fields as attributes. Only those fields are read and compiled that are used.
+    fields as attributes. Only those fields are read that are used.
     """
 
     def __init__(self, name, /, **fields):
@@ -70,78 +72,46 @@ class Table:
         self.dtype = np.dtype(
             [
                 (field, np.int64, (1 + kind.ndim,))
-                if isinstance(kind, types.Array)
+                if isinstance(kind, Array)
                 else (field, np.dtype(kind))
                 for field, kind in fields.items()
             ]
         )
-        places = {}
-        for field, kind in fields.items():
-            number = kind if isinstance(kind, types.Array) else numba.from_dtype(np.dtype(kind))
-            places[field] = number, self.dtype.fields[field][1]
-        self.opened = _opener(Reference(name, places))
+        self.opened = (_reader if linking is None else _lazy_reader)(name, fields, self.dtype)
 
 
-class Reference(types.Opaque):
-    """A table as kernels see it: its address. `fields` has type and offset of each."""
-
-    def __init__(self, name, fields):
-        super().__init__(f"Table({name})")
-        self.fields = fields
-
-
-register_model(Reference)(models.OpaqueModel)
-
-
-@infer_getattr
-class Fields(AttributeTemplate):
-    """Types of the fields of a table."""
-
-    key = Reference
-
-    def generic_resolve(self, table, name):
-        """Return the type of a field, or None."""
-        return table.fields.get(name, (None,))[0]
+def _lazy_reader(name, fields, dtype):
+    """Kernel (address) that returns a table whose fields are compiled where they are used."""
+    places = {}
+    for field, kind in fields.items():
+        number = numba.from_dtype(np.dtype(kind.dtype if isinstance(kind, Array) else kind))
+        is_array = isinstance(kind, Array)
+        field_type = types.Array(number, kind.ndim, "C") if is_array else number
+        places[field] = field_type, dtype.fields[field][1]
+    return linking.table_at(name, places)
 
 
-@lower_getattr_generic(Reference)
-def _read_field(context, builder, table, address, name):
-    """Read a field. No kernel writes it: LLVM may read it once for a loop."""
-    kind, offset = table.fields[name]
-    is_array = isinstance(kind, types.Array)
-    pointer = context.get_value_type(types.CPointer(types.intp if is_array else kind))
-    entry = builder.gep(address, [context.get_constant(types.intp, offset)])
-    first = builder.bitcast(entry, pointer)
+def _reader(name, fields, dtype):
+    """Kernel (address) that returns a table as a named tuple, for a numba without :mod:`linking`.
+
+    Its source is generated, because numba compiles a composition of one kernel for each field
+    twenty times slower.
+    """
+    names = {"row": namedtuple(name, fields), "record_at": array_at(numba.from_dtype(dtype), 1)}
     values = []
-    for k in range(1 + kind.ndim if is_array else 1):
-        value = builder.load(builder.gep(first, [context.get_constant(types.intp, k)]))
-        value.set_metadata("invariant.load", builder.module.add_metadata([]))
-        values.append(value)
-    if not is_array:
-        return values[0]
-    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-    strides = [context.get_constant(types.intp, size)]
-    for length in reversed(values[2:]):
-        strides.insert(0, builder.mul(strides[0], length))
-    array = context.make_array(kind)(context, builder)
-    data = builder.inttoptr(values[0], array.data.type)
-    context.populate_array(
-        array, data=data, shape=values[1:], strides=strides, itemsize=size, meminfo=None
+    for field, kind in fields.items():
+        if isinstance(kind, Array):
+            names[f"{field}_at"] = array_at(numba.from_dtype(kind.dtype), kind.ndim)
+            shape = "".join(f"record.{field}[{1 + k}], " for k in range(kind.ndim))
+            values.append(f"{field}_at(record.{field}[0], ({shape}))")
+        else:
+            values.append(f"record.{field}")
+    source = (
+        "def read(address):\n    record = record_at(address, (1,))[0]\n"
+        f"    return row({', '.join(values)})\n"
     )
-    return array._getvalue()
-
-
-def _opener(table):
-    """Kernel (address) that returns a table."""
-
-    @intrinsic
-    def opened(typingctx, address):
-        def lower(context, builder, signature, args):
-            return builder.inttoptr(args[0], context.get_value_type(table))
-
-        return table(types.intp), lower
-
-    return opened
+    exec(source, names)
+    return kernel(names["read"])
 
 
 class Addresses:
@@ -160,11 +130,11 @@ class Addresses:
         self.at = self._memory.ctypes.data
         for name, field in table.fields.items():
             entry = entries[name]
-            if not isinstance(field, types.Array):
+            if not isinstance(field, Array):
                 self._memory[name] = operator.index(entry) if field is int else entry
-                continue
-            if not entry.flags.c_contiguous or entry.ndim != field.ndim:
-                raise TypeError(f"{name} has shape {entry.shape}; expected {field} in C order")
-            if type_of(entry.dtype) != field.dtype:
-                raise TypeError(f"{name} is {entry.dtype}; expected {field}")
-            self._memory[name] = entry.ctypes.data, *entry.shape
+            elif (entry.dtype, entry.ndim, entry.flags.c_contiguous) == (*field, True):
+                self._memory[name] = entry.ctypes.data, *entry.shape
+            else:
+                raise TypeError(
+                    f"{name} is {entry.dtype} {entry.shape}; expected {field} in C order"
+                )
