@@ -236,7 +236,7 @@ class DiagonalDynamics(calls.Sweeps):
             factors, D = self._call(calls.FACTORS, at, (3, nv, nv), (nv,))
             factors = np.moveaxis(factors, -3, 0)
         factors.setflags(False)  # type: ignore[call-arg]  # as in results.Evaluation
-        D.setflags(False)  # type: ignore[call-arg]
+        D.setflags(False)  # type: ignore[call-arg]  # as in results.Evaluation
         # Half of the time that Factors(…) takes.
         return tuple.__new__(Factors, (factors[0], factors[1], factors[2], D))
 

@@ -335,9 +335,9 @@ def _cut(states, jumped):
 def _run(states):
     """Return a segment whose first state alone is marked as a jump, and whose efforts are used."""
     first = np.arange(len(states)) == 0
-    known = np.ones(len(states), bool)
+    has_efforts = np.ones(len(states), bool)
     t = (states.stamp - states.stamp[0]) * 1e-9
-    return Segment(t, replace(states, jumped=first, effort_known=known))
+    return Segment(t, replace(states, jumped=first, effort_known=has_efforts))
 
 
 def _shifted(segment, delay):

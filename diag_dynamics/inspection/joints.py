@@ -81,7 +81,7 @@ def _find_limits(robot: Robot, name: str, row: str, maximum: float) -> Found:
             continue
         if limit <= 0.0:
             yield "zero", joint.name, 0.0, (name,)
-        elif limit == np.inf and not robot.is_mjcf:  # which has none that could be missing
+        elif limit == np.inf and not robot.is_mjcf:  # an MJCF requires no limits
             yield "no limit", joint.name, 0.0, (name,)
         elif maximum < limit < np.inf:
             yield row, joint.name, limit
