@@ -10,7 +10,6 @@ in_env := source scripts/env.bash &&
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
 JOBS ?= 2
-LINT ?= lint
 
 PYTEST = ROS_PYTHON_CHECK_FIELDS=1 python3 -m pytest --numprocesses $(JOBS) --dist loadfile
 FULL := -m '' --robots=all --hypothesis-profile=full
@@ -36,7 +35,7 @@ demo-control: setup  ## push a controlled arm: detected, kinetic energy bounded;
 demo-identify: setup  ## identify a wrong model, calibrate thresholds, detect pushes; writes a plot; ARGS=<options>
 	@$(in_env) python3 examples/demos/demo_identify.py --picture demo_identify.png $(ARGS)
 
-test: $(or $(LINT),setup-tests)  ## lint, JavaScript tests, Python tests; ARGS=<pytest options> JOBS=<workers, 0 for a debugger> LINT=<empty: skip>
+test: lint  ## lint, JavaScript tests, Python tests; ARGS=<pytest options> JOBS=<workers, 0 for a debugger>
 	@node --test web/test/*.test.js
 	@$(in_env) $(PYTEST) $(ARGS)
 
@@ -70,7 +69,7 @@ page:  ## build the page from web/ into diag_dynamics/page/static/; requires Nod
 	@cd web && npm ci --no-audit --no-fund --ignore-scripts && node build.js
 
 lint: setup-tests  ## check style, docstrings, imports, types and licences
-	@$(in_env) ruff check && ruff format --check && lint-imports --no-logo && mypy && reuse lint --quiet
+	@$(in_env) ruff check && ruff format --check && lint-imports --no-logo && mypy && reuse lint --lines
 
 format: setup-tests  ## format the code
 	@$(in_env) ruff check --fix; ruff format
