@@ -1,11 +1,8 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tiers, the CPU budget of a test of the gate, kernels compiled once, and the peer of nodes under
-test.
-"""
+"""Tiers, kernels compiled once, and the peer of nodes under test."""
 
-import os
 import signal
 from pathlib import Path
 
@@ -21,14 +18,6 @@ except ModuleNotFoundError as error:
 
 WITH_ROS = [Path(__file__).parent / folder for folder in ("nodes", "live")]
 """Folders of the files that import ROS 2 at their top; all their tests are marked `ros`."""
-
-MAX_CPU_TIME = 10.0
-"""CPU-seconds that a test of the gate may take, with the processes that it starts; wall time
-depends on the machine.
-
-Only workers fail a test for it, with few robots: before they start, the kernels are compiled. Live
-tests are exempt, because the test that ends a process would be charged for all of its life.
-"""
 
 
 def pytest_addoption(parser):
@@ -87,7 +76,7 @@ def pytest_make_parametrize_id(config, val):
     return name if isinstance(name, str) else None
 
 
-# --- time
+# --- kernels
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -113,22 +102,6 @@ def compiled():
     compiling.simulation()
     if not without_ros():
         compiling.messages()
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item):
-    """Fail a test of the gate that takes longer than :data:`MAX_CPU_TIME`."""
-    begin = sum(os.times()[:4])
-    result = yield
-    taken = sum(os.times()[:4]) - begin
-    limited = "PYTEST_XDIST_WORKER" in os.environ and not examples.all_robots_selected()
-    exempt = item.get_closest_marker("full") or item.get_closest_marker("live")
-    if limited and taken > MAX_CPU_TIME and not exempt:
-        pytest.fail(
-            f"the test took {taken:.1f} CPU-s; expected at most {MAX_CPU_TIME:g} in the "
-            f"gate. Mark it `full`."
-        )
-    return result
 
 
 # --- nodes under test
