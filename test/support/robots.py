@@ -223,7 +223,7 @@ class TwoLinkArm(NamedTuple):
         return description(
             "two_link_arm",
             link("base"),
-            link("upper", self.m1, (self.r1, 0, 0), (0.01, 0, 0, 0.01, 0, self.I1)),
+            link("upper", self.m1, (self.r1, 0, 0), (0.03, 0, 0, 0.03, 0, self.I1)),
             link("lower", self.m2, (self.r2, 0, 0), (0.01, 0, 0, 0.01, 0, self.I2)),
             joint("shoulder", "revolute", "base", "upper"),
             joint("elbow", "revolute", "upper", "lower", xyz=(self.a1, 0, 0)),
