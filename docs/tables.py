@@ -21,7 +21,7 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from diag_dynamics.control.modes import MODES  # noqa: E402
+from diag_dynamics.control.modes import LAWS  # noqa: E402
 from diag_dynamics.entries import LARGEST  # noqa: E402
 from diag_dynamics.inspection.report import OF_MOTION, OF_XML  # noqa: E402
 from diag_dynamics.nodes.support.topics import NODES, TOPICS  # noqa: E402
@@ -386,7 +386,7 @@ INTERFACES = {
                 "std_srvs/Trigger",
                 "activate this law with the present state as its target",
             )
-            for mode in MODES
+            for mode in LAWS
         ),
     ),
     "view": (
@@ -605,9 +605,29 @@ def commented(text, indent):
     )
 
 
+POLICY = ROOT / "config" / "sros2_policy.xml"
+
+
+def policy():
+    """Text of the access policy: topics of the monitor and modes are those of its nodes."""
+    text = POLICY.read_text(encoding="utf-8")
+    for node, kind, tag, prefix in (
+        ("monitor", OUT, "topic", "~/"),
+        ("controller", SERVICE, "service", "~/mode/"),
+    ):
+        lines = [
+            f"\n{12 * ' '}<{tag}>{interface.name}</{tag}>"
+            for interface in INTERFACES[node]
+            if interface.kind == kind and interface.name.startswith(prefix)
+        ]
+        text = re.sub(rf"(\s+<{tag}>{prefix}\w+</{tag}>)+", "".join(lines), text, count=1)
+    return text
+
+
 def files():
     """Text of every file that is generated or has generated tables, by path."""
     texts = {path: with_tables(path.read_text(encoding="utf-8")) for path in PAGES}
+    texts[POLICY] = policy()
     return texts | {ROOT / "config" / f"{node}.yaml": configuration(node) for node in NODES}
 
 

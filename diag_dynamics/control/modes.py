@@ -23,6 +23,9 @@ from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.rotations import to_vector
 from diag_dynamics.text import distinct
 
+LAWS = {}
+"""Modes by name, in the order of their definition."""
+
 MAX_WAIT = 10.0
 """Maximum time from the arrival of a trajectory to its start [s].
 
@@ -64,12 +67,11 @@ MAX_OVERSPEED = 1.1
 
 
 class Mode:
-    """Law in a control loop. A new mode is a subclass that is listed in :data:`LAWS`.
+    """Law in a control loop, with its targets. A subclass with a name is a mode of the controller.
 
     The constructors of subclasses take the dynamics and the values of
     parameters.controller.PARAMETERS. `shortfall` names a joint or link that has been away from its
-    target for
-    :data:`PATIENCE`; it is empty if all has, and while the target moves.
+    target for :data:`PATIENCE`; it is empty at the target, and while the target moves.
     """
 
     name = ""  # in the parameter initial_mode and the service ~/mode/<name>
@@ -77,6 +79,10 @@ class Mode:
     desired = None  # motion of the last command, in the modes of joints
     stops_arm = True  # whether the law stops a moving arm without making a joint faster
     _moving = False  # whether the target of the last command moves, and V with it
+
+    def __init_subclass__(cls):
+        if cls.name:
+            LAWS[cls.name] = cls
 
     def __init__(self, law, values):
         self.law = law
@@ -475,6 +481,8 @@ def _stable_stiffness(inverse, root, single, largest):
     return coupled + np.diag(np.minimum(single, low * inertia))
 
 
-_MODES = GravityCompensationMode, DampingMode, PoseMode, TrackingMode, RegulationMode
-LAWS = {mode.name: mode for mode in _MODES}
-GRAVITY_COMPENSATION, DAMPING, POSE, TRACKING, REGULATION = MODES = tuple(LAWS)
+GRAVITY_COMPENSATION = GravityCompensationMode.name
+DAMPING = DampingMode.name
+POSE = PoseMode.name
+TRACKING = TrackingMode.name
+REGULATION = RegulationMode.name

@@ -4,7 +4,7 @@
 """Parameters of the controller."""
 
 from diag_dynamics.control.loop import require_consistent
-from diag_dynamics.control.modes import MODES, REGULATION
+from diag_dynamics.control.modes import LAWS, REGULATION
 from diag_dynamics.entries import assignments
 from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact_limits import limits_of
@@ -41,7 +41,7 @@ _WHILE_UNCONFIGURED = {
         "Joints in the order of a command's entries; by default all. "
         "Lock joints without effort interface.",
     ),
-    "initial_mode": Spec(REGULATION, "Mode on activation.", choices=MODES),
+    "initial_mode": Spec(REGULATION, "Mode on activation.", choices=tuple(LAWS)),
     # laws
     "damping": Spec(["*=10.0"], "Gains c of damping, each as joint=gain; * for all others [1/s]."),
     "controlled_link": Spec("", "Link whose pose is regulated; empty: no mode pose."),

@@ -27,7 +27,7 @@ from arm import (
 from described import MS, UR5, S, robot
 from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
-from diag_dynamics.control.modes import MODES, POSE, TRACKING
+from diag_dynamics.control.modes import LAWS, POSE, TRACKING
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.joints import RobotState
 from diag_dynamics.nodes.controller import received
@@ -108,7 +108,7 @@ def settle(loop, q=Q, qd=None, stamp=S, cycles=1000):
 
 
 @pytest.mark.parametrize("compensated", [False, True])
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", LAWS)
 def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
     """From the first command on, across switches of mode, holds and ramps: never faster than the
     rate.
@@ -123,7 +123,7 @@ def test_efforts_are_continuous_and_begin_at_zero(strong, mode, compensated):
     for k in range(400):
         stamp += MS
         if k % 37 == 0:
-            loop.switch(MODES[rng.integers(len(MODES))])
+            loop.switch(list(LAWS)[rng.integers(len(LAWS))])
         if k % 50 < 40:
             sent = loop.step(
                 state_at(stamp, Q + 0.3 * rng.normal(size=6), rng.normal(size=6)), stamp

@@ -17,7 +17,7 @@ from described import UR5, robot
 from diag_dynamics.control.modes import (
     DAMPING,
     GRAVITY_COMPENSATION,
-    MODES,
+    LAWS,
     POSE,
     REGULATION,
     TRACKING,
@@ -114,7 +114,7 @@ def test_energies_of_joints_stay_below_their_limits(arm):
 
 
 @pytest.mark.parametrize("is_switch", [False, True])
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", LAWS)
 def test_a_mode_that_begins_in_motion(arm, mode, is_switch):
     """No joint becomes faster than the fastest one was, and the arm stands afterwards."""
     initial_mode = TRACKING if is_switch else mode

@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from controllers import trajectory
-from diag_dynamics.control.modes import MODES
+from diag_dynamics.control.modes import LAWS
 from nodes import LATCHED, UR5, QoSProfile, Reports, S, String, description, nanoseconds, robot
 from processes import Process, node_process
 
@@ -252,7 +252,7 @@ def test_the_launch_file(arm):
     states.require_rest()
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", LAWS)
 def test_a_switch(arm, mode):
     """From rest the arm only falls; in motion no joint becomes faster than it was by more."""
     arm.switch([POSITIONS], [EFFORTS])
@@ -263,7 +263,7 @@ def test_a_switch(arm, mode):
     states.end(1.0).report(f"{mode}, from rest")
     states.require_rest()
     arm.switch([POSITIONS], [EFFORTS])
-    arm.move(VELOCITY if MODES.index(mode) % 2 else -VELOCITY)
+    arm.move(VELOCITY if list(LAWS).index(mode) % 2 else -VELOCITY)
     states = States(arm.peer).begin()
     arm.switch([EFFORTS], [POSITIONS])
     states.end(1.0).report(f"{mode}, in motion")

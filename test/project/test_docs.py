@@ -179,8 +179,8 @@ def test_topics_of_the_monitor_agree():
     }
     assert listed.pop("~/collision") == "Bool"  # of the reaction, latched, without a rate
     assert listed == {f"~/{name}": kind.__name__ for name, kind in TYPES.items()}
-    assert set(TYPES) == set(RATES)
-    assert {*ORDER} < {*TYPES}
+    assert set(TYPES) == set(RATES), "RATES of parameters/monitor.py"
+    assert {*ORDER} < {*TYPES}, "ORDER of nodes/support/messages.py"
 
 
 OF_EVERY_NODE = {"/rosout", "/parameter_events", "~/get_type_description"}

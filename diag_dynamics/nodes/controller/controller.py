@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from diag_dynamics.control.by_dof import command_order, require_same_joints
 from diag_dynamics.control.loop import ControlLoop
-from diag_dynamics.control.modes import MODES
+from diag_dynamics.control.modes import LAWS
 from diag_dynamics.control.supervisor import ACTIVE as IN_FORCE
 from diag_dynamics.control.supervisor import HOLDING, RAMPING_DOWN
 from diag_dynamics.entries import ALL
@@ -161,7 +161,7 @@ class ControllerNode(ManagedNode):
         check_values(self.values)  # which may have changed since the start
         self._status_limit = RateLimit(self.values["max_rate.status"])
         self._trajectories = Trajectories(self, self._publisher, self._take_goal, self._cancel)
-        for mode in MODES:
+        for mode in LAWS:
             service = offer(self, Trigger, f"mode/{mode}", partial(self._switch, mode))
             self._offered.append(service)
         if self.values["robot_description"]:
