@@ -25,14 +25,14 @@ def compare(robot, quantity, actual, expected):
     actual, expected = np.asarray(actual), np.asarray(expected)
     if actual.shape != expected.shape:
         raise DisagreementError(
-            f"{robot}: {quantity} has shape {actual.shape}, expected {expected.shape}."
+            f"{robot}: {quantity} has shape {actual.shape}; expected {expected.shape}."
         )
     error = float(
         np.linalg.norm(actual - expected) / max(np.linalg.norm(expected), np.finfo(float).tiny)
     )
     if not error <= TOLERANCE:
         raise DisagreementError(
-            f"{robot}: {quantity} differs by {error:.1e} of its norm, expected <= {TOLERANCE:g}."
+            f"{robot}: {quantity} differs by {error:.1e} of its norm; expected <= {TOLERANCE:g}."
         )
     return error
 

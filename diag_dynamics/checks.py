@@ -39,14 +39,14 @@ def array_of(value: object) -> Array | None:
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     """Return the value if it is an object of a class."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} is {value!r}, expected an object of class {kind.__name__}.")
+        raise InputError(f"{name} is {value!r}; expected an object of class {kind.__name__}.")
     return value
 
 
 def choice(name: str, value: object, choices: Iterable[object]) -> None:
     """Reject a value that is not one of the choices."""
     if value not in (choices := tuple(choices)):
-        raise InputError(f"{name} is {value!r}, expected one of {', '.join(map(repr, choices))}.")
+        raise InputError(f"{name} is {value!r}; expected one of {', '.join(map(repr, choices))}.")
 
 
 def mapping(
@@ -58,13 +58,13 @@ def mapping(
     """
     value = value._asdict() if hasattr(value, "_asdict") else value
     if not isinstance(value, Mapping):
-        raise InputError(f"{name} is {value!r}, expected a dict by name.")
+        raise InputError(f"{name} is {value!r}; expected a dict by name.")
     for key in required:
         if key not in value:
             raise InputError(f"{name} has no {key}.")
     for key in value if known else ():
         if key not in known:
-            raise InputError(f"{name} has {key!r}, expected one of {', '.join(known)}.")
+            raise InputError(f"{name} has {key!r}; expected one of {', '.join(known)}.")
     return value
 
 
@@ -80,7 +80,7 @@ def number(
     """Return a finite number for which `valid` is true; errors say `expected`."""
     x = value if type(value) is float else _single(value)
     if not (math.isfinite(x) and valid(x)):
-        raise InputError(f"{name} is {value!r}, expected {expected}.")
+        raise InputError(f"{name} is {value!r}; expected {expected}.")
     return x
 
 
@@ -105,9 +105,9 @@ def numbers(
     """Return finite numbers of a shape within ±`most` as a new array; errors say `expected`."""
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():
-        raise InputError(f"{name} is {value!r}, expected {expected}.")
+        raise InputError(f"{name} is {value!r}; expected {expected}.")
     if array.size and np.abs(array).max() > most:
-        raise InputError(f"{name} is {value!r}, expected {expected}, none beyond ±{most:g}.")
+        raise InputError(f"{name} is {value!r}; expected {expected}, none beyond ±{most:g}.")
     return array
 
 
@@ -116,7 +116,7 @@ def unit(name: str, value: object) -> Array:
     u = numbers(name, value, (3,), "three finite numbers, not all zero")
     largest = np.abs(u).max()
     if not largest > 0.0:
-        raise InputError(f"{name} is {u.tolist()}, expected three finite numbers, not all zero.")
+        raise InputError(f"{name} is {u.tolist()}; expected three finite numbers, not all zero.")
     u /= largest
     return u / np.linalg.norm(u)
 
@@ -133,7 +133,7 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
             twice = next(label for label in labels if labels.count(label) > 1)
             raise InputError(f"{name} has a name twice: {twice}.")
     elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
-        raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries, expected none.")
+        raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries; expected none.")
     else:
         return value
     for label in entries:
@@ -169,7 +169,7 @@ def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) 
         array = _numeric(name, in_order(name, value, names), "a vector")
         if array.shape != (len(names),):
             expected = f"({len(names)},): one entry for each of {listed(names)}"
-            raise InputError(f"{name} has shape {array.shape}, expected {expected}.")
+            raise InputError(f"{name} has shape {array.shape}; expected {expected}.")
         array = np.array(array, dtype=_FLOAT)
     if finite:
         check_finite(name, array, names)
@@ -184,7 +184,7 @@ def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) 
     array = _numeric(name, value, "an array")
     if array.ndim != 2 or array.shape[1] != len(names) or count not in (None, len(array)):
         expected = f"({'T' if count is None else count}, {len(names)}): a row for each state"
-        raise InputError(f"{name} has shape {array.shape}, expected {expected}.")
+        raise InputError(f"{name} has shape {array.shape}; expected {expected}.")
     return np.ascontiguousarray(array, dtype=_FLOAT)
 
 
@@ -217,7 +217,7 @@ def check_finite(name: str, values: Array, names: Sequence[str]) -> None:
         *state, k = np.argwhere(~np.isfinite(values))[0]
         entry = f"{name} of joint '{names[k]}'"
         entry = f"state {state[0]}: {entry}" if state else entry
-        raise InputError(f"{entry} is {values[(*state, k)]}, expected a finite number.")
+        raise InputError(f"{entry} is {values[(*state, k)]}; expected a finite number.")
 
 
 def per_name(
@@ -235,10 +235,10 @@ def per_name(
     n = len(names)
     if array is None or array.shape not in ((), (n,)):
         each = f"{n} such: one for each of {', '.join(names)}"
-        raise InputError(f"{name} is {value!r}, expected {expected}, or {each}.")
+        raise InputError(f"{name} is {value!r}; expected {expected}, or {each}.")
     array = np.array(np.broadcast_to(array, (n,)))
     for label, x in zip(names, array, strict=True):
         if not valid(x):
-            raise InputError(f"{name} of '{label}' is {x}, expected {expected}.")
+            raise InputError(f"{name} of '{label}' is {x}; expected {expected}.")
     array.flags.writeable = False
     return array

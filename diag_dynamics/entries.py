@@ -48,13 +48,13 @@ def assignments(parameter, entries, kind=float, minimum=None, advice=""):
         value = _parsed(text.strip(), kind)
         title = f"parameter '{parameter}' has {entry!r}"
         if not equals or not name or value is None:
-            raise InputError(f"{title}, expected name={_EXPECTED[kind]}.{advice}")
+            raise InputError(f"{title}; expected name={_EXPECTED[kind]}.{advice}")
         if name in values:
             raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
         if minimum is not None and value < minimum:
-            raise InputError(f"{title}, expected no less than {minimum:g}.")
+            raise InputError(f"{title}; expected no less than {minimum:g}.")
         if kind is float and abs(value) > LARGEST:
-            raise InputError(f"{title}, expected a number within ±{LARGEST:g}.")
+            raise InputError(f"{title}; expected a number within ±{LARGEST:g}.")
         values[name] = value
     return values
 

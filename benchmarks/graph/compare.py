@@ -104,7 +104,7 @@ def same_sizes(sizes):
             expected = sizes[FLOOR].get(topic, size)
             if abs(size - expected) >= PADDING:
                 raise GraphError(
-                    f"Messages on {topic} of {node} have {size} bytes, expected {expected}."
+                    f"Messages on {topic} of {node} have {size} bytes; expected {expected}."
                 )
 
 

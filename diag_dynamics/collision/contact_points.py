@@ -127,7 +127,7 @@ class ContactLimits:
     def _known(self, where: str, names: object) -> tuple[str, ...]:
         """Return names of regions as a tuple."""
         if isinstance(names, str) or not isinstance(names, Sequence):
-            raise InputError(f"{where} is {names!r}, expected a list of body regions.")
+            raise InputError(f"{where} is {names!r}; expected a list of body regions.")
         for name in names:
             choice(where, name, self.regions)
         return tuple(names)
@@ -261,7 +261,7 @@ def _rows(point: ContactPoint) -> Array:
         expected = f"finite numbers within ±{MAX_DISTANCE:g} m"
     else:
         return array.reshape(-1, 3)
-    raise InputError(f"points of '{point.name}' are {point.points!r}, expected {expected}.")
+    raise InputError(f"points of '{point.name}' are {point.points!r}; expected {expected}.")
 
 
 def _region(name: object, entry: object) -> BodyRegion:

@@ -38,7 +38,7 @@ def effort_limits(entries, model):
         if limit > maximum > 0.0:
             value, bound = distinct(limit, maximum)
             raise InputError(
-                f"parameter 'effort_limit' of '{name}' is {value}, "
+                f"parameter 'effort_limit' of '{name}' is {value}; "
                 f"expected at most {bound}, the limit of the URDF."
             )
     return limits
@@ -55,7 +55,7 @@ def beyond_limits(model, positions, margin=0.0):
         return None
     row, k = np.argwhere(~is_within)[0]
     position, lower, upper = distinct(rows[row, k], model.lower[k], model.upper[k])
-    return row, f"joint '{model.dof_names[k]}' is {position}, expected within {lower} … {upper}"
+    return row, f"joint '{model.dof_names[k]}' is {position}; expected within {lower} … {upper}"
 
 
 def command_order(entries, names, complete=True):

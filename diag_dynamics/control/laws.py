@@ -455,7 +455,7 @@ class PoseRegulation(Law):
         position = numbers("position", position, (3,), "three finite numbers [m]")
         R = numbers("orientation", orientation, (3, 3), "a rotation matrix")
         if np.abs(R.T @ R - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0.0:
-            raise InputError(f"orientation is {R.tolist()}, expected a rotation matrix.")
+            raise InputError(f"orientation is {R.tolist()}; expected a rotation matrix.")
         self._target = position, R
 
     def pose(self, q: VectorLike) -> tuple[Array, Array]:

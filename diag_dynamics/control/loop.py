@@ -174,7 +174,7 @@ class ControlLoop:
 
     def _mode_of(self, name):
         if name not in LAWS:
-            raise InputError(f"mode is '{name}', expected one of {', '.join(LAWS)}.")
+            raise InputError(f"mode is '{name}'; expected one of {', '.join(LAWS)}.")
         if name not in self.modes:
             raise InputError(NO_LINK)
         return self.modes[name]

@@ -300,7 +300,7 @@ class JointMode(Mode):
         if (wait := (stamp - now) * 1e-9) > MAX_WAIT:
             wait, limit = distinct(wait, MAX_WAIT)
             raise InputError(
-                f"trajectory.header.stamp is {wait} s in the future, expected {limit} s at most."
+                f"trajectory.header.stamp is {wait} s in the future; expected {limit} s at most."
             )
         if trajectory.ends_before(now):
             raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
@@ -329,7 +329,7 @@ class JointMode(Mode):
             joint = f"joint '{self._model.dof_names[k]}'"
             step, limit = distinct(away[k], MAX_STEP, digits=3)
             raise InputError(
-                f"trajectory begins {step} from where {joint} is, expected at most {limit}."
+                f"trajectory begins {step} from where {joint} is; expected at most {limit}."
             )
 
     def _require_speed(self, trajectory):
@@ -340,7 +340,7 @@ class JointMode(Mode):
             joint = f"joint '{self._model.dof_names[k]}'"
             speed, limit = distinct(fastest[k], self.max_speed[k])
             raise InputError(
-                f"trajectory has {joint} move at {speed}, expected at most {limit}: its velocity "
+                f"trajectory has {joint} move at {speed}; expected at most {limit}: its velocity "
                 f"limit, or {DEFAULT_SPEED:g} without one in the URDF."
             )
 

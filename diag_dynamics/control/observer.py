@@ -98,7 +98,7 @@ class DisturbanceObserver:
             actual, expected = (
                 ", ".join(names) for names in (dynamics.model.dof_names, self._names)
             )
-            raise InputError(f"dynamics have the degrees of freedom {actual}, expected {expected}.")
+            raise InputError(f"dynamics have the degrees of freedom {actual}; expected {expected}.")
         before = self._dynamics
         self._dynamics = dynamics
         dynamics.compile("momentum", "epsilon_from_tau")

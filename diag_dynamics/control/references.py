@@ -217,7 +217,7 @@ class Trajectory:
             k = np.flatnonzero(last)[0]
             raise InputError(
                 f"velocity of joint '{names[k]}' at the last point of the trajectory is "
-                f"{last[k]:g}, expected 0: the robot rests there."
+                f"{last[k]:g}; expected 0: the robot rests there."
             )
 
     def ends_before(self, time):
@@ -280,6 +280,6 @@ def _require_numbers(field, table, names):
     if len(wrong):
         k, joint = wrong[0]
         raise InputError(
-            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}, "
+            f"trajectory.points[{k}].{field} of joint '{names[joint]}' is {table[k, joint]}; "
             f"expected a finite number of at most {MAX_NUMBER:g}."
         )

@@ -57,7 +57,7 @@ def with_payloads(description: Description, value: object) -> Description:
             payload = Payload(*entry)
         except TypeError as error:
             raise InputError(
-                f"payloads: '{name}' has {entry!r}, expected (mass, com, inertia)."
+                f"payloads: '{name}' has {entry!r}; expected (mass, com, inertia)."
             ) from error
         checked[name] = checked_body(payload, "payloads: ", f" on link '{name}'")
     payloads = {name: payload for name, payload in checked.items() if payload.mass > 0.0}

@@ -30,7 +30,7 @@ _OWN = Path(__file__).parents[1] / "robots"  # robots of this package, each in a
 def robot_path(name: str) -> Path:
     """Return the path of the URDF or xacro file of a robot by its name, see :func:`load_robot`."""
     if not isinstance(name, str) or not name:
-        raise InputError(f"name is {name!r}, expected the name of a robot, such as 'panda'.")
+        raise InputError(f"name is {name!r}; expected the name of a robot, such as 'panda'.")
     is_description = name.isidentifier() and name.endswith("_description")
     if is_description and util.find_spec(DESCRIPTIONS) and util.find_spec(f"{DESCRIPTIONS}.{name}"):
         return _cloned(name)

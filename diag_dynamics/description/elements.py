@@ -142,7 +142,7 @@ def _loop(element: Any, name: str) -> Loop:
     kind = element.get("type")
     if kind not in LOOP_KINDS:
         raise UrdfError(
-            f"{shown} is not supported: its type is {kind!r}, "
+            f"{shown} is not supported: its type is {kind!r}; "
             f"expected one of {', '.join(LOOP_KINDS)}."
         )
     ends = []

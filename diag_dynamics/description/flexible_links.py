@@ -102,7 +102,7 @@ def _beam(
     )
     if not (counts.any() and np.isin(counts, range(MAX_MODES + 1)).all()):
         raise InputError(
-            f"{where}: modes are {counts.tolist()}, expected three whole numbers from 0 to "
+            f"{where}: modes are {counts.tolist()}; expected three whole numbers from 0 to "
             f"{MAX_MODES}."
         )
     n_y, n_z, n_x = (int(n) for n in counts)
@@ -273,7 +273,7 @@ def _flexible_link(
     where = f"flexible link '{link.name}'"
     mapping(where, entry, BEAM, BEAM[:2])
     if link.inertial is None or not link.inertial.mass > 0.0:
-        raise InputError(f"{where} has no mass, expected an <inertial>.")
+        raise InputError(f"{where} has no mass; expected an <inertial>.")
     tip = entry["tip"]
     outboard = [name for name, joint in joints.items() if joint.parent == link.name]
     if tip not in outboard:
@@ -283,7 +283,7 @@ def _flexible_link(
     beam = joints[tip].origin[:3, 3]
     length = float(np.linalg.norm(beam))
     if not length > 0.0:
-        raise InputError(f"{where}: joint '{tip}' is at its origin, expected a tip at a distance.")
+        raise InputError(f"{where}: joint '{tip}' is at its origin; expected a tip at a distance.")
     whole = link.inertial.body
     mass = positive(f"{where}: mass", entry.get("mass", whole.mass), "[kg]")
     x = beam / length
@@ -302,7 +302,7 @@ def _rest(where: str, whole: RigidBody, flexible: FlexibleLink, length: float) -
     if left < -1e-6 * whole.mass:
         value, bound = distinct(modal, whole.mass)
         raise InputError(
-            f"{where}: the mass of its modes is {value} kg, expected no more than its {bound} kg."
+            f"{where}: the mass of its modes is {value} kg; expected no more than its {bound} kg."
         )
     if left > 1e-6 * whole.mass:
         rest = RigidBody.union(whole, *sections)

@@ -47,7 +47,7 @@ def with_couplings(description: Description, couplings: Couplings) -> Descriptio
     name, content = couplings
     entries = content.get("loops", description.loops) or ()
     if isinstance(entries, str | Mapping) or not isinstance(entries, Sequence):
-        raise InputError(f"{name}: loops is {entries!r}, expected a list.")
+        raise InputError(f"{name}: loops is {entries!r}; expected a list.")
     in_file = {loop.name: loop._asdict() for loop in description.loops}
     loops = tuple(_loop(name, k, entry, in_file) for k, entry in enumerate(entries))
     curves = dict(description.curves)
@@ -72,7 +72,7 @@ def _loop(source: str, number_: int, entry: Any, in_file: Mapping[str, Any]) -> 
     independent = entry.get("independent") or ()
     independent = (independent,) if isinstance(independent, str) else independent
     if not isinstance(independent, list | tuple):
-        raise InputError(f"{where}: independent is {independent!r}, expected a list of joints.")
+        raise InputError(f"{where}: independent is {independent!r}; expected a list of joints.")
     return Loop(
         str(entry.get("name", number_)),
         _end(f"{where}: a", entry["a"]),

@@ -212,7 +212,7 @@ def _compile(source: object) -> tuple[Any, Any]:
     """Return the module mujoco, and its model of an MJCF given by path or text."""
     mujoco = require("mujoco", "an MJCF")
     if not isinstance(source, (str, os.PathLike)):
-        raise InputError(f"source is {source!r}, expected the path of an MJCF, or its text.")
+        raise InputError(f"source is {source!r}; expected the path of an MJCF, or its text.")
     try:
         if isinstance(source, str) and source.lstrip().startswith("<"):
             return mujoco, mujoco.MjModel.from_xml_string(source)

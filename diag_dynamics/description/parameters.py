@@ -229,7 +229,7 @@ def _joint(entry: object, source: str, _: str) -> JointParameters:
         if not (is_scale and isinstance(value, float) and np.isnan(value)):
             x = float(numbers(f"{source}: {key}", value, (), expected, LARGEST_INERTIA))
         if (x < 0.0 and not is_signed) or (x == 0.0 and is_scale):
-            raise InputError(f"{source}: {key} is {value!r}, expected {expected}.")
+            raise InputError(f"{source}: {key} is {value!r}; expected {expected}.")
         checked[key] = x
     return JointParameters(**checked)
 
@@ -256,7 +256,7 @@ def checked_body(
     expected = "a finite number [kg]" if may_be_negative else "a finite number >= 0 [kg]"
     mass = float(numbers(mass_name, body.mass, (), expected, LARGEST_INERTIA))
     if mass < 0.0 and not may_be_negative:
-        raise InputError(f"{mass_name} is {mass}, expected {expected}.")
+        raise InputError(f"{mass_name} is {mass}; expected {expected}.")
     com = numbers(com_name, body.com, (3,), "three finite numbers [m]", LARGEST_INERTIA)
     inertia = numbers(
         inertia_name, body.inertia, (3, 3), "3 x 3 finite numbers [kg m²]", LARGEST_INERTIA

@@ -348,7 +348,7 @@ class Description(NamedTuple):
             )
         kind = self.joints[name].type
         if kind not in SINGLE:
-            raise InputError(f"{where}: joint '{name}' is {kind}, expected one degree of freedom.")
+            raise InputError(f"{where}: joint '{name}' is {kind}; expected one degree of freedom.")
         return self.joints[name]
 
     def with_joints(self, *joints: Joint) -> Description:

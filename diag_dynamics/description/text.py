@@ -67,7 +67,7 @@ def urdf_text(source: Any) -> str:
         )
     if not start.startswith("<"):
         raise UrdfError(
-            f"The URDF is no XML: it begins with {short(start.splitlines()[0])}, expected <robot>."
+            f"The URDF is no XML: it begins with {short(start.splitlines()[0])}; expected <robot>."
         )
     return _corrected(text)
 

@@ -169,7 +169,7 @@ def parse_urdf(text: str, comments: bool = False) -> Any:
             element.tag = element.tag.rpartition("}")[2]
     if robot.tag != "robot":
         kind = f": the file is {ROOTS[robot.tag]}" if robot.tag in ROOTS else ""
-        raise UrdfError(f"The root element is <{short(robot.tag)[1:-1]}>, expected <robot>{kind}.")
+        raise UrdfError(f"The root element is <{short(robot.tag)[1:-1]}>; expected <robot>{kind}.")
     return robot
 
 
@@ -333,7 +333,7 @@ def _root_link(links: Iterable[str], parents: Mapping[str, str]) -> str:
     if len(roots) > 1:
         shown = listed([f"'{root}'" for root in roots], 6)
         raise UrdfError(
-            f"The URDF has {len(roots)} root links ({shown}), expected one: "
+            f"The URDF has {len(roots)} root links ({shown}); expected one: "
             "join them with fixed joints."
         )
     reached = set(roots)

@@ -83,22 +83,22 @@ CAUSES = {
 }
 """Causes of rejections, by which they are counted."""
 
-CLOCK = "{name}: stamp {apart} s {where} this node's clock, expected within {limit} = {bound} s"
+CLOCK = "{name}: stamp {apart} s {where} this node's clock; expected within {limit} = {bound} s"
 
 TEXTS = {
-    MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns, "
+    MALFORMED_STAMP: "header.stamp is {first:.0f} s and {second:.0f} ns; "
     "expected no less than 0 s and less than 1e9 ns",
     NO_TIME: "header.stamp is zero, and so is the clock: use_sim_time without /clock",
-    NO_POSITION: "{name}: position is {first}, expected a finite number",
-    POSITION_BOUND: "{name}: position is {value}, expected within {bound} … {upper} "
+    NO_POSITION: "{name}: position is {first}; expected a finite number",
+    POSITION_BOUND: "{name}: position is {value}; expected within {bound} … {upper} "
     "(plausibility.beyond_limits)",
-    VELOCITY_BOUND: "{name}: velocity is {value}, expected within ±{bound} "
+    VELOCITY_BOUND: "{name}: velocity is {value}; expected within ±{bound} "
     "(plausibility.beyond_velocity)",
-    NO_VELOCITY: "{name}: velocity is {first}, expected a finite number "
+    NO_VELOCITY: "{name}: velocity is {first}; expected a finite number "
     "(missing_velocity: estimate takes it from positions)",
     LATE: "{name}: stamp {first:.6f} s older than the one before",
     STAMP_FROM_PAST: "{name}: stamp {first:.6f} s older than the one before",
-    JUMP: "{step} in {third:g} s, expected a step of no more than {fourth:g} "
+    JUMP: "{step} in {third:g} s; expected a step of no more than {fourth:g} "
     "at velocities of {fifth:g} and {sixth:g} (plausibility.jump)",
     INTERLEAVED: "two sources publish {name} in turns: {step}, "
     "{third:g} s after another source's message",

@@ -54,7 +54,7 @@ class OdometryBase:
         if not link:
             raise RejectedError(
                 "malformed",
-                "odom: child_frame_id is empty, "
+                "odom: child_frame_id is empty; "
                 f"expected '{self._model.root_link}' or a link on it",
             )
         pose = message.pose.pose
@@ -79,7 +79,7 @@ class OdometryBase:
             if np.abs(values).max() > bound:
                 raise RejectedError(
                     "implausible value",
-                    f"odom: {quantity} is {values.tolist()}, expected within ±{bound:g}",
+                    f"odom: {quantity} is {values.tolist()}; expected within ±{bound:g}",
                 )
         stamp = message.header.stamp
         result = self.stamps.accept_values(

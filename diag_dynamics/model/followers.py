@@ -269,7 +269,7 @@ class Followers:
         """Text on follower k, whose position is not the expected one."""
         sources = ", ".join(map(repr, self._sources[self.names[k]]))
         return (
-            f"position of joint '{self.names[k]}' is {measured:.9g}, "
+            f"position of joint '{self.names[k]}' is {measured:.9g}; "
             f"expected {expected:.9g} from {sources}, "
             f"which it follows, within mimic_tolerance = {self.tolerance:g}"
         )

@@ -109,7 +109,7 @@ def wrenches_on_links(
             raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
         array = array_of(wrench)
         if array is None or array.shape not in ((6,), (*states, 6)) or not np.isfinite(array).all():
-            raise InputError(f"f_ext on link '{name}' is {wrench!r}, expected {expected}.")
+            raise InputError(f"f_ext on link '{name}' is {wrench!r}; expected {expected}.")
         wrenches = np.broadcast_to(array, (len(records), 6))
         records[:, k] = wrenches_at(model, name, wrenches, (0.0, 0.0, 0.0), frame)
     return records.reshape(-1)

@@ -194,11 +194,11 @@ def _choose(
     title = loop_names(group.loops)
     if several := group.joints - set(names):
         raise LoopError(
-            f"{title}: joint '{min(several)}' in it has several degrees of freedom, expected one."
+            f"{title}: joint '{min(several)}' in it has several degrees of freedom; expected one."
         )
     if modal := group.joints & result.flexible.joints:
         raise LoopError(
-            f"{title}: joint '{min(modal)}' in it is of a flexible link, expected rigid links."
+            f"{title}: joint '{min(modal)}' in it is of a flexible link; expected rigid links."
         )
     chosen = {name for loop in group.loops for name in loop.independent} - cut.tree.locked.keys()
     if foreign := chosen - group.joints:
@@ -344,7 +344,7 @@ class _Cut:
                 and abs(x) > 2.0 * np.pi
             ):
                 raise LoopError(
-                    f"loop '{loop.name}': start of '{name}' is {x:g}, expected radians within ±2π."
+                    f"loop '{loop.name}': start of '{name}' is {x:g}; expected radians within ±2π."
                 )
         ends = (self._of_body[self._places[end.link][0]] for end in (loop.a, loop.b))
         first, second = (path_to(joint, self.tree.carriers) for joint in ends)

@@ -280,7 +280,7 @@ class RobotModel:
             rng = np.random.default_rng(rng)  # a generator is itself
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"rng is {rng!r}, expected a numpy.random.Generator or a seed."
+                f"rng is {rng!r}; expected a numpy.random.Generator or a seed."
             ) from error
         free = np.where(is_angle(self), math.pi, REACH)
         has_lower = np.isfinite(self.lower)
@@ -346,7 +346,7 @@ class RobotModel:
             if component == 3 and abs(quaternion @ quaternion - 1.0) >= joints.UNIT_TOLERANCE:
                 raise InputError(
                     f"{name} of joint '{self.coordinate_names[k].rpartition('/')[0]}' has the "
-                    f"quaternion {quaternion.tolist()} (x, y, z, w), expected one of length 1."
+                    f"quaternion {quaternion.tolist()} (x, y, z, w); expected one of length 1."
                 )
         return q
 
@@ -499,12 +499,12 @@ def flexible_joints(tree: Tree) -> dict[str, FlexibleJoint]:
         springs[name] = joint.spring
         if joint.armature:
             raise InputError(
-                f"flexible_joints: '{name}' has armature {joint.armature:g}, expected none. "
+                f"flexible_joints: '{name}' has armature {joint.armature:g}; expected none. "
                 "Set its rotor_inertia and gear."
             )
         if name not in (*tree.dof_names, *tree.locked):
             raise InputError(
-                f"flexible_joints: '{name}' follows other joints, expected a degree of freedom."
+                f"flexible_joints: '{name}' follows other joints; expected a degree of freedom."
             )
     return {name: springs[name] for name in tree.dof_names if name in springs}
 

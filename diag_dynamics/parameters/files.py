@@ -67,7 +67,7 @@ def parameters_of(files=(), assignments=()):
     for entry in assignments:
         name, equals, value = entry.partition("=")
         if not equals:
-            raise InputError(f"'{entry}' has no '=', expected parameter=value.")
+            raise InputError(f"'{entry}' has no '='; expected parameter=value.")
         value = value if value.startswith(ALL) else parsed_yaml(value, f"'{entry}'")
         parts = value.split(",") if isinstance(value, str) else []
         if len(parts) > 1 and all("=" in item for item in parts):
@@ -84,7 +84,7 @@ def _read_file(path):
     content = read_yaml(path, f"'{path}'")
     if not isinstance(content, Mapping):
         raise InputError(
-            f"'{path}' is not a parameter file, expected /**: {{ros__parameters: {{…}}}}."
+            f"'{path}' is not a parameter file; expected /**: {{ros__parameters: {{…}}}}."
         )
     if content and set(content) <= {field.name for field in fields(Parameters)}:
         return {"parameters_file": str(path)}
@@ -144,7 +144,7 @@ def _check(name, value, source):
     for entry in entries:
         if type(entry) is not kind:
             raise InputError(
-                f"{source}: parameter '{name}' has {entry!r}, expected {kind.__name__}."
+                f"{source}: parameter '{name}' has {entry!r}; expected {kind.__name__}."
             )
     if not is_list:
         return {name: entries[0]}

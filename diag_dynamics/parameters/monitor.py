@@ -299,7 +299,7 @@ class Observation(NamedTuple):
             return None
         if missing := [name for name in names if name not in self.covariance_joints]:
             raise InputError(
-                f"parameter external_torque.covariance_joints lacks '{missing[0]}', "
+                f"parameter external_torque.covariance_joints lacks '{missing[0]}'; "
                 "expected all degrees of freedom. Calibrate again."
             )
         k = [self.covariance_joints.index(name) for name in names]
@@ -358,7 +358,7 @@ class Settings(NamedTuple):
         )
         if settings.frames and not settings.observation:
             raise InputError(
-                "parameter external_torque.gain is 0, "
+                "parameter external_torque.gain is 0; "
                 "expected a number above 0 because external_wrench.frames is set."
             )
         settings.check_load()
@@ -401,7 +401,7 @@ def _input_options(values):
     effort_scale = assignments("effort_scale", values["effort_scale"], advice=advice)
     if zeros := [name for name, scale in effort_scale.items() if not scale]:
         raise InputError(
-            f"parameter 'effort_scale' of '{zeros[0]}' is 0, expected another number.{advice}"
+            f"parameter 'effort_scale' of '{zeros[0]}' is 0; expected another number.{advice}"
         )
     return Options(
         timeouts=_with_defaults("joint_timeout", values, {ALL: JOINT_TIMEOUT}),
@@ -461,17 +461,17 @@ def _covariance(values):
     if len(numbers) != len(names) ** 2 or len({*names}) != len(names):
         raise InputError(
             f"parameter external_torque.covariance has {len(numbers)} numbers "
-            f"for {len(names)} covariance_joints, "
+            f"for {len(names)} covariance_joints; "
             f"expected {len(names)} x {len(names)}, each joint once."
         )
     matrix = np.array(numbers).reshape(2 * [len(names)])
     if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=0.0):
         raise InputError(
-            "parameter external_torque.covariance is not symmetric, expected a symmetric matrix."
+            "parameter external_torque.covariance is not symmetric; expected a symmetric matrix."
         )
     if joint := singular_joint(names, matrix):
         raise InputError(
-            f"parameter external_torque.covariance is singular at '{joint}', "
+            f"parameter external_torque.covariance is singular at '{joint}'; "
             "expected a positive definite matrix. "
             "Calibrate with a recording that has noise of each joint."
         )

@@ -80,7 +80,7 @@ def require_as_made(values):
     for name, spec in PARAMETERS.items():
         if name != "floating_base" and values[name] != spec.default:
             raise InputError(
-                f"parameter '{name}' is {values[name]!r}, expected its default "
+                f"parameter '{name}' is {values[name]!r}; expected its default "
                 "because a RobotModel is final. Pass the URDF, or set the option of load_urdf."
             )
 
@@ -93,6 +93,6 @@ def require_single_joints(model):
             name for name in model.joint_names[model.floating_base :] if name not in single
         )
         raise UnsupportedError(
-            f"joint '{several}' has several degrees of freedom, expected one: "
+            f"joint '{several}' has several degrees of freedom; expected one: "
             "joint_states cannot hold its state. Only the root may float (floating_base, odom)."
         )

@@ -68,7 +68,7 @@ def payloads_of(entries):
         is_bounded = all(abs(number) <= LARGEST for number in numbers)  # and no NaN
         if len(numbers) not in (1, 4, 10) or not is_bounded or numbers[0] < 0.0:
             expected = f"1, 4 or 10 finite numbers within ±{LARGEST:g}, the mass at least 0"
-            raise InputError(f"parameter 'payloads' has {link}={text}, expected {expected}.")
+            raise InputError(f"parameter 'payloads' has {link}={text}; expected {expected}.")
         mass = numbers[0]
         com = numbers[1:4] or (0.0, 0.0, 0.0)
         inertia = numbers[4:] or (0.0,) * 6

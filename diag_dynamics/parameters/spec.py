@@ -66,4 +66,4 @@ def check(name, value, spec):
         expected = f"numbers within ±{spec.maximum:g}"
     if expected:
         text = list(value) if is_list else repr(value)
-        raise InputError(f"parameter '{name}' is {text}, expected {expected}.")
+        raise InputError(f"parameter '{name}' is {text}; expected {expected}.")

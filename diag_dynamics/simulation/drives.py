@@ -72,14 +72,14 @@ class Drives(_Inputs):
         expected = len(self._joints)
         if len(data) != expected:
             message = (
-                f"data has {len(data)} entries, expected {expected}, for {', '.join(self._joints)}"
+                f"data has {len(data)} entries; expected {expected}, for {', '.join(self._joints)}"
             )
             raise self._rejected("wrong length", message)
         effort = np.array(data, dtype=float)
         if not np.isfinite(effort).all():
             k = int(np.argmin(np.isfinite(effort)))
             message = (
-                f"effort of joint '{self._joints[k]}' is {effort[k]}, expected a finite number"
+                f"effort of joint '{self._joints[k]}' is {effort[k]}; expected a finite number"
             )
             raise self._rejected("not finite", message)
         self._effort[self._at] = effort
@@ -121,7 +121,7 @@ class Pushes(_Inputs):
             )
         if not np.isfinite(wrench).all():
             raise self._rejected(
-                "not finite", f"wrench on '{link}' is {wrench.tolist()}, expected finite numbers"
+                "not finite", f"wrench on '{link}' is {wrench.tolist()}; expected finite numbers"
             )
         self._held.pop(link, None)
         if wrench.any():
@@ -149,7 +149,7 @@ class Sensors:
 
     def __init__(self, noise):
         if len(noise) != 3 or min(noise) < 0.0:
-            raise InputError(f"parameter 'sensor_noise' is {list(noise)}, expected 3 numbers >= 0.")
+            raise InputError(f"parameter 'sensor_noise' is {list(noise)}; expected 3 numbers >= 0.")
         self._noise = noise
         self.restart()
 

@@ -115,7 +115,7 @@ class Plant:
             )
         if model.flexible_joints and values["without_command"] == "brake":
             raise UnsupportedError(
-                "parameter 'without_command' is 'brake', expected 'zero': brakes hold links, "
+                "parameter 'without_command' is 'brake'; expected 'zero': brakes hold links, "
                 "and joint "
                 f"'{next(iter(model.flexible_joints))}' is flexible."
             )
@@ -225,7 +225,7 @@ class Plant:
             k = int(np.argmax(outside))
             position, lower, upper = distinct(q[k], model.lower[k], model.upper[k])
             raise InputError(
-                f"position of '{model.coordinate_names[k]}' is {position}, expected within its "
+                f"position of '{model.coordinate_names[k]}' is {position}; expected within its "
                 "hard limits "
                 f"{lower} … {upper}."
             )
@@ -246,9 +246,9 @@ def require_consistent(values):
     """Raise InputError for values that contradict each other or lie outside of their ranges."""
     factor = values["real_time_factor"]
     if 0.0 < factor < 1e-3:
-        raise InputError(f"parameter 'real_time_factor' is {factor}, expected 0 or at least 0.001.")
+        raise InputError(f"parameter 'real_time_factor' is {factor}; expected 0 or at least 0.001.")
     if values["lockstep"] and values["motion"] != "free":
         raise InputError(
             "parameter 'lockstep' is true, for which there must be a command for every joint "
-            f"state, but 'motion' is '{values['motion']}', expected 'free'."
+            f"state, but 'motion' is '{values['motion']}'; expected 'free'."
         )

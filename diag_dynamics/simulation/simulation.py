@@ -214,7 +214,7 @@ class Simulation:
             limits = CompliantLimits(np.inf)
         elif not isinstance(limits, CompliantLimits):
             raise InputError(
-                f"limits is {limits!r}, expected True, False or "
+                f"limits is {limits!r}; expected True, False or "
                 "CompliantLimits(stiffness, damping)."
             )
         expected = "a number > 0 [N m/rad, N/m]"
@@ -426,7 +426,7 @@ class Simulation:
         """
         command = self._no_effort if tau is None else vector("tau", tau, self.model.dof_names)
         if not (isinstance(steps, (int, np.integer)) and 0 <= steps < 2**63):
-            raise InputError(f"steps is {steps!r}, expected a whole number >= 0 and below 2**63.")
+            raise InputError(f"steps is {steps!r}; expected a whole number >= 0 and below 2**63.")
         wrenches = _NO_WRENCHES
         if f_ext is not None or frame != "link":
             wrenches = wrenches_on_links(self.model, {} if f_ext is None else f_ext, frame)

@@ -292,7 +292,7 @@ def test_where_nothing_is_written(tmp_path, bag, table, states, analyse, option,
 
 WRONG = {
     ("--set", "maxage=1"): "'max_age' meant",
-    ("--set", "max_age=-3"): "'max_age' is -3.0, expected 0 to",
+    ("--set", "max_age=-3"): "'max_age' is -3.0; expected 0 to",
     ("--topics", "state"): "--topics requires --mcap",
     ("--out", "{out}"): "--out requires --fleet",
     ("--threads", "0"): "argument --threads: value is 0; expected at least 1",

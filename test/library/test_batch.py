@@ -190,8 +190,8 @@ NAN, LARGE = [[0.0, np.nan]], {"lower": np.full(6, 1.7e308)}
 WRONG = {
     "first moment": (lambda d: d.potential_energy(NAN), "state 0: q of joint 'elbow' is nan"),
     "accelerations": (lambda d: d.regressor(STATE, STATE, NAN), "state 0: qdd of joint 'elbow'"),
-    "one state": (lambda d: d.evaluate([0, 0], STATE), "qd has shape (1, 2), expected (2,)"),
-    "rates": (lambda d: d.evaluate(STATE, STATE * 2), "qd has shape (2, 2), expected (1, 2)"),
+    "one state": (lambda d: d.evaluate([0, 0], STATE), "qd has shape (1, 2); expected (2,)"),
+    "rates": (lambda d: d.evaluate(STATE, STATE * 2), "qd has shape (2, 2); expected (1, 2)"),
     "half a thread": (lambda d: d.coriolis_torque(STATE, STATE, threads=1.5), "threads is 1.5"),
     "wrenches": (
         lambda d: d.evaluate(STATE, STATE, STATE, {"lower": np.zeros((3, 6))}),

@@ -49,20 +49,20 @@ def test_number_of_any_kind_is_a_float(value):
     [
         (
             lambda: checks.positive("x", 0.0, "[1/s]"),
-            "x is 0.0, expected a finite number > 0 [1/s]",
+            "x is 0.0; expected a finite number > 0 [1/s]",
         ),
-        (lambda: checks.not_negative("x", -1, "[s]"), "x is -1, expected a finite number >= 0 [s]"),
-        (lambda: checks.number("x", "0", "a number"), "x is '0', expected a number"),
-        (lambda: checks.choice("x", "c", ("a", "b")), "x is 'c', expected one of 'a', 'b'"),
-        (lambda: checks.whole("x", True), "x is True, expected a whole number >= 1"),
+        (lambda: checks.not_negative("x", -1, "[s]"), "x is -1; expected a finite number >= 0 [s]"),
+        (lambda: checks.number("x", "0", "a number"), "x is '0'; expected a number"),
+        (lambda: checks.choice("x", "c", ("a", "b")), "x is 'c'; expected one of 'a', 'b'"),
+        (lambda: checks.whole("x", True), "x is True; expected a whole number >= 1"),
         (
             lambda: checks.numbers("x", [1, -9], (2,), "two", 5.0),
-            "x is [1, -9], expected two, none beyond ±5",
+            "x is [1, -9]; expected two, none beyond ±5",
         ),
         (lambda: checks.per_name("x", [1, -2], NAMES), "x of 'elbow' is -2.0"),
         (
             lambda: checks.per_name("x", [1, 2, 3], NAMES),
-            "x is [1, 2, 3], expected a finite number > 0, or 2 such",
+            "x is [1, 2, 3]; expected a finite number > 0, or 2 such",
         ),
     ],
 )
@@ -99,7 +99,7 @@ Z, NAN, LARGE = [0, 0], [0, np.nan], [1e200, 0]
 WRONG = [
     (
         lambda d: d.evaluate([0.0], Z),
-        "q has shape (1,), expected (2,): one entry for each of shoulder",
+        "q has shape (1,); expected (2,): one entry for each of shoulder",
     ),
     (lambda d: d.evaluate([np.inf, 0], Z), "q of joint 'shoulder' is inf"),
     (lambda d: d.evaluate(Z, Z, [0, -np.inf]), "tau of joint 'elbow' is -inf"),
@@ -183,7 +183,7 @@ def test_methods_are_compiled_by_calls_of_one_state(two, monkeypatch):
     monkeypatch.setattr(dynamics, "suppress", lambda *errors: nullcontext())
     two.compile()
     assert evaluation.link_energies.run != evaluation.link_energies._compile_and_run
-    with pytest.raises(dd.InputError, match="method is 'evaluation', expected one of 'evaluate'"):
+    with pytest.raises(dd.InputError, match="method is 'evaluation'; expected one of 'evaluate'"):
         two.compile("evaluation")
 
 

@@ -337,13 +337,13 @@ def follow(points, stamp=0):
         (
             TRACKING,
             follow([(0.05, THERE)]),
-            r"'shoulder_lift_joint' move at 20, expected at most 3\.15: its velocity limit",
+            r"'shoulder_lift_joint' move at 20; expected at most 3\.15: its velocity limit",
         ),
         # The maximum of a cubic is 1.5 times its mean.
         (
             TRACKING,
             follow([(1.0, Q, REST), (1.4, THERE, REST)]),
-            r"'shoulder_lift_joint' move at 3\.75, expected",
+            r"'shoulder_lift_joint' move at 3\.75; expected",
         ),
         (
             TRACKING,

@@ -200,16 +200,16 @@ def test_batch_has_the_same_bits():
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"covariance": np.eye(5)}, r"covariance is .*, expected finite numbers, shape \(6, 6\)"),
+        ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
         (
             {"covariance": np.diag([1, 1, 1, 0, 1, 1.0])},
             r"covariance has the eigenvalue 0; expected all of them > 0",
         ),
         ({"covariance": np.eye(6) + np.eye(6, k=1)}, r"covariance is not symmetric"),
-        ({"covariance": np.full((6, 6), np.nan)}, r"covariance is .*, expected finite numbers"),
-        ({"max_deviation": (1.0, 0.0)}, "max_deviation of 'moment' is 0.0, expected a finite"),
-        ({"frame": "tool"}, r"frame is 'tool', expected one of 'link', 'world'"),
-        ({"point": (1.0, 2.0)}, r"point is \(1.0, 2.0\), expected three finite numbers"),
+        ({"covariance": np.full((6, 6), np.nan)}, r"covariance is .*; expected finite numbers"),
+        ({"max_deviation": (1.0, 0.0)}, "max_deviation of 'moment' is 0.0; expected a finite"),
+        ({"frame": "tool"}, r"frame is 'tool'; expected one of 'link', 'world'"),
+        ({"point": (1.0, 2.0)}, r"point is \(1.0, 2.0\); expected three finite numbers"),
         ({"link": "arm"}, r"arm"),
         ({"link": "base_link"}, r"link is 'base_link'; expected a link that a joint moves"),
         (
@@ -235,10 +235,10 @@ def test_errors_name_the_argument(change, message):
 @pytest.mark.parametrize(
     "change, message",
     [
-        ({"significance": -1.0}, r"significance is -1.0, expected a number >= 0"),
-        ({"forces": (4.0, 0.0)}, r"forces of '1' is 0.0, expected a finite number > 0"),
-        ({"forces": ()}, r"forces is \(\), expected"),
-        ({"covariance": np.eye(5)}, r"covariance is .*, expected finite numbers, shape \(6, 6\)"),
+        ({"significance": -1.0}, r"significance is -1.0; expected a number >= 0"),
+        ({"forces": (4.0, 0.0)}, r"forces of '1' is 0.0; expected a finite number > 0"),
+        ({"forces": ()}, r"forces is \(\); expected"),
+        ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
         ({"external_torque": [1e300] * 6}, r"external_torque (is|are) too large"),
     ],
     ids=lambda value: None if isinstance(value, str) else next(iter(value)),

@@ -429,14 +429,14 @@ def test_steep_tip(arm):
 WRONG = [
     ({"ghost": {}}, "'ghost' is not a link"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
-    ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff', expected one of tip"),
+    ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff'; expected one of tip"),
     ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),
     ({"a": LINKS["a"] | {"modes": [7, 0, 0]}}, "modes are"),
     ({"a": LINKS["a"] | {"EI": [1.0, -1.0]}}, "a finite number > 0 [N m²]"),
     ({"a": LINKS["a"] | {"damping_ratio": -0.1}}, "damping_ratio"),
     (
         {"a": LINKS["a"] | {"mass": 2.0}},
-        "the mass of its modes is 2 kg, expected no more than its 1.2 kg",
+        "the mass of its modes is 2 kg; expected no more than its 1.2 kg",
     ),
     (
         {"b": {key: x for key, x in LINKS["b"].items() if key != "mass"}},

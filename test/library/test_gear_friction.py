@@ -65,7 +65,7 @@ def test_friction_is_that_of_its_equation(v0, tmp_path):
 
 
 def test_friction_of_gears_cannot_be_negative():
-    with pytest.raises(dd.InputError, match=r"load_friction is -0\.1, expected a finite number"):
+    with pytest.raises(dd.InputError, match=r"load_friction is -0\.1; expected a finite number"):
         with_gears(UR5, [-0.1] * 6, ROOT)
 
 

@@ -406,10 +406,10 @@ def test_loops_that_cannot_be_closed(name):
 WRONG = {
     "type": ([BAR | {"type": "screw"}], "loops: loop 'bar': type"),
     "twice": ([BAR, BAR], "two loops have the name 'bar'"),
-    "independent": ([BAR | {"independent": 3}], "independent is 3, expected a list of joints"),
-    "key": ([BAR | {"c": 1}], "loop 'bar' has 'c', expected one of name, a, b"),
+    "independent": ([BAR | {"independent": 3}], "independent is 3; expected a list of joints"),
+    "key": ([BAR | {"c": 1}], "loop 'bar' has 'c'; expected one of name, a, b"),
     "end": ([{"name": "bar", "a": "crank"}], "loop 'bar' has no b"),
-    "no list": ({"loops": "bar"}, "loops is 'bar', expected a list"),
+    "no list": ({"loops": "bar"}, "loops is 'bar'; expected a list"),
     "polynomial": (
         {"mimics": {"j2": {"source": "j1", "polynomial": [0.0, np.nan]}}},
         "expected coefficients",

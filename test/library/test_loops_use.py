@@ -383,7 +383,7 @@ def test_joint_states_with_followers(bar):
     assert assembler.counts["mimic disagreement"] == 1
     expected = four_bar_followers(1.6)[1]
     text = (
-        f"position of joint 'rocker' is {expected + 0.02:.9g}, expected {expected:.9g} from 'crank'"
+        f"position of joint 'rocker' is {expected + 0.02:.9g}; expected {expected:.9g} from 'crank'"
     )
     assert text in assembler.last_texts["mimic disagreement"]
 

@@ -354,5 +354,5 @@ def test_followers():
     np.testing.assert_allclose(followers.at(q)[1] @ q, [0.4, -1.5])
     np.testing.assert_allclose(followers.reflected(q, q, np.array([0.5, np.nan])), [3.0, 1.2])
     (text,) = followers.disagreements(q, np.array([0.5 + 2.0 * np.pi, -1.4]))
-    assert "'right' is -1.4, expected -1.5 from 'slide'" in text
+    assert "'right' is -1.4; expected -1.5 from 'slide'" in text
     assert not followers.disagreements(q, np.array([np.nan, -1.495]))

@@ -287,11 +287,11 @@ def of_link(**entry):
 TOO_HEAVY = {"payloads": {"panda_hand": {"mass": -3.0}}}
 
 WRONG = [
-    ([], r"^parameters is \[\], expected a dict"),
-    ({"joint": {}}, "^parameters has 'joint', expected one of joints"),
+    ([], r"^parameters is \[\]; expected a dict"),
+    ({"joint": {}}, "^parameters has 'joint'; expected one of joints"),
     ({"joints": {"panda_joint_1": {}}}, "'panda_joint_1' is not a joint"),
     ({"joints": {"panda_joint8": {"damping": 1.0}}}, "joint 'panda_joint8' is fixed"),
-    (of_joint(dampign=1.0), "joint 'panda_joint1' has 'dampign', expected one of damping"),
+    (of_joint(dampign=1.0), "joint 'panda_joint1' has 'dampign'; expected one of damping"),
     (of_joint(damping=-1.0), "damping is -1.0"),
     (of_joint(friction=math.nan), "friction is nan"),
     (of_joint(armature="much"), "armature is 'much'"),

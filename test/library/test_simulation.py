@@ -483,7 +483,7 @@ def test_bad_options(options, key):
         (lambda sim: sim.change_model(None), "expected an object of class RobotModel"),
         (
             lambda sim: dd.Simulation("arm.urdf"),
-            "model is 'arm.urdf', expected an object of class RobotModel",
+            "model is 'arm.urdf'; expected an object of class RobotModel",
         ),
         (
             lambda sim: dd.Simulation(dd.load_urdf(BRICK, floating_base=True), np.zeros(7)),

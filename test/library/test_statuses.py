@@ -20,9 +20,9 @@ from diag_dynamics.nodes.support.statuses import (
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("position of joint 'joint 1' is 12.5, expected 3", "position of joint 'joint 1'"),
+        ("position of joint 'joint 1' is 12.5; expected 3", "position of joint 'joint 1'"),
         (
-            "the state is too old: 0.034 s, expected at most max_age = 0.02 s",
+            "the state is too old: 0.034 s; expected at most max_age = 0.02 s",
             "the state is too old",
         ),
         ("no command for command_timeout = 0.5 s", "no command for command_timeout = 0.5 s"),
@@ -31,7 +31,7 @@ from diag_dynamics.nodes.support.statuses import (
         ("3 joints lack data", "3 joints lack data"),
         ("'a' at 0.5 rad", "'a' at 0.5 rad"),
         ("arm-1, arm-2 are stuck at 0.5 rad", "arm-1, arm-2 are stuck"),
-        ("position of 'a' is nan, expected a number", "position of 'a' is nan, expected a number"),
+        ("position of 'a' is nan; expected a number", "position of 'a' is nan; expected a number"),
     ],
 )
 def test_messages_have_no_measured_numbers(text, expected):

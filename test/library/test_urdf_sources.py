@@ -247,7 +247,7 @@ OTHERS = {
     "HTML 5": (b"<!DOCTYPE html>\n<html><body>404</body></html>", "HTML, a page of the web"),
     "SDF": (b'<?xml version="1.0"?><sdf version="1.7"><model name="m"/></sdf>', "an SDF of Gazebo"),
     "SRDF": (b'<robot name="x"><group name="arm"><chain/></group></robot>', "an SRDF of MoveIt"),
-    "STL": (b"solid part\n facet normal 0 0 1\n", "begins with 'solid part', expected <robot>"),
+    "STL": (b"solid part\n facet normal 0 0 1\n", "begins with 'solid part'; expected <robot>"),
     "binary STL": (b"\0" * 80 + struct.pack("<I", 2) + b"\1" * 100, "it is binary"),
     "zip": (zipped(ARM), "it is binary"),
     "empty": (b"", "The URDF is empty"),

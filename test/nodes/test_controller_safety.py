@@ -370,7 +370,7 @@ def test_a_state_from_the_future(damped, ahead):
 
     status = damped.answered(publish, lambda s: s.phase == HOLDING, "the hold")
     assert (
-        f"stamp {ahead:g} s ahead of this node's clock, expected within max_state_age = 0.02 s"
+        f"stamp {ahead:g} s ahead of this node's clock; expected within max_state_age = 0.02 s"
         in status.message
     )
     before = damped.now

@@ -76,7 +76,7 @@ def test_values_on_the_command_line(made):
     with pytest.raises(InputError, match=r"parameter 'gravity' is \[\]; expected 3 numbers"):
         made("-p", "gravity:=[]")
     with pytest.raises(
-        InputError, match="parameter 'missing_velocity' is 'maybe', expected one of"
+        InputError, match="parameter 'missing_velocity' is 'maybe'; expected one of"
     ):
         made("-p", "missing_velocity:=maybe")
     with pytest.raises(InvalidParameterTypeException, match="max_age"):
@@ -121,7 +121,7 @@ def test_values_set_while_running(made):
         ("max_age", "true", "Wrong parameter type"),
         ("gravity", "down", "Wrong parameter type"),
         ("gravity", "[]", "Wrong parameter type"),
-        ("gravity", "[1.0]", "parameter 'gravity' is [1.0], expected 3 numbers."),
+        ("gravity", "[1.0]", "parameter 'gravity' is [1.0]; expected 3 numbers."),
         ("missing_velocity", "maybe", "expected one of reject, estimate"),
         ("mimic", "free", "read-only"),
     ):

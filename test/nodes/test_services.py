@@ -250,7 +250,7 @@ NAN_WRENCH = wrench([0, 0, math.nan, 0, 0, 0.0])
     [
         (
             {"wrenches": [Wrench()]},
-            "wrenches has 1 entries, expected one for each of 0 wrench_links",
+            "wrenches has 1 entries; expected one for each of 0 wrench_links",
         ),
         ({"wrench_links": ["tool"], "wrenches": [Wrench()]}, "wrench_links: 'tool' is not a link"),
         (

@@ -91,8 +91,8 @@ def test_silence_then_a_command(arm):
 @pytest.mark.parametrize(
     ("data", "named"),
     [
-        ((1.0, 2.0), "data has 2 entries, expected 6"),
-        ((0.0, np.nan, 0.0, 0.0, 0.0, 0.0), "is nan, expected a finite number"),
+        ((1.0, 2.0), "data has 2 entries; expected 6"),
+        ((0.0, np.nan, 0.0, 0.0, 0.0, 0.0), "is nan; expected a finite number"),
     ],
     ids=["wrong length", "NaN"],
 )

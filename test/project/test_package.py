@@ -85,6 +85,12 @@ def test_way_of_a_urdf():
     assert len(list(TopologicalSorter(called_from).static_order())) <= 10
 
 
+def test_errors_have_one_form():
+    """It is `<name> is <value>; expected <condition>.`"""
+    pattern = re.compile(r", expected (?!=|in )")
+    assert [str(path) for path, source in SOURCES.items() if pattern.search(source)] == []
+
+
 # --- What is declared twice ---
 
 

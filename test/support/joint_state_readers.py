@@ -121,7 +121,7 @@ class Reader:
             except Exception as error:
                 return Rejected(
                     "malformed",
-                    f"odom: {len(message.raw)} bytes, expected a nav_msgs/msg/Odometry ({error})",
+                    f"odom: {len(message.raw)} bytes; expected a nav_msgs/msg/Odometry ({error})",
                 )
         return self.assembler.accept(message.raw, message.now)
 

@@ -31,10 +31,10 @@ def set_point(message, names):
     _columns("set_point.name", message.name, names)
     if len(message.position) != len(message.name):
         raise InputError(
-            f"set_point.position has {len(message.position)} entries, expected {len(message.name)}."
+            f"set_point.position has {len(message.position)} entries; expected {len(message.name)}."
         )
     if any(message.velocity) or any(message.effort):
-        raise InputError("set_point has velocities or efforts, expected positions only.")
+        raise InputError("set_point has velocities or efforts; expected positions only.")
     return vector(
         "set_point.position", dict(zip(message.name, message.position, strict=True)), names
     )
@@ -53,12 +53,12 @@ def trajectory(message, names, position):
     stamp = message.header.stamp
     if not points:
         raise InputError(
-            "trajectory.points is empty, expected at least one point. "
+            "trajectory.points is empty; expected at least one point. "
             "To stop the robot, request the mode again."
         )
     if len(points) > MAX_POINTS:
         raise InputError(
-            f"trajectory.points has {len(points)} entries, expected at most {MAX_POINTS}."
+            f"trajectory.points has {len(points)} entries; expected at most {MAX_POINTS}."
         )
     times = np.array(
         [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points]
@@ -67,7 +67,7 @@ def trajectory(message, names, position):
     if not with_position.all():
         k = np.argmin(with_position)
         raise InputError(
-            f"trajectory.points[{k}].positions is empty, expected {len(columns)} entries."
+            f"trajectory.points[{k}].positions is empty; expected {len(columns)} entries."
         )
     at_rest = np.zeros(len(names))
     velocities, with_velocity = _field(points, "velocities", columns, at_rest)
@@ -84,7 +84,7 @@ def tolerances(goal, names, defaults):
         value = getattr(goal, field, ())
         if getattr(value, "joint_names", value):
             raise InputError(
-                f"{field} is set, expected none because the robot has joints of one degree of "
+                f"{field} is set; expected none because the robot has joints of one degree of "
                 "freedom only."
             )
     tables = {"path_tolerance": defaults.path.copy(), "goal_tolerance": defaults.goal.copy()}
@@ -109,7 +109,7 @@ def _tolerance(name, value, default):
     if value == 0.0:
         return default
     if value != -1.0 and not 0.0 < value < np.inf:
-        raise InputError(f"{name} is {value}, expected a number > 0, 0 (the default) or -1 (none).")
+        raise InputError(f"{name} is {value}; expected a number > 0, 0 (the default) or -1 (none).")
     return value if value > 0.0 else np.inf
 
 
@@ -117,9 +117,9 @@ def _columns(field, listed, names):
     """Return where `names` has each listed joint."""
     for k, name in enumerate(listed):
         if name not in names:
-            raise InputError(f"{field} has '{name}', expected joints of {', '.join(names)}.")
+            raise InputError(f"{field} has '{name}'; expected joints of {', '.join(names)}.")
         if name in listed[:k]:
-            raise InputError(f"{field} has '{name}' twice, expected each joint once.")
+            raise InputError(f"{field} has '{name}' twice; expected each joint once.")
     return [list(names).index(name) for name in listed]
 
 
@@ -136,7 +136,7 @@ def _field(points, name, columns, default):
     if wrong.any():
         k = np.argmax(wrong)
         raise InputError(
-            f"trajectory.points[{k}].{name} has {lengths[k]} entries, expected {width}."
+            f"trajectory.points[{k}].{name} has {lengths[k]} entries; expected {width}."
         )
     table = np.tile(default, (len(points), 1))
     table[np.ix_(present, columns)] = np.frombuffer(b"".join(values)).reshape(-1, width)

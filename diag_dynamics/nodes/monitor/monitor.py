@@ -217,7 +217,7 @@ class MonitorNode(TableNode, Node):
         try:
             message = deserialize_message(message, Odometry)
         except Exception as error:
-            text = f"odom: {len(message)} bytes, expected a nav_msgs/msg/Odometry ({error})"
+            text = f"odom: {len(message)} bytes; expected a nav_msgs/msg/Odometry ({error})"
             raise RejectedError("malformed", text) from error
         result = robot.assembler.accept_odometry(message, self.time.now())
         if isinstance(result, Rejected):

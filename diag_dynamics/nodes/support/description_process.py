@@ -34,7 +34,7 @@ def described(source):
     )
     if process.returncode != 0:
         end = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        text = f"the reader of the URDF ended with {process.returncode}, expected 0: {end}"
+        text = f"the reader of the URDF ended with {process.returncode}; expected 0: {end}"
         raise UrdfError(f"{text} Try diag-dynamics inspect with the same file.")
     description, warnings, error = pickle.loads(process.stdout)
     for warning in warnings:

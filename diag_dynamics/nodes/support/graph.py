@@ -25,7 +25,7 @@ def publishers(node, subscription, kind):
     names = node_names(infos)
     for name, info in zip(names, infos, strict=True):
         if info.topic_type != kind:
-            problems[name] = f"{name} publishes {info.topic_type} on {topic}, expected {kind}"
+            problems[name] = f"{name} publishes {info.topic_type} on {topic}; expected {kind}"
             continue
         compatible, reason = qos_check_compatible(info.qos_profile, subscription.qos_profile)
         if compatible == QoSCompatibility.ERROR:

@@ -17,7 +17,7 @@ def read_state(model, request, followers):
     state = request.state
     joints = _find_joints(model, request.state.name)
     if joints and not len(state.position):
-        raise InputError(f"state.position is empty, expected {len(joints)} entries.")
+        raise InputError(f"state.position is empty; expected {len(joints)} entries.")
     q = _vector(model, "state.position", state.position, joints)
     positions = _of_followers(followers, state.position, joints)
     for disagreement in followers.disagreements(q, positions):
@@ -53,7 +53,7 @@ def read_wrenches(model, request):
     f_ext = {}
     if len(links) != len(wrenches) or len(wrenches) > MAX_WRENCHES:
         expected = f"one for each of {len(links)} wrench_links, no more than {MAX_WRENCHES}"
-        raise InputError(f"wrenches has {len(wrenches)} entries, expected {expected}.")
+        raise InputError(f"wrenches has {len(wrenches)} entries; expected {expected}.")
     for link, wrench in zip(links, wrenches, strict=True):
         if link not in model.link_names:
             raise InputError(f"wrench_links: '{link}' is not a link of robot '{model.name}'.")
@@ -92,7 +92,7 @@ def _vector(model, field, values, joints):
         raise InputError(f"{field} has {len(values)} entries for {len(joints)} names.")
     vector = np.array([values[joints[name]] for name in names])
     for k in np.flatnonzero(~np.isfinite(vector)):
-        raise InputError(f"{field} of joint '{names[k]}' is {vector[k]}, expected a finite number.")
+        raise InputError(f"{field} of joint '{names[k]}' is {vector[k]}; expected a finite number.")
     return vector
 
 
@@ -106,5 +106,5 @@ def _of_followers(followers, values, joints):
 def _six(field, *vectors):
     numbers = np.array([number for v in vectors for number in (v.x, v.y, v.z)])
     if not np.isfinite(numbers).all():
-        raise InputError(f"{field} is {numbers.tolist()}, expected finite numbers.")
+        raise InputError(f"{field} is {numbers.tolist()}; expected finite numbers.")
     return numbers
