@@ -61,7 +61,7 @@ def mapping(
         raise InputError(f"{name} is {value!r}; expected a dict by name.")
     for key in required:
         if key not in value:
-            raise InputError(f"{name} has no {key}.")
+            raise InputError(f"{name} has no {key}; expected {', '.join(required)}.")
     for key in value if known else ():
         if key not in known:
             raise InputError(f"{name} has {key!r}; expected one of {', '.join(known)}.")
@@ -131,7 +131,7 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
         entries = dict(value.items())
         if len(entries) < len(labels):
             twice = next(label for label in labels if labels.count(label) > 1)
-            raise InputError(f"{name} has a name twice: {twice}.")
+            raise InputError(f"{name} has {twice!r} twice; expected each name once.")
     elif isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InputError(f"{name} has {np.ma.count_masked(value)} masked entries; expected none.")
     else:
@@ -143,10 +143,10 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
             raise InputError(f"{name} has {label!r}; expected {expected}.")
     missing = [label for label in names if label not in entries]
     if missing:
-        raise InputError(f"{name} has nothing for {listed(missing)}.")
+        raise InputError(f"{name} lacks {listed(missing)}; expected one entry for each name.")
     columns = [np.asarray(entries[label]) for label in names]
     if len({column.shape for column in columns}) > 1:
-        raise InputError(f"{name} has not as many entries of '{names[0]}' as of all others.")
+        raise InputError(f"{name} has columns of several lengths; expected one length.")
     return np.stack(columns, axis=-1) if columns else np.empty(0)
 
 
@@ -205,9 +205,9 @@ def _numeric(name: str, value: Any, kind: str) -> Any:
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise InputError(f"{name} is not {kind} of numbers: {error}.") from error
+        raise InputError(f"{name} is ragged ({error}); expected {kind} of numbers.") from error
     if array.dtype.kind not in "fiu":
-        raise InputError(f"{name} is not {kind} of numbers: it has dtype {array.dtype}.")
+        raise InputError(f"{name} has dtype {array.dtype}; expected {kind} of numbers.")
     return array
 
 

@@ -50,7 +50,7 @@ def assignments(parameter, entries, kind=float, minimum=None, advice=""):
         if not equals or not name or value is None:
             raise InputError(f"{title}; expected name={_EXPECTED[kind]}.{advice}")
         if name in values:
-            raise InputError(f"parameter '{parameter}' has two entries for '{name}'.")
+            raise InputError(f"parameter '{parameter}' has two entries for '{name}'; expected one.")
         if minimum is not None and value < minimum:
             raise InputError(f"{title}; expected no less than {minimum:g}.")
         if kind is float and abs(value) > LARGEST:

@@ -206,14 +206,11 @@ class ContactPoints:
         self._arguments = model, contact_points, limits, worst_by
         limits = limits or ContactLimits()
         for link in limits.links:
-            if link not in model.link_names:
-                raise InputError(
-                    f"contact limits, links: '{link}' is not a link of robot '{model.name}'."
-                )
+            choice("link of contact limits", link, model.link_names)
         entries: dict[str, Any] = {}  # body, link, regions, points and these in its axes, by name
         for point in contact_points:
             if point.name in entries:
-                raise InputError(f"there are two contact points of the name '{point.name}'.")
+                raise InputError(f"points have '{point.name}' twice; expected each name once.")
             body, placement = model.placement_in_body(point.link)
             coordinates = _rows(point)
             coordinates.flags.writeable = False

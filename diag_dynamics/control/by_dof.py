@@ -22,8 +22,8 @@ def by_dof(parameter, entries, names, default=None):
     for name in names:
         if name not in values:
             raise InputError(
-                f"parameter '{parameter}' has no entry for joint '{name}', "
-                "and none for * (all others)."
+                f"parameter '{parameter}' has no entry for joint '{name}'; expected one for it or "
+                "for * (all others)."
             )
     return per_name(f"parameter '{parameter}'", values, names, "a number > 0", lambda x: x > 0.0)
 
@@ -69,11 +69,11 @@ def command_order(entries, names, complete=True):
         if name not in names:
             raise InputError(f"{parameter} names '{name}'; expected one of {', '.join(names)}.")
         if joints.count(name) > 1:
-            raise InputError(f"{parameter} names '{name}' twice.")
+            raise InputError(f"{parameter} names '{name}' twice; expected each joint once.")
     for name in names:
         if complete and name not in joints:
             raise InputError(
-                f"{parameter} lacks joint '{name}': name it, or lock it (locked_joints)."
+                f"{parameter} lacks joint '{name}'; expected all joints. Name it, or lock it."
             )
     return joints, [names.index(name) for name in joints]
 

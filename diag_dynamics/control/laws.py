@@ -21,7 +21,7 @@ import numpy as np
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import instance, numbers, per_name, positive, vector
+from diag_dynamics.checks import choice, instance, numbers, per_name, positive, vector
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 
@@ -71,11 +71,14 @@ def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
     """
     model = instance("dynamics", dynamics, DiagonalDynamics).model
     if model.floating_base:
-        raise UnsupportedError(f"robot '{model.name}' has a floating base, which no motor drives.")
+        raise UnsupportedError(
+            f"robot '{model.name}' has a floating base; expected a motor at each degree of freedom."
+        )
     for joint in model.joint_names:
         if joint not in model.dof_names:
             raise UnsupportedError(
-                f"joint '{joint}' has several degrees of freedom, which no motor drives; lock it."
+                f"joint '{joint}' has several degrees of freedom; expected one with a motor. "
+                "Lock the joint."
             )
     return dynamics
 
@@ -420,8 +423,7 @@ class PoseRegulation(Law):
         null_frequency: float = 1.0,
     ) -> None:
         super().__init__(dynamics, "placement", "wrench_factor")
-        if link not in dynamics.model.link_names:
-            raise InputError(f"'{link}' is not a link of robot '{dynamics.model.name}'.")
+        choice("link", link, dynamics.model.link_names)
         if (damping is None) == (damping_ratio is None):
             raise InputError(
                 f"damping is {damping} and damping_ratio is {damping_ratio}; expected one of them."
@@ -472,7 +474,7 @@ class PoseRegulation(Law):
         Both q [rad, m] and qd [rad/s, m/s] have shape (nv,).
         """
         if self._target is None:
-            raise InputError("PoseRegulation has no target: call aim first.")
+            raise InputError("PoseRegulation has no target; expected one. Call aim first.")
         nu = self.dynamics.nu_from_qd(q, qd)
         position, axes = self.pose(q)
         distance = self._target[0] - position

@@ -181,7 +181,7 @@ class PositionRepulsion:
         for name, lower, upper in zip(names, model.lower, model.upper, strict=True):
             if not lower < upper:
                 raise InputError(
-                    f"joint '{name}' has limits [{lower}, {upper}]: no range to keep it in."
+                    f"joint '{name}' has limits [{lower}, {upper}]; expected a range between them."
                 )
         dynamics.compile("epsilon_from_tau", "factors")
 
@@ -257,7 +257,7 @@ class ContactLimiter:
         self.points = points
         self.rate = positive("rate", rate, "[1/s]")
         if not points.limited.any():
-            raise InputError("points have no limit: there is nothing to bound.")
+            raise InputError("points have no limits; expected at least one.")
         dynamics.compile(
             *("contact_limits", "forward_dynamics", "wrench_factor"),
             *("nu_from_qd", "qd_from_nu", "tau_from_epsilon"),

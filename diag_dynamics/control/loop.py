@@ -193,8 +193,8 @@ class ControlLoop:
             raise InputError(unstable)
         if self.supervisor.phase == RAMPING_DOWN:
             raise InputError(
-                "the controller has stopped, and there is no valid state yet: "
-                f"{self.supervisor.reason}."
+                "the controller has no valid state yet: "
+                f"{self.supervisor.reason}; expected one after its stop."
             )
         self.supervisor.cause = ""
         self.limits.renew()
@@ -245,7 +245,7 @@ class ControlLoop:
         """Raise InputError unless a target, by the name of its topic, is accepted now."""
         if target not in self._mode.targets:
             modes = " or ".join(name for name, kind in LAWS.items() if target in kind.targets)
-            raise InputError(f"{target} is for mode {modes}, but {self.mode} is in force.")
+            raise InputError(f"{target} came in mode {self.mode}; expected mode {modes}.")
         if self.supervisor.phase != ACTIVE:
             raise InputError(
                 f"{target} comes while the law is not in force: {self.supervisor.reason}."
@@ -317,7 +317,7 @@ class ControlLoop:
         """Set the fraction of the allowed contact speeds, from 0 to 1, at the time `now` [ns]."""
         if self.limits.contact is None:
             raise InputError(
-                "contact_scale is set, but there are no contact limits. Set contact_limits.file."
+                "contact_scale is set; expected contact limits. Set contact_limits.file."
             )
         self.limits.contact.scale = scale  # which checks it
         self._scale = scale, now

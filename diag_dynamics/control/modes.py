@@ -303,7 +303,7 @@ class JointMode(Mode):
                 f"trajectory.header.stamp is {wait} s in the future; expected {limit} s at most."
             )
         if trajectory.ends_before(now):
-            raise InputError("trajectory.header.stamp is so long ago that the trajectory is over.")
+            raise InputError("trajectory is over at its arrival; expected a later header.stamp.")
         self.begin(state)
         trajectory.begin(state.newest, self.desired.position, self.desired.velocity)
         self._require_near(trajectory.sample(state.newest).position, state)

@@ -278,7 +278,7 @@ def _flexible_link(
     outboard = [name for name, joint in joints.items() if joint.parent == link.name]
     if tip not in outboard:
         raise InputError(
-            f"{where}: tip '{tip}' is not a joint of this link; its joints are {listed(outboard)}."
+            f"{where}: tip is '{tip}'; expected a joint of this link: {listed(outboard)}."
         )
     beam = joints[tip].origin[:3, 3]
     length = float(np.linalg.norm(beam))

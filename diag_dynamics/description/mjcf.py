@@ -343,14 +343,14 @@ class _Reader:
 
     def _add_link(self, name: str, inertial: Inertial | None = None) -> None:
         if name in self.links:
-            raise UrdfError(f"Two bodies have the name '{name}'. Rename one of them.")
+            raise UrdfError(f"Two bodies have the name '{name}'; expected one. Rename the other.")
         self.links[name] = Link(name, inertial)
 
     def _add_joint(
         self, name: str, kind: str, parent: str, child: str, origin: Array, **fields: Any
     ) -> None:
         if name in self.joints:
-            raise UrdfError(f"Two joints have the name '{name}'. Rename one of them.")
+            raise UrdfError(f"Two joints have the name '{name}'; expected one. Rename the other.")
         fields = {"axis": np.array([1.0, 0.0, 0.0]), **fields}
         self.joints[name] = checked_joint(Joint(name, kind, parent, child, origin, **fields))
 

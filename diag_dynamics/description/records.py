@@ -334,8 +334,8 @@ class Description(NamedTuple):
         """Return a link by its name; `where` is for errors."""
         if name not in self.links:
             raise InputError(
-                f"{where}: '{name}' is not a link of robot '{self.name}'. "
-                f"Its links are {listed(list(self.links))}."
+                f"{where} has '{name}'; expected a link of robot '{self.name}': "
+                f"{listed(list(self.links))}."
             )
         return self.links[name]
 
@@ -343,8 +343,8 @@ class Description(NamedTuple):
         """Return a joint of one degree of freedom by its name; `where` is for errors."""
         if name not in self.joints:
             raise InputError(
-                f"{where}: '{name}' is not a joint of robot '{self.name}'. "
-                f"Its joints are {listed(list(self.joints))}."
+                f"{where} has '{name}'; expected a joint of robot '{self.name}': "
+                f"{listed(list(self.joints))}."
             )
         kind = self.joints[name].type
         if kind not in SINGLE:

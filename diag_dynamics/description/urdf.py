@@ -105,11 +105,11 @@ def checked_joint(joint: Joint) -> Joint:
     if joint.type not in ("revolute", "prismatic"):
         joint = joint._replace(lower=-np.inf, upper=np.inf)
     for name in ("damping", "friction"):
-        if getattr(joint, name) < 0.0:
-            raise UrdfError(f"joint '{joint.name}': {name} {getattr(joint, name)} is negative.")
+        if (value := getattr(joint, name)) < 0.0:
+            raise UrdfError(f"joint '{joint.name}': {name} is {value}; expected a number >= 0.")
     if joint.lower > joint.upper:
         raise UrdfError(
-            f"joint '{joint.name}': lower limit {joint.lower} is above the upper one, "
+            f"joint '{joint.name}': lower limit is {joint.lower}; expected at most the upper one, "
             f"{joint.upper}."
         )
     if joint.type not in ("fixed", "floating") and np.linalg.norm(joint.axis) < 1e-9:
@@ -232,7 +232,9 @@ def _named(robot: Any, tag: str) -> dict[str, Any]:
         if not name:
             raise UrdfError(f"A <{tag}> in line {element.sourceline} has no name.")
         if name in elements:
-            raise UrdfError(f"Two elements <{tag}> have the name '{name}'.")
+            raise UrdfError(
+                f"Two elements <{tag}> have the name '{name}'; expected one. Rename the other."
+            )
         elements[name] = element
     return elements
 
@@ -277,7 +279,7 @@ def _end(joint: Any, name: str, end: str, links: Container[str]) -> str:
         raise UrdfError(f"joint '{name}' has {len(elements)} <{end}> elements; expected one.")
     link: str | None = elements[0].get("link") if elements else None
     if link is None or link not in links:
-        raise UrdfError(f"joint '{name}': {end} link {short(link)} is not a link of this URDF.")
+        raise UrdfError(f"joint '{name}' has {end} {short(link)}; expected a link of this URDF.")
     return link
 
 
@@ -288,7 +290,7 @@ def _link(link: Any, element: Any) -> Link:
     mass = link.inertial.mass
     where = f"link '{link.name}'"
     if mass < 0.0:
-        raise UrdfError(f"{where}: mass {mass:g} kg is negative.")
+        raise UrdfError(f"{where}: mass is {mass:g} kg; expected a number >= 0.")
     placement = placement_of(element.find("inertial").find("origin"), where)
     return Link(link.name, Inertial(mass, placement, link.inertial.inertia))
 

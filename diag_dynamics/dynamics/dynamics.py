@@ -785,7 +785,9 @@ class DiagonalDynamics(calls.Sweeps):
         points = points if isinstance(points, ContactPoints) else ContactPoints(model, points)
         names = points.model.link_names, points.model.dof_names
         if names != (model.link_names, model.dof_names):
-            raise InputError(f"points are of robot '{points.model.name}', not of '{model.name}'.")
+            raise InputError(
+                f"points are of robot '{points.model.name}'; expected those of '{model.name}'."
+            )
         shapes = (self._nv,), (len(points), contacts.CONTACT_COLUMNS)
         outputs = self._call(calls.CONTACTS, at, *shapes, before=(points.table,))
         return PredictedContact(points, *outputs)

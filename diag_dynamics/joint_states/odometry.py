@@ -107,7 +107,7 @@ def base_state(model, link, position, quaternion, twist, twist_in_world=False):
     if abs(length - 1.0) > 1e-2:
         raise InputError(
             f"orientation of '{link}' is the quaternion {list(quaternion)} "
-            f"of length {length:.3g}, not 1."
+            f"of length {length:.3g}; expected 1."
         )
     attached = model.placement_in_root(link)
     R = rotations.from_quaternion(*map(float, quaternion))

@@ -105,8 +105,7 @@ def wrenches_on_links(
     expected += "".join(f", or ({count}, 6) of them: a row for each state" for count in states)
     records = np.zeros((*(states or (1,)), len(f_ext)), WRENCH)
     for k, (name, wrench) in enumerate(f_ext.items()):
-        if name not in model.link_names:
-            raise InputError(f"f_ext: '{name}' is not a link of robot '{model.name}'.")
+        choice("link of f_ext", name, model.link_names)
         array = array_of(wrench)
         if array is None or array.shape not in ((6,), (*states, 6)) or not np.isfinite(array).all():
             raise InputError(f"f_ext on link '{name}' is {wrench!r}; expected {expected}.")

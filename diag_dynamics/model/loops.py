@@ -149,7 +149,7 @@ def close(
     result = Coupled(followers, dict(mimics), [], dict(curves), {}, flexible)
     for name, count in Counter(loop.name for loop in loops).items():
         if count > 1:
-            raise LoopError(f"two loops have the name '{name}'. Rename one of them.")
+            raise LoopError(f"two loops have the name '{name}'; expected other names. Rename one.")
     cut = _Cut(tree)
     start = cut.start(loops)
     linear = {
@@ -330,12 +330,12 @@ class _Cut:
         """Return the joints between the ends of a loop."""
         for end in (loop.a, loop.b):
             if end.link not in self._places:
-                raise LoopError(f"loop '{loop.name}': '{end.link}' is not a link of this robot.")
+                raise LoopError(f"loop '{loop.name}' has '{end.link}'; expected a link.")
         for name in {*loop.independent, *loop.start} - self.tree.locked.keys():
             if name not in self._q:
                 raise LoopError(
-                    f"loop '{loop.name}': '{name}' is not a joint of one degree of freedom that "
-                    "moves."
+                    f"loop '{loop.name}' has '{name}'; expected a moving joint of one degree of "
+                    "freedom."
                 )
         for name, x in loop.start.items():
             if (

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
-from diag_dynamics.checks import vector
+from diag_dynamics.checks import choice, vector
 from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
 from diag_dynamics.description.parameters import (
     Parameters,
@@ -429,14 +429,13 @@ class RobotModel:
         body, placement = self.placement_in_body(link)
         if body != self._tree.links[0][1]:
             raise InputError(
-                f"link '{link}' is not rigidly attached to the root link '{self.root_link}'."
+                f"link is '{link}'; expected one rigidly attached to root link '{self.root_link}'."
             )
         return placement
 
     def placement_in_body(self, link: str) -> tuple[int, Array]:
         """Return the index of a link's body, and the link's placement (4x4) in the body's frame."""
-        if link not in self.link_names:
-            raise InputError(f"'{link}' is not a link of robot '{self.name}'.")
+        choice("link", link, self.link_names)
         _, body, placement = self._tree.links[self.link_names.index(link)]
         return body, placement
 

@@ -352,8 +352,7 @@ def _end_of_chain(name: str, followers: Mapping[str, Mimic], joints: Mapping[str
         leader = followers[follower].leader
         if leader not in joints:
             raise MimicJointError(
-                f"joint '{follower}': it mimics '{leader}', which is not a joint of this URDF. "
-                f"{_CURE}",
+                f"joint '{follower}' mimics '{leader}'; expected a joint of this URDF. {_CURE}",
                 [follower],
             )
         if leader in chain:

@@ -95,7 +95,7 @@ def _read_file(path):
         if not isinstance(section, Mapping) or not isinstance(
             section.get("ros__parameters"), Mapping
         ):
-            raise InputError(f"'{path}': section '{node}' has no ros__parameters.")
+            raise InputError(f"'{path}': section '{node}' has no ros__parameters; expected them.")
         node_name = str(node).split("/")[-1]
         if fnmatch(MONITOR, node_name):
             ignored = OF_OTHERS if node_name != MONITOR else ()

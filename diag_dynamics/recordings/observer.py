@@ -130,7 +130,9 @@ def require_same_robot(dynamics: DiagonalDynamics, recording: Recording) -> None
 def require_efforts(with_states: bool, counts: Mapping[str, int]) -> None:
     """Reject a recording that has no efforts, and perhaps no states either."""
     if not with_states:
-        raise InputError("the recording has no states. Its findings give the causes.")
+        raise InputError(
+            "the recording has no states; expected at least one. Its findings give the causes."
+        )
     raise InputError(f"{explain_missing_efforts(counts)}. External torque requires them.")
 
 

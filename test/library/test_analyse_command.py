@@ -302,7 +302,7 @@ WRONG = {
     ("--start", "50"): "contains no message between start and end",
     ("--parameters", "{nonsense}"): "no parameter 'nonsense'",
     ("--joint-names", "a=b", "a=c"): "parameter '--joint-names' has two entries for 'a'",
-    ("--parameters", "{elbow}"): "'elbow' is not a joint of robot 'panda'",
+    ("--parameters", "{elbow}"): "'elbow'; expected",
 }
 
 

@@ -193,7 +193,7 @@ def test_points_outlive_pickling():
         ([("a", "panda_hand", (0, 0))], "points of 'a'"),
         ([("a", "panda_hand", (0, 0, math.inf))], "points of 'a'"),
         ([("a", "panda_hand", (0, 0, 0), ["chest"])], "point 'a' is 'chest'"),
-        ([("a", "panda_hand"), ("a", "panda_link4")], "name 'a'"),
+        ([("a", "panda_hand"), ("a", "panda_link4")], "'a' twice"),
     ],
 )
 def test_wrong_points_are_named(points, said):
@@ -354,7 +354,7 @@ def test_a_wrong_file_of_limits_is_named(tmp_path, text, said):
 
 def test_limits_of_a_link_that_there_is_not():
     limits = dd.ContactLimits({"a": {"energy": 1.0}}, links={"nowhere": ["a"]})
-    with pytest.raises(dd.InputError, match="'nowhere' is not a link of robot 'panda'"):
+    with pytest.raises(dd.InputError, match="'nowhere'; expected"):
         dd.ContactPoints(dd.load_urdf(robot(PANDA).urdf), [], limits)
 
 

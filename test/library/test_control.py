@@ -192,7 +192,7 @@ def pose(dyn, link="panda_hand", damping=1.0, position=1.0, orientation=1.0, poi
             lambda d: dd.PoseRegulation(d, "panda_hand", 1.0, damping_ratio=0.7),
             "damping is 1.0 and damping_ratio is 0.7",
         ),
-        (lambda d: pose(d, "hand"), "'hand' is not a link"),
+        (lambda d: pose(d, "hand"), "'hand'; expected"),
         (lambda d: pose(d, position=-1), "position_stiffness of 'x' is -1.0"),
         (lambda d: pose(d, point=(0, 0)), "point is"),
         (lambda d: pose(d).command(ONE, ONE), "no target"),

@@ -220,7 +220,7 @@ def test_the_scale_of_contact_speeds(strong, timeout, scale, age, expected):
     assert loop.limits.contact.scale == expected
     with pytest.raises(InputError, match=r"scale is 1\.1"):
         loop.take_scale(1.1, S)
-    with pytest.raises(InputError, match="no contact limits"):
+    with pytest.raises(InputError, match="expected contact limits"):
         slow_loop_of(strong).take_scale(0.5, S)
 
 
@@ -358,10 +358,10 @@ def follow(points, stamp=0):
         (
             TRACKING,
             lambda loop: loop.take_pose("base_link", ORIGIN, UPRIGHT),
-            "for mode pose, but tracking is in force",
+            "in mode tracking; expected mode pose",
         ),
-        (POSE, follow([(1.0, Q)]), "for mode tracking or regulation, but pose is in force"),
-        (POSE, lambda loop: loop.take_pose("wing", ORIGIN, UPRIGHT), "'wing' is not a link"),
+        (POSE, follow([(1.0, Q)]), "in mode pose; expected mode tracking or regulation"),
+        (POSE, lambda loop: loop.take_pose("wing", ORIGIN, UPRIGHT), "'wing'; expected"),
         (
             POSE,
             lambda _: received.pose(

@@ -251,7 +251,7 @@ def test_bad_trajectories_are_rejected(message, key):
     ("message", "key"),
     [
         *((joint_state(names, [0.0] * len(names)), key) for names, key in OTHER_NAMES),
-        (joint_state(NAMES[:2], [0.0, 0.0]), f"has nothing for {NAMES[2]}"),
+        (joint_state(NAMES[:2], [0.0, 0.0]), f"lacks {NAMES[2]}"),
         (joint_state(NAMES, [0, 0]), "position has 2 entries"),
         (joint_state(NAMES, [0, np.inf, 0]), "position of joint 'elbow' is inf"),
         (joint_state(NAMES, [0, 0, 0], [0, 0, 1]), "positions only"),

@@ -139,7 +139,7 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
             "Velocity limits of 'upper_joint' are .*3.0.* within 0 … 2",
         ),
         ({"joints": ()}, "move more joints"),
-        ({"what": "payload:tool"}, "'tool' is not a link of robot"),
+        ({"what": "payload:tool"}, "'tool'; expected"),
         ({"joints": ["elbow"]}, "joints: one of them is 'elbow'"),
         ({"ranges": {"upper_joint": (-9, 1)}}, "Position limits of 'upper_joint' are .*-9"),
         ({"duration": 15.0}, "duration is 15 s"),

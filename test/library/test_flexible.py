@@ -390,7 +390,7 @@ def test_armature():
 ENTRY = {"stiffness": 100.0, "rotor_inertia": 1e-4}
 LEADER = "panda_finger_joint2"
 WRONG = {
-    "unknown joint": ({"elbow": ENTRY}, {}, "'elbow' is not a joint"),
+    "unknown joint": ({"elbow": ENTRY}, {}, "'elbow'; expected"),
     "fixed joint": ({"panda_joint8": ENTRY}, {}, "'panda_joint8' is fixed"),
     "mimic joint": ({LEADER: ENTRY}, {}, f"'{LEADER}' follows other joints"),
     "stiffness": (

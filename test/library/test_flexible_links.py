@@ -427,7 +427,7 @@ def test_steep_tip(arm):
 # --------------------------------------------------------------------------------------------------
 
 WRONG = [
-    ({"ghost": {}}, "'ghost' is not a link"),
+    ({"ghost": {}}, "'ghost'; expected"),
     ({"a": {"tip": "j2"}}, "flexible link 'a' has no EI"),
     ({"a": LINKS["a"] | {"stiff": 1}}, "flexible link 'a' has 'stiff'; expected one of tip"),
     ({"a": LINKS["a"] | {"tip": "k"}}, "joint 'k' is at its origin"),

@@ -876,7 +876,7 @@ def test_other_elements_stay():
 
 
 def test_robots_without_a_place_for_parameters():
-    with pytest.raises(dd.InputError, match="'k' is not a joint"):
+    with pytest.raises(dd.InputError, match="'k'; expected"):
         urdf_with(PANDA.read_text(), dd.Parameters(joints={"k": dd.JointParameters(damping=1.0)}))
     with pytest.raises(dd.UrdfError, match="not well-formed"):
         urdf_with("<robot", dd.Parameters())

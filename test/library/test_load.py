@@ -212,7 +212,7 @@ def test_reset_and_wrong_arguments():
         dd.LoadEstimator(arm.dynamics, arm.link, GAIN, np.eye(5))
     with pytest.raises(InputError, match="base_link"):
         dd.LoadEstimator(arm.dynamics, "base_link", GAIN, np.eye(6))
-    with pytest.raises(InputError, match="'hook' is not a link"):
+    with pytest.raises(InputError, match="'hook'; expected"):
         dd.LoadEstimator(arm.dynamics, "hook", GAIN, np.eye(6))
 
 

@@ -289,13 +289,13 @@ TOO_HEAVY = {"payloads": {"panda_hand": {"mass": -3.0}}}
 WRONG = [
     ([], r"^parameters is \[\]; expected a dict"),
     ({"joint": {}}, "^parameters has 'joint'; expected one of joints"),
-    ({"joints": {"panda_joint_1": {}}}, "'panda_joint_1' is not a joint"),
+    ({"joints": {"panda_joint_1": {}}}, "'panda_joint_1'; expected"),
     ({"joints": {"panda_joint8": {"damping": 1.0}}}, "joint 'panda_joint8' is fixed"),
     (of_joint(dampign=1.0), "joint 'panda_joint1' has 'dampign'; expected one of damping"),
     (of_joint(damping=-1.0), "damping is -1.0"),
     (of_joint(friction=math.nan), "friction is nan"),
     (of_joint(armature="much"), "armature is 'much'"),
-    ({"links": {"elbow": {"mass": 1.0}}}, "'elbow' is not a link .* panda_link0"),
+    ({"links": {"elbow": {"mass": 1.0}}}, "'elbow'; expected .* panda_link0"),
     (of_link(com=[0, 0, 1]), "link 'panda_link1' has no mass"),
     (of_link(mass=1.0, com=[0, 1]), "link 'panda_link1': com is"),
     (

@@ -124,7 +124,7 @@ def test_observer_goes_on(peer):
 def test_wrong_messages_are_faults(peer):
     with Carried(peer, "/wrong", gravity_imu="imu") as monitor:
         for send, text in (
-            ({"frame": "camera", "orientation": TILT}, "'camera' is not a link"),
+            ({"frame": "camera", "orientation": TILT}, "'camera'; expected"),
             ({"frame": "panda_hand", "orientation": TILT}, "no joint state yet"),
             ({}, "has no orientation"),
         ):

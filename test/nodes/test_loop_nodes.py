@@ -115,4 +115,4 @@ def test_demo_with_loops_of_another_robot(loops_file, capsys, monkeypatch, tmp_p
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     (robot := tmp_path / "five_bar.urdf").write_text(five_bar())
     assert demo.main(["demo", "--robot", str(robot), "--loops", loops_file(FOUR_BAR)]) == 1
-    assert "LoopError: loop 'bar': 'coupler' is not a link" in capsys.readouterr().err
+    assert "LoopError: loop 'bar' has 'coupler'; expected" in capsys.readouterr().err

@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from diag_dynamics.checks import choice
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.odometry import base_state
 from diag_dynamics.model.joint_types import single_joints
@@ -55,8 +56,7 @@ def read_wrenches(model, request):
         expected = f"one for each of {len(links)} wrench_links, no more than {MAX_WRENCHES}"
         raise InputError(f"wrenches has {len(wrenches)} entries; expected {expected}.")
     for link, wrench in zip(links, wrenches, strict=True):
-        if link not in model.link_names:
-            raise InputError(f"wrench_links: '{link}' is not a link of robot '{model.name}'.")
+        choice("entry of wrench_links", link, model.link_names)
         force = _six(f"wrenches on link '{link}'", wrench.force, wrench.torque)
         f_ext[link] = f_ext.get(link, 0.0) + force
     return {"f_ext": f_ext, "frame": "world" if request.wrenches_in_world else "link"}
@@ -75,8 +75,8 @@ def _find_joints(model, names):
     }
     for k, name in enumerate(names):
         if name not in allowed or name in joints:
-            fault = "listed twice" if name in joints else f"not a joint of robot '{model.name}'"
-            raise InputError(f"state.name: '{name}' is {fault}.")
+            expected = f"each joint of robot '{model.name}' once"
+            raise InputError(f"state.name has '{name}'; expected {expected}.")
         joints[name] = k
     if missing := [name for name in needed if name not in joints]:
         raise InputError(f"state.name: joint '{missing[0]}' is missing.")

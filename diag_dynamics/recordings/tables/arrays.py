@@ -54,7 +54,7 @@ class ParquetTable:
         names = [column.name for column in self.columns]
         for name in used.values():
             if names.count(name) > 1:
-                raise InputError(f"'{self.path}' has two columns '{name}'.")
+                raise InputError(f"'{self.path}' has two columns '{name}'; expected one.")
         with self._open() as file:
             for group in range(file.num_row_groups):
                 end = row + file.metadata.row_group(group).num_rows
