@@ -340,6 +340,23 @@ def test_sixty_joints_and_names_that_are_html(chromium, serve):
         assert tab.said == []
 
 
+@pytest.mark.full
+def test_names_and_status_on_a_phone(chromium, serve):
+    """Joints have one line each; the worst status is whole."""
+    _, stream = shown(chain(["root_joint/v_x", "arm_left_1_joint"]), "/arm")
+    message = "all efforts are commands, but gravity requires others: the brakes hold the robot"
+    stream.set_diagnostics([status(1, "efforts", message)])
+    with Tab(chromium, (390, 844), "light") as tab:
+        tab.open(serve(stream).address)
+        tab.until(f"document.querySelector('.worst').textContent === 'efforts: {message}'")
+        lines = tab.ask(
+            "[...document.querySelectorAll('.joints tbody span')].map((name) => "
+            "Math.round(name.clientHeight / parseFloat(getComputedStyle(name).lineHeight)))"
+        )
+        assert lines == [1, 1]
+        assert tab.cut_off() == []
+
+
 # --- Reports ---
 
 

@@ -8,6 +8,7 @@ import { clock, shortened } from "./format.js";
 
 const WINDOWS = [5, 10, 30, 60, 120, 300];
 const SENTENCE = 60; // letters of the worst status: beside a collision in one line of 1440 pixels
+const LINES = 3; // of such letters on a narrow screen, where the status has lines of its own
 
 export class Bar {
   constructor(app) {
@@ -50,14 +51,14 @@ export class Bar {
       button("CSV", "download the time window as CSV (c)", () => app.csv()),
     ];
     this.tools = el("span", { class: "tools" }, ...tools);
-    const narrow = matchMedia("(max-width: 56rem)");
-    narrow.addEventListener("change", () => this.#arrange(narrow.matches));
-    this.#arrange(narrow.matches);
+    this.narrow = matchMedia("(max-width: 56rem)");
+    this.narrow.addEventListener("change", () => this.#arrange());
+    this.#arrange();
   }
 
   // On a narrow screen the tools are beside the transport buttons.
-  #arrange(narrow) {
-    if (narrow) this.transport.append(this.tools);
+  #arrange() {
+    if (this.narrow.matches) this.transport.append(this.tools);
     else this.look.before(this.tools);
   }
 
@@ -96,7 +97,7 @@ export class Bar {
     if (worst) {
       this.worst.className = `worst ${worst.level}`;
       this.worst.title = worst.text;
-      say(this.worst, shortened(worst.text, SENTENCE));
+      say(this.worst, shortened(worst.text, this.narrow.matches ? LINES * SENTENCE : SENTENCE));
     }
     say(this.name, app.layout?.json.robot ?? "");
     const playing = app.report ? app.source?.playing : !view.paused;
