@@ -5,6 +5,7 @@
 
 import json
 import time
+from collections import deque
 from typing import ClassVar
 
 import numpy as np
@@ -61,6 +62,10 @@ REQUESTED = ("robot_description", *SHARED, *OBSERVED)
 
 MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque or contact [s]."""
+
+MAX_REQUESTS = 10
+"""Requests for parameters of which an answer is awaited, one a second; a slow monitor answers
+late."""
 
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
@@ -139,7 +144,7 @@ class RobotSubscription:
         self._loader = RobotLoader(node, self._load_robot, self._take_robot)
         # Of the topic; of the monitor; both of the model in force.
         self._description = self._values = self._loaded = None
-        self._request = None
+        self._requests = deque()
         self._published_at = self._added_at
         self._points = ()
         self._diagnostics = {}
@@ -166,10 +171,11 @@ class RobotSubscription:
         self._set_fault("silence", self._explain_silence())
         if not self._client.service_is_ready():
             return
-        if self._request:  # without an answer for a second
-            self._client.remove_pending_request(self._request)
-        self._request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
-        self._request.add_done_callback(
+        if len(self._requests) == MAX_REQUESTS:
+            self._client.remove_pending_request(self._requests.popleft())
+        request = self._client.call_async(GetParameters.Request(names=list(REQUESTED)))
+        self._requests.append(request)
+        request.add_done_callback(
             lambda future: self._try("parameters", self._receive_parameters, future)
         )
 

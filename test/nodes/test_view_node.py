@@ -177,6 +177,20 @@ def test_it_only_reads(peer, monitor, view):
     }
 
 
+def test_parameters_that_come_late(peer, view, monkeypatch):
+    """The answer to a request counts though others were sent since."""
+    waiting = []
+    with monkeypatch.context() as patch:
+        patch.setattr(peer.graph, "request", lambda *request: waiting.append(request))
+        monitor = Monitor(peer, "/slow", robot_description=robot(UR5).path)
+        peer.pass_time(3.5)
+    peer.graph.request(*waiting[0])
+    peer.pass_time(0.5)
+    assert len(waiting) > 2
+    assert "Showing robot 'ur5' of /slow/diag_dynamics" in view.output
+    monitor.process.stop()
+
+
 def test_a_payload_of_the_monitor_is_one_of_the_page(peer, monitor, view, panda):
     """The page's model follows the monitor's: energies of links add up to the monitor's K."""
     with stream_of(view) as stream:

@@ -148,6 +148,7 @@ class GraphClient(Proxy):
     def __init__(self, real, graph):
         super().__init__(real)
         self.graph = graph
+        self.removed = set()
 
     def service_is_ready(self):
         """Return whether there is such a service."""
@@ -156,8 +157,17 @@ class GraphClient(Proxy):
     def call_async(self, request):
         """Return a future, done once the graph has served the request."""
         future = Future()
-        self.graph.request(self.service_name, request, future.set_result)
+
+        def respond(response):
+            if future not in self.removed:
+                future.set_result(response)
+
+        self.graph.request(self.service_name, request, respond)
         return future
+
+    def remove_pending_request(self, future):
+        """Wait for no response."""
+        self.removed.add(future)
 
 
 class GraphTimer:
