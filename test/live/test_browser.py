@@ -16,6 +16,7 @@ import diag_dynamics as dd
 import page_fixture
 import recorded_arm
 from browser import Tab, browser
+from diag_dynamics.cli.main import main
 from diag_dynamics.description.catalog import find_urdf
 from diag_dynamics.page.frames import States
 from diag_dynamics.page.meshes import MeshLibrary
@@ -426,3 +427,19 @@ def test_a_report_shows_the_recording(chromium, recording):
         tab.open(link)
         tab.until(f"diag.state.now === {now!r}")
         assert tab.said == []
+
+
+@pytest.mark.full
+def test_an_identification_is_printed_whole(chromium, recording):
+    """Its tables fit on A4 with margins of 1 cm."""
+    t, q, qd, tau = recording.motion(())
+    noise = np.random.default_rng(1).normal(size=(2, *q.shape))
+    path, page = recording.folder / "free.npz", recording.folder / "identified.html"
+    friction = 2.0 * qd + 3.0 * np.sign(qd) + 0.5
+    np.savez(path, t=t, q=q, qd=qd + 1e-4 * noise[0], tau=tau + friction + 0.1 * noise[1])
+    options = ["--urdf", recording.urdf, "--report", page, "-o", page.with_suffix(".yaml")]
+    assert main(list(map(str, ["identify", path, "--quiet", *options]))) == 0
+    with Tab(chromium, (718, 1040)) as tab:
+        tab.page.emulate_media(media="print")
+        tab.page.goto(page.as_uri())
+        assert tab.cut_off() == []
