@@ -87,7 +87,7 @@ def find_urdf(robot: str) -> Path:
     if not keys:
         raise InputError(
             f"robot '{robot}' is neither a file nor an example robot. All of these: "
-            "diag-dynamics robots. More: pip install example-robot-data."
+            f"diag-dynamics robots. More: {sys.executable} -m pip install example-robot-data."
         )
     return urdfs[keys[0]]
 

@@ -4,6 +4,7 @@
 """The demo before its nodes start: robots and options that it rejects."""
 
 import socket
+import sys
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from diag_dynamics.nodes import demo
 @pytest.mark.parametrize(
     ("robot", "texts"),
     [
-        ("nosuchrobot", ["'nosuchrobot'", "neither a file nor an example robot", "All of these: "]),
+        ("nosuchrobot", ["'nosuchrobot'", "All of these: ", f"{sys.executable} -m pip install"]),
         ("pandaa", ["'pandaa'", "is neither a file"]),
         ("anymal", ["anymal_b_simple", "anymal_c_simple"]),
         ("iris_simple", ["iris", "no moving joint"]),
