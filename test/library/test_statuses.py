@@ -28,6 +28,7 @@ from diag_dynamics.nodes.support.statuses import (
         ("no command for command_timeout = 0.5 s", "no command for command_timeout = 0.5 s"),
         ("target.pose.position is [nan, -1e-05, 2]", "target.pose.position"),
         ("stamp of panda_link0 is 17.5 s behind /robot1/clock", "stamp of panda_link0"),
+        ("trajectory.points[1].positions is 0.5 rad", "trajectory.points[1].positions"),
         ("3 joints lack data", "3 joints lack data"),
         ("'a' at 0.5 rad", "'a' at 0.5 rad"),
         ("arm-1, arm-2 are stuck at 0.5 rad", "arm-1, arm-2 are stuck"),

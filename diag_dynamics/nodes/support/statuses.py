@@ -23,8 +23,8 @@ MIN_SHORT = 3
 NO_FAULT = OK, ""
 
 _MEASURED = re.compile(
-    r"'[^']*'|= [^\s,;]+|\["
-    r"|(?<![\w/.^])(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
+    r"'[^']*'|= [^\s,;]+|(?<!\w)\["
+    r"|(?<![\w/.^])(?<!\w\[)(?<![^\W\d]-)[-+±]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w/])"
 )
 
 _OPEN_END = re.compile(r"(?:[\s:,;(<>=~]|\b(?:is|are|has|for|by|of|to|from|than|at|within))+$")
@@ -50,8 +50,8 @@ class Status(NamedTuple):
 def without_numbers(text):
     """Return what is before the first measured number of a text, such as ``position of 'a'``.
 
-    Numbers of parameters (``name = number``) and within names stay. The text stays whole if no
-    word without quotes would be left.
+    Numbers of parameters (``name = number``), indices and those within names stay. The text stays
+    whole if no word without quotes would be left.
     """
     measured = (number for number in _MEASURED.finditer(text) if number[0][0] not in "'=")
     first = next(measured, None)
