@@ -159,6 +159,12 @@ JOINTS = {
         "velocity limit above that of any drive",
         "Placeholder or wrong unit?",
     ),
+    "several": Check(
+        "note",
+        "",
+        "several degrees of freedom: nodes, analyse, identify, calibrate and excite reject it",
+        "Make it joints of one degree of freedom. A moving root needs no joint, but floating_base.",
+    ),
     "singular": Check(
         "error",
         "kg m², kg",

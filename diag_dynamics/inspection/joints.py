@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from diag_dynamics.description.records import SINGLE
 from diag_dynamics.inspection.robot import Found, Robot
 
 TURNS = (
@@ -49,6 +50,13 @@ def transmissions(robot: Robot) -> Found:
         yield from (("rotor", name, inertia) for name, inertia in rotors.items())
 
 
+def freedom(robot: Robot) -> Found:
+    """Find joints of several degrees of freedom, whose state is in no joint state."""
+    for joint in robot.joints:
+        if joint.type not in (*SINGLE, "fixed"):
+            yield "several", joint.name, 0.0
+
+
 def position_limits(robot: Robot) -> Found:
     """Find position limits that are missing, shut, or in other units."""
     for joint in robot.joints:
@@ -77,7 +85,7 @@ def velocity_limits(robot: Robot) -> Found:
 def _find_limits(robot: Robot, name: str, row: str, maximum: float) -> Found:
     for joint in robot.joints:
         limit = getattr(joint, name)
-        if joint.type in ("fixed", "floating", "planar") or joint.mimic is not None:
+        if joint.type not in SINGLE or joint.mimic is not None:
             continue
         if limit <= 0.0:
             yield "zero", joint.name, 0.0, (name,)

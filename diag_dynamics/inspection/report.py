@@ -34,7 +34,7 @@ OF_GEOMETRY = links.centre_of_mass, links.gyration, links.meshes
 OF_XML = (
     *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY, links.placeholders),
     *(joints.elements, joints.attributes, joints.transmissions),
-    *(joints.position_limits, joints.effort_limits, joints.velocity_limits),
+    *(joints.freedom, joints.position_limits, joints.effort_limits, joints.velocity_limits),
 )
 OF_MOTION = motion.rotor_inertia, motion.gravity
 

@@ -143,6 +143,7 @@ MISTAKES = (
     ("attributes", "warning", "elbow", None, arm('lower="-2.5"', 'Lower="-2.5"')),
     ("attributes", "warning", "flange", 90.0, arm('"0.3 0 0"', '"0.3 0 0" rpy="0 90 0"')),
     ("transmissions", "note", "elbow", 0.02, more(ROTOR)),
+    ("freedom", "note", "elbow", None, arm(ELBOW, 'elbow" type="planar"')),
     ("position_limits", "warning", "elbow", None, arm(LIMIT, "")),
     ("position_limits", "warning", "elbow", 2.5, arm('"-2.5"', '"2.5"')),
     ("position_limits", "warning", "elbow", 170.0, arm('"-2.5"', '"-170"')),
