@@ -78,7 +78,7 @@ def actuated(dynamics: DiagonalDynamics) -> DiagonalDynamics:
         if joint not in model.dof_names:
             raise UnsupportedError(
                 f"joint '{joint}' has several degrees of freedom; expected one with a motor. "
-                "Lock the joint."
+                "Make it fixed."
             )
     return dynamics
 
