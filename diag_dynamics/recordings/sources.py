@@ -70,8 +70,10 @@ def open_source(path, columns=None, topic=None, names=SAME_NAMES) -> Source:
     if is_dataset(path):
         return _open_table(path, columns, names)
     for file in paths:
-        if not file.exists():
-            raise InputError(f"there is no file or folder '{file}'.")
+        if not (file.is_file() or file.is_dir()):  # it is opened more than once, unlike a pipe
+            raise InputError(
+                f"there is no file or folder '{file}'. Write the output of a pipe to a file."
+            )
     path = paths[0].parent if paths[0].name == METADATA else paths[0]
     if len(paths) > 1 or not (path.is_dir() or (path.is_file() and is_bag(path))):
         return _open_table("+".join(map(str, paths)), columns, names)

@@ -3,6 +3,7 @@
 
 """Recordings: states and counts are those of the monitor's assembler, message by message."""
 
+import os
 from collections import Counter
 
 import numpy as np
@@ -160,6 +161,8 @@ def test_errors_of_reading(tmp_path, panda):
             dd.read_recording(path, model, **options)
 
     refused(r"no file or folder.*nothing\.mcap", tmp_path / "nothing.mcap")
+    os.mkfifo(tmp_path / "pipe.csv")
+    refused(r"no file or folder.*pipe\.csv'", tmp_path / "pipe.csv")
     for name in ("day.mcap", "day.csv", "day"):
         (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:12\n")
         refused(rf"{name}' is a pointer of Git LFS\. Run git lfs pull", tmp_path / name)
