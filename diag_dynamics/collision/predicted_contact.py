@@ -19,6 +19,7 @@ import numpy as np
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import number, positive
 from diag_dynamics.collision.contact_points import ContactPoints
+from diag_dynamics.exceptions import InputError
 from diag_dynamics.sweeps import contacts
 
 
@@ -128,22 +129,23 @@ class Impact(NamedTuple):
     loss: float  #: ½(1−e²) μ v_u² [J] of both together
 
 
-def impact(nu: Array, w: Array, mass: float = math.inf, restitution: float = 0.0) -> Impact:
+def impact(nu: Array, w: Array, square: float, mass: float, restitution: float) -> Impact:
     """Return the impact with a mass at rest.
 
     `qd_after` is empty, and :meth:`DiagonalDynamics.impact` computes it. w = ℓJᵀu [kg^−½] belongs
-    to the direction u at the point. The mass m_H [kg] is free to move, or clamped if inf. The
-    restitution e is from 0 to 1.
+    to the direction u at the point, and its square is wᵀw. The mass m_H [kg] is free to move, or
+    clamped if inf. The restitution e is from 0 to 1.
     """
     mass = mass if mass == math.inf else positive("mass", mass, "[kg]")
     e = number("restitution", restitution, "a number from 0 to 1", lambda x: 0.0 <= x <= 1.0)
-    square = float(w @ w)
     speed = float(w @ nu)
     reflected = 1.0 / square if square > 0.0 else math.inf
     closing = max(speed, 0.0)
     mu = 1.0 / (1.0 / reflected + 1.0 / mass) if closing else 0.0
     impulse = (1.0 + e) * mu * closing
     mass_speed = 0.0 if mass == math.inf else impulse / mass
-    loss = 0.5 * (1.0 - e * e) * mu * closing**2
+    loss = 0.5 * (1.0 - e * e) * mu * closing * closing
+    if loss == math.inf:
+        raise InputError("qd are too large: the lost energy overflows.")
     after = nu - impulse * w
     return Impact(nu, after, np.empty(0), speed, reflected, impulse, mass_speed, loss)

@@ -821,5 +821,5 @@ class DiagonalDynamics(calls.Sweeps):
         """
         u = unit("direction", direction)
         w = self.epsilon_from_wrench(q, link, np.concatenate([u, np.zeros(3)]), point, frame)
-        after = impact(self.nu_from_qd(q, qd), w, mass, restitution)
+        after = impact(self.nu_from_qd(q, qd), w, float(calls.square(w, point)), mass, restitution)
         return after._replace(qd_after=self.qd_from_nu(q, after.nu_after))

@@ -56,9 +56,13 @@ def candidates(
     model: RobotModel, covariance: Any, significance: float, forces: PointLike
 ) -> tuple[tuple[str, ...], Addresses]:
     """Return the links that may be touched and their table for sweeps.external.touched_link."""
-    z = checks.number("significance", significance, "a number >= 0", lambda x: x >= 0.0)
+    z = checks.number(
+        "significance", significance, "a number >= 0 and <= 1e9", lambda x: 0.0 <= x <= 1e9
+    )
     names = [f"{k}" for k in range(max(np.size(forces), 1))]
-    magnitudes = checks.per_name("forces", forces, names)
+    magnitudes = checks.per_name(
+        "forces", forces, names, "a finite number > 0 and <= 1e9", lambda x: 0.0 < x <= 1e9
+    )
     W = whitening(model, covariance)
     links, records = touchable_bodies(model)
     # Wilson and Hilferty: the cube root of χ²/nv is nearly normal.

@@ -280,6 +280,10 @@ def test_impact_with_a_free_mass():
         dyn.impact(q, "panda_hand", qd, u, restitution=1.2)
     with pytest.raises(dd.InputError, match="mass"):
         dyn.impact(q, "panda_hand", qd, u, mass=0.0)
+    with pytest.raises(dd.InputError, match="qd are too large"):
+        dyn.impact(q, "panda_hand", 1e200 * qd, u, r)
+    with pytest.raises(dd.InputError, match="is too far away"):
+        dyn.impact(q, "panda_hand", qd, u, np.full(3, 1e200))
 
 
 # --- The transient model and limits

@@ -236,6 +236,8 @@ def test_errors_name_the_argument(change, message):
     "change, message",
     [
         ({"significance": -1.0}, r"significance is -1.0; expected a number >= 0"),
+        ({"significance": 1e300}, r"significance is 1e\+300; expected a number >= 0 and <= 1e9"),
+        ({"forces": 1e200}, r"forces of '0' is 1e\+200; expected a finite number > 0 and <= 1e9"),
         ({"forces": (4.0, 0.0)}, r"forces of '1' is 0.0; expected a finite number > 0"),
         ({"forces": ()}, r"forces is \(\); expected"),
         ({"covariance": np.eye(5)}, r"covariance is .*; expected finite numbers, shape \(6, 6\)"),
