@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -51,3 +51,5 @@ ManyWrenches: TypeAlias = Mapping[str, VectorLike | MatrixLike]
 
 Frame: TypeAlias = Literal["link", "world"]
 """Axes of a wrench, a twist or a Jacobian."""
+
+FRAMES: tuple[str, ...] = get_args(Frame)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from diag_dynamics.arrays import (
+    FRAMES,
     Array,
     Frame,
     ManyWrenches,
@@ -187,6 +188,7 @@ class DiagonalDynamics(calls.Sweeps):
         try:
             if (
                 f_ext is None
+                and frame == "link"
                 and not friction
                 and type(q) is type(qd) is type(effort) is ARRAY
                 and q.dtype is qd.dtype is effort.dtype is FLOAT
@@ -201,6 +203,7 @@ class DiagonalDynamics(calls.Sweeps):
                 self._warn_of_loops()
             return Evaluation(self.model, state, tau is not None)
         # with checked arguments, which name the error if there is one
+        choice("frame", frame, FRAMES)
         at = self._states(q, threads, qd=qd, tau=effort)
         kernels = calls.Sweep(evaluation.evaluate, batch.evaluate_many)
         memory = batch_memory(self.model, len(at.q)) if at.threads else ()
@@ -258,12 +261,13 @@ class DiagonalDynamics(calls.Sweeps):
         components.
         """
         try:
-            if f_ext is None and not friction and are_vectors(q, qd, tau):
+            if f_ext is None and frame == "link" and not friction and are_vectors(q, qd, tau):
                 qdd = np.empty(self._nv)
                 if not classical.forward_dynamics.run(self._robot, q, qd, tau, qdd):
                     return qdd
         except TypeError:  # as in evaluate
             pass
+        choice("frame", frame, FRAMES)
         at = self._states(q, threads, qd=qd, tau=tau)
         if friction or f_ext is not None:
             for name, x in at.vectors.items():
@@ -292,6 +296,7 @@ class DiagonalDynamics(calls.Sweeps):
 
         τ_fric is zero unless `friction` is true.
         """
+        choice("frame", frame, FRAMES)
         at = self._states(q, threads, qd=qd, qdd=qdd)
         tau = self._vector(calls.INVERSE_DYNAMICS, at, 1.0)
         if friction:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from diag_dynamics.arrays import Array, VectorLike
+from diag_dynamics.arrays import FRAMES, Array, VectorLike
 from diag_dynamics.checks import array_of, choice, mapping, numbers
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.robot import RobotModel
@@ -99,7 +99,7 @@ def wrenches_on_links(
     It has six numbers by link name, in the axes of "link" or "world". With a number of states,
     records follow state by state, and there may be as many rows of numbers.
     """
-    choice("frame", frame, ("link", "world"))
+    choice("frame", frame, FRAMES)
     mapping("f_ext", f_ext)
     expected = "six finite numbers, force [N] then moment [N m]"
     expected += "".join(f", or ({count}, 6) of them: a row for each state" for count in states)
@@ -135,7 +135,7 @@ def point_in_body(
     model: RobotModel, link: str, point: VectorLike, frame: str
 ) -> tuple[int, Array, Array]:
     """Return the body of a link, their rotation, and a point of the link in the body's axes [m]."""
-    choice("frame", frame, ("link", "world"))
+    choice("frame", frame, FRAMES)
     offset = numbers("point", point, (3,), "three finite numbers [m]")
     body, placement = model.placement_in_body(link)
     rotation = placement[:3, :3]
