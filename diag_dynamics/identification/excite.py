@@ -27,6 +27,7 @@ HARMONICS = 5
 RANDOM_TRIALS = 24  # before the best trajectory is improved
 MIN_EIGENVALUE = 1e-10  # of a combination of unknowns that motions excite, relative to the largest
 MARGIN = 0.05  # fraction of a range at either end that is left free, unless the range is given
+MIN_RANGE = 1e-4  # of a limit that a joint moves within [rad, m; rad/s, m/s]
 POINTS_PER_PERIOD = 2000  # at which a trajectory is scaled to its limits
 LIMITS = {
     "Velocity": (
@@ -219,7 +220,7 @@ def _find_limits(model, moving, velocities, positions):
     ):
         for name in bounds:
             choice(f"{kind} limits: a joint", name, (*model.dof_names, ALL))
-        is_limited = (limit[0] < limit[1]) & (np.abs(limit).max(axis=0) <= largest)
+        is_limited = (limit[0] + MIN_RANGE <= limit[1]) & (np.abs(limit).max(axis=0) <= largest)
         result = np.where(is_limited, limit, [[-1.0], [1.0]])
         missing = []
         for k, name in enumerate(model.dof_names):
@@ -242,12 +243,12 @@ def _read_bounds(kind, name, entry, low, high):
     if (
         bounds is None
         or bounds.shape != (2,)
-        or not low <= bounds[0] < bounds[1] <= high
+        or not low <= bounds[0] <= bounds[1] - MIN_RANGE <= high - MIN_RANGE
         or np.isinf(bounds).any()
     ):
         raise InputError(
-            f"{kind} limits of '{name}' are {entry!r}; expected finite limits that rise, within "
-            f"{low:g} … {high:g}."
+            f"{kind} limits of '{name}' are {entry!r}; expected finite limits that rise by "
+            f"{MIN_RANGE:g} or more, within {low:g} … {high:g}."
         )
     return bounds
 

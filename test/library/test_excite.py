@@ -142,6 +142,10 @@ def test_limits_that_nobody_filled_in(limits, kind, velocity, position):
         ({"what": "payload:tool"}, "'tool'; expected"),
         ({"joints": ["elbow"]}, "joints: one of them is 'elbow'"),
         ({"ranges": {"upper_joint": (-9, 1)}}, "Position limits of 'upper_joint' are .*-9"),
+        (
+            {"ranges": {"upper_joint": (0.5, 0.5 + 1e-9)}},
+            "'upper_joint' are .* that rise by 0.0001",
+        ),
         ({"duration": 15.0}, "duration is 15 s"),
         ({"velocity": 2.0}, "velocity is 2.0"),
         ({"effort": 1e-3, "trials": 3}, "within the limits of effort"),
