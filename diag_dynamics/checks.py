@@ -106,7 +106,7 @@ def numbers(
     array = array_of(value)
     if array is None or array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{name} is {value!r}; expected {expected}.")
-    if array.size and np.abs(array).max() > most:
+    if most < np.inf and (np.abs(array) > most).any():
         raise InputError(f"{name} is {value!r}; expected {expected}, none beyond ±{most:g}.")
     return array
 
@@ -152,10 +152,10 @@ def in_order(name: str, value: Any, names: Sequence[str]) -> Any:
 
 def has_names(value: Any) -> bool:
     """Return whether a value has names: a dict, or a Series or DataFrame not numbered from 0."""
-    if isinstance(value, Mapping):
-        return True
-    labels = value.keys() if hasattr(value, "keys") else ()
-    return list(labels) != list(range(len(labels)))
+    if not hasattr(value, "keys"):
+        return False
+    labels = list(value.keys())
+    return isinstance(value, Mapping) or labels != list(range(len(labels)))
 
 
 def vector(name: str, value: Any, names: Sequence[str], *, finite: bool = True) -> Array:
@@ -190,6 +190,8 @@ def rows(name: str, value: Any, names: Sequence[str], count: int | None = None) 
 
 def is_rows(value: Any) -> bool:
     """Return whether a value is rows of many states, or columns by name."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 2
     if isinstance(value, (list, tuple)):
         return all(map(_is_row, value)) and len({len(row) for row in value}) == 1
     if isinstance(value, Mapping):
