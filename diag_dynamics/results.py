@@ -42,6 +42,15 @@ def _row_with_tau(row: int, doc: str) -> _Quantity[Term]:
     return _quantity(lambda s: s._rows[row] if s._with_tau else None, doc)
 
 
+def _number(row: int, doc: str, with_tau: bool = False) -> _Quantity[Any]:
+    def read(s: Evaluation) -> Any:
+        if with_tau and not s._with_tau:
+            return None
+        return s._memory[0][row - ws.KINETIC_ENERGY] if s._memory else s._state.item(row, 0)
+
+    return _quantity(read, doc)
+
+
 class Evaluation:
     """Quantities of the diagonalized equations of motion at one state, returned by `evaluate`.
 
@@ -74,7 +83,7 @@ class Evaluation:
         state.setflags(False)  # type: ignore[call-arg]  # by keyword it takes twice as long
         self._model = model
         self._state = state
-        self._rows = state if memory else state[:, : model.nv]
+        self._rows = state if state.shape[-1] == model.nv else state[:, : model.nv]
         self._with_tau = with_tau
         self._external = None if external is None else read_only(external)
         self._friction = None if friction is None else read_only(friction)
@@ -128,10 +137,13 @@ class Evaluation:
         "Friction term ε_fric = ℓ τ_fric [J^½/s], on the side of C; None unless requested.",
     )
 
-    @property
-    def kinetic_energy(self) -> Any:
-        """K = ½νᵀν [J]."""
-        return self._number(ws.KINETIC_ENERGY)
+    kinetic_energy = _number(ws.KINETIC_ENERGY, "K = ½νᵀν [J].")
+    effort_power = _number(
+        ws.EFFORT_POWER,
+        "Power νᵀ(ε − ε_g) [W] of efforts and gravity alone; None without tau.",
+        with_tau=True,
+    )
+    _base_energy = _number(ws.BASE_ENERGY, "Energy of the first six total rates [J].")
 
     @property
     def nu_dot(self) -> Term:
@@ -176,9 +188,7 @@ class Evaluation:
         It is ½V*ᵀPV*, V* being the total rates' common part and P the articulated inertia of the
         whole robot.
         """
-        return (
-            self._number(ws.BASE_ENERGY) if self._model.floating_base else 0.0 * self.kinetic_energy
-        )
+        return self._base_energy if self._model.floating_base else 0.0 * self.kinetic_energy
 
     @property
     def link_energy(self) -> Array:
@@ -194,11 +204,6 @@ class Evaluation:
         if not evaluation.link_energies(workspace.robot, model.links, Q, QD, energy):
             raise InputError("qd is too large: the kinetic energy of a link overflows.")
         return energy[0] if self.nu.ndim == 1 else energy
-
-    @property
-    def effort_power(self) -> Any:
-        """Power νᵀ(ε − ε_g) [W] of efforts and gravity alone; None without tau."""
-        return self._number(ws.EFFORT_POWER) if self._with_tau else None
 
     @property
     def power(self) -> Any:
@@ -224,12 +229,6 @@ class Evaluation:
         Its shape is (N_ROWS, max(nq, 1)); that of many states (N_RESULTS, T, nv).
         """,
     )
-
-    def _number(self, row: int) -> Any:
-        """Return the number in a row of sweeps.workspace."""
-        if self._memory:
-            return self._memory[0][row - ws.KINETIC_ENERGY]
-        return self._state.item(row, 0)
 
     def _motion(self) -> tuple[Array, Array]:
         """Return positions and rates, one row per state."""
