@@ -85,9 +85,12 @@ def sweep(point: PointOfWrench) -> Sweep:
         return end
 
     def single(robot: int, q: Array, torque: Array, *results: Array) -> int:
-        if many(robot, q[None], torque[None], 0, 1, *(result[None] for result in results)):
-            return 0
-        return kinematics.placement(robot, q, point.body, np.empty((3, 4))) or -1
+        wrenches = _estimate(robot, point, q[None], torque[None])
+        if not len(wrenches[0]):
+            return kinematics.placement(robot, q, point.body, np.empty((3, 4))) or -1
+        for result, rows in zip(results, wrenches, strict=True):
+            result[...] = rows[0]
+        return 0
 
     return Sweep(single, many)
 
