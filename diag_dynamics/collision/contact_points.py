@@ -41,7 +41,10 @@ MIN_STIFFNESS = 500.0
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """One contact point of a link, or several; results describe the worst of these."""
+    """A point of a link at which contact is predicted, or several of which the worst counts.
+
+    The monitor and the contact limiter compare its speed with the limits of a body region.
+    """
 
     name: str  #: in results
     link: str
@@ -55,7 +58,10 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class BodyRegion:
-    """A part of the body, and the limits of contact with it."""
+    """A part of a person's body, and the limits of contact with it.
+
+    A contact point assigned to it has the speed at which none of the limits is exceeded.
+    """
 
     mass: float = math.inf  #: effective mass m_H [kg] that is free to move; inf if clamped
     stiffness: float = 0.0  #: effective spring constant k [N/m]; 0 without a limit of force

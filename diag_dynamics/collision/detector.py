@@ -251,7 +251,10 @@ class Exceeded(NamedTuple):
 
 
 class Alarm(NamedTuple):
-    """A collision by a detector."""
+    """A collision or contact: the states in which a detector exceeded its threshold.
+
+    Recordings list them with the joints and the detector that rose first.
+    """
 
     start: int  # stamp of the first state [ns]
     end: int  # of the last one

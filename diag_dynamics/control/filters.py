@@ -58,7 +58,10 @@ Noise and jumps do so in single cycles.
 
 
 class Limited(NamedTuple):
-    """Result of all filters for one command of a law."""
+    """Result of all filters for one command of a law.
+
+    The robot receives its effort; the rest says which limits changed the command.
+    """
 
     effort: Array  # to send [N m, N], without gravity if the robot compensates it
     demand: Array  # the same before the limit of its rate

@@ -182,7 +182,10 @@ class GravityCompensation(Law):
 
 
 class JointLaw(Law):
-    """Law with a desired motion of the joints; subclasses define `_respond`."""
+    """Law that follows a desired motion of the joints.
+
+    It computes the error and the reference efforts; subclasses define `_respond`.
+    """
 
     def __init__(self, dynamics: DiagonalDynamics, *methods: str) -> None:
         super().__init__(

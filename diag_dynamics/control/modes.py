@@ -396,7 +396,10 @@ class JointMode(Mode):
 
 
 class TrackingMode(JointMode):
-    """Tracking, with a bound on disturbances, which is off by default."""
+    """Tracking of set-points and trajectories.
+
+    It rejects disturbances within `tracking_bound`, which is off by default.
+    """
 
     name = "tracking"
 

@@ -167,7 +167,10 @@ class Inertial(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A link, with the mass and inertia that its file states."""
+    """A link of a Description by its name.
+
+    It has the mass and inertia that its file states, None without them.
+    """
 
     name: str
     inertial: Inertial | None = None

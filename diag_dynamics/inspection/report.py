@@ -43,7 +43,10 @@ CHECKS = ("loading", *(check.__name__ for check in (*OF_XML, *OF_MOTION)))  # na
 
 @dataclass(frozen=True)
 class Finding:
-    """A result of a check."""
+    """A probable mistake in the file of a robot, as a check has found it.
+
+    It names the links and joints concerned, so that tools can point at them.
+    """
 
     severity: str  # one of SEVERITIES
     check: str  # its name
@@ -57,7 +60,10 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """The result of an inspection."""
+    """Facts about a robot, and findings of all checks of its file.
+
+    `diag-dynamics inspect` prints it or writes it as JSON.
+    """
 
     source: str  # file of the robot
     facts: dict[str, Any]  # by name; None where the robot has no model

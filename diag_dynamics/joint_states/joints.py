@@ -75,7 +75,11 @@ class Options(NamedTuple):
 
 
 class RobotState(NamedTuple):
-    """A state of a robot; times are in nanoseconds."""
+    """Positions, velocities and efforts of all joints of a robot at one time.
+
+    The rules of joint states assemble it from messages; laws, watches and the observer read it.
+    Times are in nanoseconds.
+    """
 
     position: np.ndarray
     velocity: np.ndarray

@@ -153,7 +153,11 @@ def commands_status(drives, pushes, recent):
 
 
 class SimulatorNode(TableNode, Node):
-    """See the module; parameters are in :data:`~parameters.simulator.PARAMETERS`."""
+    """Simulate a robot under effort commands and publish its joint states.
+
+    It stands in for a robot in the demo and in trials of controllers. Parameters are in
+    :data:`~parameters.simulator.PARAMETERS`.
+    """
 
     def __init__(self, **options):
         super().__init__(NODES["simulator"], PARAMETERS, **options)

@@ -413,7 +413,11 @@ def stamp_of(message):
 
 
 class ViewNode(TableNode, Node):
-    """The node `view`, see the module; `on_push` is that of the server."""
+    """Serve the page of all robots whose monitors are on the graph.
+
+    It subscribes to their states and passes the newest on to browsers. `on_push` is that of the
+    server.
+    """
 
     _robots: ClassVar = {}  # also of a node whose parameters are refused
     _server = None

@@ -56,7 +56,11 @@ faster than they are evaluated.
 
 
 class MonitorNode(TableNode, Node):
-    """See the module; parameters are in :data:`PARAMETERS`, topics in outputs.TYPES."""
+    """Evaluate each joint state of a robot and publish the results to subscribers.
+
+    Watches observe the states and report to /diagnostics. Parameters are in :data:`PARAMETERS`,
+    topics in outputs.TYPES.
+    """
 
     def __init__(self, **options):
         super().__init__(NODES["monitor"], PARAMETERS, **options)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: diag_dynamics maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Kinetic energy of the monitor's states: thresholds, power balance, loops."""
+"""Watches of the monitor's states: contact limits, energy, loops and stuck sensors."""
 
 from collections import deque
 
