@@ -135,6 +135,7 @@ def _finding(finding):
 
 def _wrapped(start, text):
     """Yield the lines of a text behind `start`."""
-    lines = textwrap.wrap(plain(text), WIDTH - len(start), break_on_hyphens=False) or [""]
+    whole = {"break_on_hyphens": False, "break_long_words": False}  # paths can be copied
+    lines = textwrap.wrap(plain(text), WIDTH - len(start), **whole) or [""]
     for number, line in enumerate(lines):
         yield f"{' ' * len(start) if number else start}{line}".rstrip()

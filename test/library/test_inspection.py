@@ -7,6 +7,7 @@ robots.
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -177,6 +178,8 @@ def test_arm_without_mistakes():
     report = inspect_robot(ARM)
     assert report.findings == () and report.status == 0
     assert report.checks == dict.fromkeys(CHECKS, "ok")
+    path = "/folder-of-robots" * 6
+    assert f"  file     {path}" in report_lines(replace(report, source=path))
     assert {check for check, *_ in MISTAKES} | {"loading"} == set(CHECKS)
 
 
