@@ -505,7 +505,7 @@ def test_headers_and_separators(written, text, columns):
 def test_decimal_commas_need_a_map(written):
     recording = read(written("t;q1;qd1\n0;1,5;1,0\n"))
     (loss,) = lost(recording)
-    example = "column 'q1': '1,5'"
+    example = "column 'q1': '1,5' (decimal commas need `decimal: ','` in a column map)"
     assert loss == f"line 2: text where a number belongs ({example}): 2 fields are NaN"
 
 

@@ -115,7 +115,10 @@ def read_numbers(array, lose):
     texts = read_texts(array)
     values = list(map(_parse_number, texts))
     if lost := [k for k, number in enumerate(values) if number is None]:
-        lose("text where a number belongs", "fields are NaN", lost, f"'{texts[lost[0]][:40]}'")
+        text = texts[lost[0]]
+        hint = " (decimal commas need `decimal: ','` in a column map)" if "," in text else ""
+        example = f"'{text[:40]}'{hint}"
+        lose("text where a number belongs", "fields are NaN", lost, example)
     return np.array(values, float)
 
 

@@ -52,7 +52,7 @@ def recognize(columns, texts, joints):
     if not (named or numbered.get("position")):
         raise InputError(
             f"no columns are recognized as positions of {listed(joints)}; columns: "
-            f"{listed(columns)}."
+            f"{listed(columns)}. Map other names of joints by --joint-names (joint_names)."
         )
     if named and numbered:
         raise InputError("columns have both names and numbers of joints.")
