@@ -29,7 +29,7 @@ from diag_dynamics.collision.calibration import calibrate_residuals, format_rate
 from diag_dynamics.collision.residuals import Residuals
 from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.description.catalog import find_urdf
-from diag_dynamics.recordings.observer import Observer
+from diag_dynamics.recordings.external_torque import Observer
 from diag_dynamics.recordings.states import States as RecordedStates
 
 RECORDINGS = Path(

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 import diag_dynamics as dd
-from diag_dynamics.identification.regressors import Regressors
+from diag_dynamics.identification.normal_equations import Regressors
 from diag_dynamics.recordings.states import States
 
 HELD = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}

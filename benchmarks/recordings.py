@@ -33,7 +33,7 @@ import diag_dynamics as dd
 from diag_dynamics.model import load_robot
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.mcap import McapOutput
-from diag_dynamics.recordings.outputs.tables import TableOutput
+from diag_dynamics.recordings.outputs.table_files import TableOutput
 from diag_dynamics.recordings.recording import Reading, SIZE
 path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.argv[3]
 def run(kind):
@@ -80,7 +80,7 @@ THREADS = """\
 import os, sys, time
 import diag_dynamics as dd
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.outputs.tables import TableOutput
+from diag_dynamics.recordings.outputs.table_files import TableOutput
 from diag_dynamics.recordings.recording import Reading
 path, model, folder = sys.argv[1], dd.load_urdf(sys.argv[2], mimic="free"), sys.argv[3]
 def run():

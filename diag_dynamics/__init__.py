@@ -17,7 +17,7 @@ _NAMES = {
     "model": "Curve FlexibleJoint FlexibleLink JointParameters Loop LoopEnd Mimic Parameters "
     "Payload RobotModel load_mjcf load_robot load_urdf",
     "dynamics": "DiagonalDynamics",
-    "dynamics.flexible": "FlexibleDynamics",
+    "dynamics.flexible_joints": "FlexibleDynamics",
     "results": "Evaluation",
     "exceptions": "DiagDynamicsError InertiaWarning InputError LoopError LoopWarning "
     "MasslessLinkError MimicJointError ModelError ModelWarning SingularMassMatrixError "
@@ -28,18 +28,18 @@ _NAMES = {
     "control.adaptive": "AdaptiveTracking",
     "control.laws": "GravityCompensation JointRegulation JointTracking PoseRegulation RateDamping",
     "control.filters": "Limits",
-    "control.limits": "ContactLimiter EnergyLimiter PositionRepulsion",
+    "control.limiters": "ContactLimiter EnergyLimiter PositionRepulsion",
     "control.load": "LoadEstimator",
     "control.observer": "DisturbanceObserver",
     "control.tank": "EnergyTank",
     "collision.detector": "Detector Thresholds",
     "collision.calibration": "Calibration",
     "recordings.recording": "Recording read_recording stream_recording",
-    "recordings.fleet": "analyse_fleet",
-    "recordings.observer": "observe",
-    "recordings.calibration": "calibrate",
-    "identification.excite": "excite",
-    "identification.identify": "identify",
+    "recordings.fleet_analysis": "analyse_fleet",
+    "recordings.external_torque": "observe",
+    "recordings.threshold_calibration": "calibrate",
+    "identification.excitation": "excite",
+    "identification.fitting": "identify",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 _MODULES = ("plot",)  # public modules
@@ -61,14 +61,14 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.control.laws import JointTracking as JointTracking
     from diag_dynamics.control.laws import PoseRegulation as PoseRegulation
     from diag_dynamics.control.laws import RateDamping as RateDamping
-    from diag_dynamics.control.limits import ContactLimiter as ContactLimiter
-    from diag_dynamics.control.limits import EnergyLimiter as EnergyLimiter
-    from diag_dynamics.control.limits import PositionRepulsion as PositionRepulsion
+    from diag_dynamics.control.limiters import ContactLimiter as ContactLimiter
+    from diag_dynamics.control.limiters import EnergyLimiter as EnergyLimiter
+    from diag_dynamics.control.limiters import PositionRepulsion as PositionRepulsion
     from diag_dynamics.control.load import LoadEstimator as LoadEstimator
     from diag_dynamics.control.observer import DisturbanceObserver as DisturbanceObserver
     from diag_dynamics.control.tank import EnergyTank as EnergyTank
     from diag_dynamics.dynamics import DiagonalDynamics as DiagonalDynamics
-    from diag_dynamics.dynamics.flexible import FlexibleDynamics as FlexibleDynamics
+    from diag_dynamics.dynamics.flexible_joints import FlexibleDynamics as FlexibleDynamics
     from diag_dynamics.exceptions import DiagDynamicsError as DiagDynamicsError
     from diag_dynamics.exceptions import InertiaWarning as InertiaWarning
     from diag_dynamics.exceptions import InputError as InputError
@@ -81,8 +81,8 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.exceptions import SingularMassMatrixError as SingularMassMatrixError
     from diag_dynamics.exceptions import UnsupportedError as UnsupportedError
     from diag_dynamics.exceptions import UrdfError as UrdfError
-    from diag_dynamics.identification.excite import excite as excite
-    from diag_dynamics.identification.identify import identify as identify
+    from diag_dynamics.identification.excitation import excite as excite
+    from diag_dynamics.identification.fitting import identify as identify
     from diag_dynamics.model import Curve as Curve
     from diag_dynamics.model import FlexibleJoint as FlexibleJoint
     from diag_dynamics.model import FlexibleLink as FlexibleLink
@@ -96,12 +96,12 @@ if _typing.TYPE_CHECKING:  # for editors and type checkers
     from diag_dynamics.model import load_mjcf as load_mjcf
     from diag_dynamics.model import load_robot as load_robot
     from diag_dynamics.model import load_urdf as load_urdf
-    from diag_dynamics.recordings.calibration import calibrate as calibrate
-    from diag_dynamics.recordings.fleet import analyse_fleet as analyse_fleet
-    from diag_dynamics.recordings.observer import observe as observe
+    from diag_dynamics.recordings.external_torque import observe as observe
+    from diag_dynamics.recordings.fleet_analysis import analyse_fleet as analyse_fleet
     from diag_dynamics.recordings.recording import Recording as Recording
     from diag_dynamics.recordings.recording import read_recording as read_recording
     from diag_dynamics.recordings.recording import stream_recording as stream_recording
+    from diag_dynamics.recordings.threshold_calibration import calibrate as calibrate
     from diag_dynamics.results import Evaluation as Evaluation
     from diag_dynamics.simulation import CompliantLimits as CompliantLimits
     from diag_dynamics.simulation import Simulation as Simulation

@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 
 from diag_dynamics.control.modes import LAWS  # noqa: E402
 from diag_dynamics.entries import LARGEST  # noqa: E402
-from diag_dynamics.inspection.report import OF_MOTION, OF_XML  # noqa: E402
+from diag_dynamics.inspection.inspection_report import OF_MOTION, OF_XML  # noqa: E402
 from diag_dynamics.nodes.support.topics import NODES, TOPICS  # noqa: E402
 from diag_dynamics.parameters.controller import COMPENSATES, WHY_REQUIRED  # noqa: E402
 

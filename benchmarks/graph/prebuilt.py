@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 
 import diag_dynamics as dd
 from diag_dynamics.description.catalog import find_urdf
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.nodes.support.messages import MATRICES, ORDER, MessageMaker
 from diag_dynamics.parameters.monitor import RATES

@@ -13,7 +13,7 @@ from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs.mcap import TOPICS, WRITTEN, McapOutput
 from diag_dynamics.recordings.outputs.report import ReportOutput
-from diag_dynamics.recordings.outputs.tables import TableOutput
+from diag_dynamics.recordings.outputs.table_files import TableOutput
 from diag_dynamics.recordings.recording import Reading
 from diag_dynamics.recordings.sources import BagSource, open_source
 from diag_dynamics.recordings.summary import (

@@ -15,8 +15,8 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.recordings.calibration import calibrate
 from diag_dynamics.recordings.findings import REJECTED
+from diag_dynamics.recordings.threshold_calibration import calibrate
 from diag_dynamics.text import Progress
 
 EPILOG = (

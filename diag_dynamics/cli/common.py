@@ -182,7 +182,7 @@ def chosen_parameters(chosen, *files):
 def chosen_model(chosen):
     """Return the model of the robot with the parameters."""
     from diag_dynamics.parameters.monitor import PARAMETERS
-    from diag_dynamics.parameters.robots import model_of
+    from diag_dynamics.parameters.robot_models import model_of
 
     defaults = {name: spec.default for name, spec in PARAMETERS.items()}
     return model_of(chosen_robot(chosen), defaults | chosen_parameters(chosen))

@@ -43,7 +43,7 @@ UNITS = {
     "sweeps.followers": 1,
     "sweeps.alarms": 1,
     "sweeps.limits": 1,
-    "identification.regressors": 1,
+    "identification.normal_equations": 1,
 }
 """Modules with entry kernels and their compile times in sequence [CPU-s], the longest first."""
 

@@ -7,7 +7,7 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.excite import excite
+from diag_dynamics.identification.excitation import excite
 from diag_dynamics.text import Progress, aligned, plain
 
 EPILOG = (

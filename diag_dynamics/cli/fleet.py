@@ -8,7 +8,7 @@ import sys
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL, FAILED
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.fleet import analyse_fleet
+from diag_dynamics.recordings.fleet_analysis import analyse_fleet
 from diag_dynamics.text import Progress, plain, shortened
 
 ALONE = "mcap", "topics", "parquet", "csv", "report", "json", "threads"  # options without --fleet

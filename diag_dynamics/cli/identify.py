@@ -9,11 +9,11 @@ from diag_dynamics.atomic_file import write_text
 from diag_dynamics.cli import common
 from diag_dynamics.cli.common import DONE, DOUBTFUL
 from diag_dynamics.description.mjcf import is_mjcf
-from diag_dynamics.description.text import read_text
+from diag_dynamics.description.urdf_text import read_text
 from diag_dynamics.description.urdf_writer import urdf_with
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.identify import identify
-from diag_dynamics.identification.report import write_report
+from diag_dynamics.identification.fitting import identify
+from diag_dynamics.identification.identification_report import write_report
 from diag_dynamics.identification.result import require_masses
 from diag_dynamics.identification.selection import STEPS
 from diag_dynamics.model import JointParameters, Parameters

@@ -16,8 +16,8 @@ from diag_dynamics.checks import choice, whole
 from diag_dynamics.collision.contact_points import GEOMETRIES, ContactPoint, Geometry
 from diag_dynamics.description.catalog import link_elements
 from diag_dynamics.description.geometry import CUBE, Shape, shapes_of
-from diag_dynamics.description.meshes import Meshes
-from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.mesh_files import Meshes
+from diag_dynamics.description.urdf_text import folder_of
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.model import RobotModel
 

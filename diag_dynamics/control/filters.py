@@ -17,7 +17,7 @@ from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import instance, not_negative, per_name, vector
 from diag_dynamics.collision.contact_points import ContactPoints
 from diag_dynamics.control.laws import Command, Gain, actuated
-from diag_dynamics.control.limits import (
+from diag_dynamics.control.limiters import (
     ContactLimiter,
     EnergyLimiter,
     PositionRepulsion,

@@ -19,7 +19,7 @@ from diag_dynamics.control.following import (
     Tolerances,
 )
 from diag_dynamics.control.laws import Command
-from diag_dynamics.control.limits import names_where
+from diag_dynamics.control.limiters import names_where
 from diag_dynamics.control.modes import DAMPING, GRAVITY_COMPENSATION, LAWS, POSE, REGULATION
 from diag_dynamics.control.observer import DisturbanceObserver
 from diag_dynamics.control.references import at_rest

@@ -21,7 +21,7 @@ from diag_dynamics.checks import (
     vector,
 )
 from diag_dynamics.control.laws import Gain
-from diag_dynamics.control.limits import names_where
+from diag_dynamics.control.limiters import names_where
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.sweeps.evaluation import observe_samples

@@ -14,10 +14,10 @@ from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import Any
 
+from diag_dynamics.description.description import Description
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
-from diag_dynamics.description.records import Description
-from diag_dynamics.description.text import read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
+from diag_dynamics.description.urdf_text import read_text
 from diag_dynamics.entries import arguments_of, split_arguments
 from diag_dynamics.exceptions import InputError
 

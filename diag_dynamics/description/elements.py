@@ -18,7 +18,7 @@ from lxml import etree
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.records import (
+from diag_dynamics.description.description import (
     LARGEST_INERTIA,
     SINGLE,
     Loop,

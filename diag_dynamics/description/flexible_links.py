@@ -19,8 +19,8 @@ from numpy.polynomial import polynomial
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.checks import mapping, numbers, per_name, positive
-from diag_dynamics.description.loops import Couplings
-from diag_dynamics.description.records import (
+from diag_dynamics.description.constraints import Couplings
+from diag_dynamics.description.description import (
     Description,
     Flexible,
     FlexibleLink,

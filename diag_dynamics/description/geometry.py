@@ -11,7 +11,7 @@ import numpy as np
 
 from diag_dynamics.arrays import Array
 from diag_dynamics.description.elements import LARGEST, floats, placement_of
-from diag_dynamics.description.meshes import Meshes
+from diag_dynamics.description.mesh_files import Meshes
 from diag_dynamics.exceptions import UrdfError
 
 KINDS = {  # shapes that are known, and how many numbers each attribute has

@@ -16,7 +16,7 @@ import numpy as np
 
 from diag_dynamics.atomic_file import write_text
 from diag_dynamics.checks import choice, mapping, not_negative, numbers, positive
-from diag_dynamics.description.records import (
+from diag_dynamics.description.description import (
     LARGEST_INERTIA,
     Description,
     FlexibleJoint,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from diag_dynamics.description.description import Link, Remark
 from diag_dynamics.description.elements import floats
-from diag_dynamics.description.records import Link, Remark
 from diag_dynamics.rigid_body import not_physical
 from diag_dynamics.text import short
 

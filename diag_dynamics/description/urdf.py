@@ -17,6 +17,14 @@ from typing import Any
 import numpy as np
 from lxml import etree
 
+from diag_dynamics.description.description import (
+    JOINT_TYPES,
+    Description,
+    Inertial,
+    Joint,
+    Link,
+    Mimic,
+)
 from diag_dynamics.description.elements import (
     ENDS,
     driven_joints,
@@ -27,16 +35,8 @@ from diag_dynamics.description.elements import (
     placement_of,
     reflected_inertias,
 )
-from diag_dynamics.description.records import (
-    JOINT_TYPES,
-    Description,
-    Inertial,
-    Joint,
-    Link,
-    Mimic,
-)
 from diag_dynamics.description.remarks import remarks_of
-from diag_dynamics.description.text import DEFINITIONS, NO_LINK
+from diag_dynamics.description.urdf_text import DEFINITIONS, NO_LINK
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.text import listed, short
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics import checks, threads
 from diag_dynamics.arrays import Array, Frame, PointLike
-from diag_dynamics.description.checks import warn
+from diag_dynamics.description.check_table import warn
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.exceptions import (
     DiagDynamicsError,
@@ -22,9 +22,9 @@ from diag_dynamics.exceptions import (
     SingularMassMatrixError,
 )
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.followers import FollowerMotion, loop_error, loop_title
 from diag_dynamics.model.links import point_in_body, wrenches_at, wrenches_on_links
 from diag_dynamics.model.massless import joint_inertias
+from diag_dynamics.model.mimic import FollowerMotion, loop_error, loop_title
 from diag_dynamics.numerics.callback import FAILED
 from diag_dynamics.sweeps import (
     batch,

@@ -23,7 +23,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import COLUMNS, OFFSET, PARAMETERS
+from diag_dynamics.identification.normal_equations import COLUMNS, OFFSET, PARAMETERS
 from diag_dynamics.optional import require
 
 # γ of a payload (10 would shift its centre by centimetres) and γ'

@@ -10,7 +10,7 @@ import numpy as np
 
 from diag_dynamics.identification.dataset import portions
 from diag_dynamics.identification.fit import Layout
-from diag_dynamics.identification.regressors import OWN
+from diag_dynamics.identification.normal_equations import OWN
 from diag_dynamics.model import Parameters, Payload
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.data_checks import (

@@ -16,7 +16,7 @@ from diag_dynamics.identification.result import deviations_of, parameters_of, pa
 from diag_dynamics.identification.selection import GAIN
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, NOTHING_EXPLAINED, Balance
 from diag_dynamics.recordings.data_checks import smoothed
-from diag_dynamics.recordings.observer import Observer
+from diag_dynamics.recordings.external_torque import Observer
 
 OBSERVER_GAIN = 25.0  # the monitor's default [1/s]
 # Shortest portion whose errors of effort count, and its ends: the filter has 5 Hz [s]

@@ -13,7 +13,7 @@ import numpy as np
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.identification import inertias
-from diag_dynamics.identification.regressors import FRICTION, LOAD, PARAMETERS, ROOT
+from diag_dynamics.identification.normal_equations import FRICTION, LOAD, PARAMETERS, ROOT
 from diag_dynamics.model import JointParameters, Parameters, Payload, RobotModel
 from diag_dynamics.recordings.data_checks import jackknife
 

@@ -14,7 +14,7 @@ from diag_dynamics.identification.fit import (
     Layout,
     fit_rows,
 )
-from diag_dynamics.identification.regressors import (
+from diag_dynamics.identification.normal_equations import (
     DAMPING,
     FRICTION,
     LOAD,

@@ -3,6 +3,12 @@
 
 """Inspection of a robot: facts about its model, and checks of its URDF."""
 
-from diag_dynamics.inspection.report import CHECKS, SEVERITIES, Finding, Report, inspect_robot
+from diag_dynamics.inspection.inspection_report import (
+    CHECKS,
+    SEVERITIES,
+    Finding,
+    Report,
+    inspect_robot,
+)
 
 __all__ = ["CHECKS", "SEVERITIES", "Finding", "Report", "inspect_robot"]

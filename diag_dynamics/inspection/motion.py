@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.inspection.robot import Found
+from diag_dynamics.inspection.inspected_robot import Found
 from diag_dynamics.model import RobotModel
 
 POSES = 200  # extremes are met in about one pose in a hundred

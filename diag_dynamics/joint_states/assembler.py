@@ -11,13 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import RejectedError
-from diag_dynamics.joint_states import codes, memory
+from diag_dynamics.joint_states import codes, rule_memory
 from diag_dynamics.joint_states.decoding import FIELDS, Decoder, Layouts
-from diag_dynamics.joint_states.joints import EffortMeaning, RobotState, age_limits, joint_limits
+from diag_dynamics.joint_states.jumps import SAMPLES
+from diag_dynamics.joint_states.robot_joints import (
+    EffortMeaning,
+    RobotState,
+    age_limits,
+    joint_limits,
+)
 from diag_dynamics.joint_states.rules import judge_messages
 from diag_dynamics.joint_states.stamps import nanoseconds
-from diag_dynamics.joint_states.steps import SAMPLES
-from diag_dynamics.model.followers import Followers, loop_title
+from diag_dynamics.model.mimic import Followers, loop_title
 from diag_dynamics.sweeps.followers import positions
 
 
@@ -38,7 +43,7 @@ class Assembled(NamedTuple):
     """Results of a batch of messages, an element for each."""
 
     outcome: np.ndarray
-    """Outcomes of the messages, with the fields of memory.OUTCOME."""
+    """Outcomes of the messages, with the fields of rule_memory.OUTCOME."""
     position: np.ndarray
     """States, (number of messages, nq) and (number of messages, nv).
 
@@ -57,7 +62,7 @@ MAX_NAMES, MAX_NAME_LENGTH = 1000, 256
 
 NAME_BYTES = 64  # memory of a name, apart from its letters
 
-MESSAGE = struct.Struct("=4q")  # A memory.MESSAGE
+MESSAGE = struct.Struct("=4q")  # A rule_memory.MESSAGE
 
 IN_STEP = {-1: None, 0: False, 1: True}
 
@@ -95,7 +100,7 @@ class StateAssembler:
         self.arrived = {}
         self._lists = set()
         self._alternating = set()
-        self._memory = memory.Memory.create(len(joints.names), len(self.followers.names))
+        self._memory = rule_memory.Memory.create(len(joints.names), len(self.followers.names))
         self._shared = self._memory.shared[0]
         self._own = self._memory.joints
         self._shared["in_step"] = self._shared["stuck_last"] = self._shared["base_stamp"] = -1
@@ -104,9 +109,9 @@ class StateAssembler:
         for field in FIELDS:
             self._own[field] = self._memory.followers[field] = np.nan
         self._follow()
-        self._one = memory.Batch.create(1, (), self._memory)
+        self._one = rule_memory.Batch.create(1, (), self._memory)
         self._message = memoryview(self._one.messages.view(np.uint8))
-        self._summary = self._one.outcome.view(np.int64)[: len(memory.SUMMARY)]
+        self._summary = self._one.outcome.view(np.int64)[: len(rule_memory.SUMMARY)]
         self._states = tuple(self._one.states[:, 0])
         self._decoder = Decoder()
         self.configure(options)
@@ -252,7 +257,7 @@ class StateAssembler:
 
     def forget(self):
         """Reset all joints and the base, as after a restart of time stamps."""
-        self._judge_one(self._one, memory.FORGET, 0)
+        self._judge_one(self._one, rule_memory.FORGET, 0)
         if self._base:
             self._base.forget()
 
@@ -274,7 +279,7 @@ class StateAssembler:
         try:
             places = self._decoder.find_places(message)
         except ValueError as error:
-            self._judge_one(self._one, memory.UNREADABLE, now)
+            self._judge_one(self._one, rule_memory.UNREADABLE, now)
             return Rejected("malformed", f"joint_states: {error}")
         kind = f"{places.order}f8"
         fields = [
@@ -357,10 +362,10 @@ class StateAssembler:
         ]
         widths = [sum(layout.lengths) for layout in layouts]
         rows = [layout.row for layout in layouts]
-        batch = memory.Batch.create(len(now), rows, self._memory, max(widths, default=0))
+        batch = rule_memory.Batch.create(len(now), rows, self._memory, max(widths, default=0))
         messages = batch.messages
         messages["now"] = now
-        messages["layout"] = memory.UNREADABLE
+        messages["layout"] = rule_memory.UNREADABLE
         for k, (part, width) in enumerate(zip(parts, widths, strict=True)):
             messages["sec"][part.rows] = part.sec
             messages["nanosec"][part.rows] = part.nanosec
@@ -398,8 +403,8 @@ class StateAssembler:
         if code == codes.DUPLICATE_NAME:
             places = {}
         begins = np.cumsum([0, *lengths[:2]])
-        begins[[code > 0 or not length for length in lengths]] = memory.UNUSED
-        row = memory.layout_row(self._memory, code, places, begins)
+        begins[[code > 0 or not length for length in lengths]] = rule_memory.UNUSED
+        row = rule_memory.layout_row(self._memory, code, places, begins)
         batch = self._one._replace(layouts=row[None], numbers=np.zeros((1, sum(lengths))))
         return _Layout(names, listed, text, lengths, row, batch)
 
@@ -450,8 +455,8 @@ class _Layout(NamedTuple):
     joints: tuple  # of the robot, in the order of the names
     text: str  # error of such messages, if the layout itself has one
     lengths: tuple
-    row: np.ndarray  # of memory.Batch.layouts
-    batch: memory.Batch  # of one such message
+    row: np.ndarray  # of rule_memory.Batch.layouts
+    batch: rule_memory.Batch  # of one such message
 
 
 def _write(array, **fields):

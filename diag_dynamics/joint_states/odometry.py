@@ -9,8 +9,8 @@ from diag_dynamics import rotations
 from diag_dynamics.checks import numbers
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import Joints, Options
-from diag_dynamics.joint_states.steps import MAX_POSITION, MAX_VELOCITY
+from diag_dynamics.joint_states.jumps import MAX_POSITION, MAX_VELOCITY
+from diag_dynamics.joint_states.robot_joints import Joints, Options
 
 
 class OdometryBase:

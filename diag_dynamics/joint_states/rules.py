@@ -13,7 +13,14 @@ import numpy as np
 from numba import types
 
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.memory import (
+from diag_dynamics.joint_states.jumps import (
+    MAX_EFFORT,
+    MAX_VELOCITY,
+    accept_step,
+    judge_step,
+    watch_stuck_sensors,
+)
+from diag_dynamics.joint_states.rule_memory import (
     BATCH_TYPES,
     BEGIN,
     COUNT,
@@ -28,13 +35,6 @@ from diag_dynamics.joint_states.memory import (
     Memory,
 )
 from diag_dynamics.joint_states.stamps import SECOND
-from diag_dynamics.joint_states.steps import (
-    MAX_EFFORT,
-    MAX_VELOCITY,
-    accept_step,
-    judge_step,
-    watch_stuck_sensors,
-)
 from diag_dynamics.numerics.callback import call_address
 from diag_dynamics.numerics.kernel import entry_kernel, kernel, large_kernel
 from diag_dynamics.numerics.tables import address_of, array_at

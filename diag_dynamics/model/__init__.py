@@ -7,8 +7,7 @@ A wrong argument raises an InputError that names the argument, its value and wha
 mistake in a robot's file raises a UrdfError that names the element.
 """
 
-from diag_dynamics.description.parameters import JointParameters, Parameters
-from diag_dynamics.description.records import (
+from diag_dynamics.description.description import (
     Curve,
     FlexibleJoint,
     FlexibleLink,
@@ -17,7 +16,8 @@ from diag_dynamics.description.records import (
     Mimic,
     Payload,
 )
-from diag_dynamics.description.text import urdf_text
+from diag_dynamics.description.parameters import JointParameters, Parameters
+from diag_dynamics.description.urdf_text import urdf_text
 from diag_dynamics.model.links import end_effector_link
 from diag_dynamics.model.loading import load_mjcf, load_robot, load_urdf
 from diag_dynamics.model.robot import RobotModel

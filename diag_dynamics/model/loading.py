@@ -13,22 +13,22 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, VectorLike
 from diag_dynamics.checks import choice, not_negative
-from diag_dynamics.description.arguments import (
+from diag_dynamics.description.catalog import robot_path
+from diag_dynamics.description.check_table import warn, warn_of
+from diag_dynamics.description.constraints import read_couplings, with_couplings
+from diag_dynamics.description.description import Description, Loop, Payload
+from diag_dynamics.description.flexible_links import with_flexible_links
+from diag_dynamics.description.mjcf import read_mjcf
+from diag_dynamics.description.options import (
     with_armature,
     with_gravity,
     with_locked_joints,
     with_payloads,
 )
-from diag_dynamics.description.catalog import robot_path
-from diag_dynamics.description.checks import warn, warn_of
-from diag_dynamics.description.flexible_links import with_flexible_links
-from diag_dynamics.description.loops import read_couplings, with_couplings
-from diag_dynamics.description.mjcf import read_mjcf
 from diag_dynamics.description.parameters import Parameters, read_parameters, with_parameters
-from diag_dynamics.description.records import Description, Loop, Payload
 from diag_dynamics.description.remarks import unphysical
-from diag_dynamics.description.text import expanded, urdf_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
+from diag_dynamics.description.urdf_text import expanded, urdf_text
 from diag_dynamics.exceptions import LoopWarning
 from diag_dynamics.model.robot import RobotModel, build
 

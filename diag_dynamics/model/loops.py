@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import warn
-from diag_dynamics.description.records import (
+from diag_dynamics.description.check_table import warn
+from diag_dynamics.description.description import (
     Curve,
     Description,
     Flexible,

@@ -16,21 +16,21 @@ import numpy as np
 
 from diag_dynamics.arrays import Array, MatrixLike, VectorLike
 from diag_dynamics.checks import choice, vector
-from diag_dynamics.description.arguments import with_gravity, with_locked_joints, with_payloads
+from diag_dynamics.description.description import (
+    Description,
+    FlexibleJoint,
+)
+from diag_dynamics.description.options import with_gravity, with_locked_joints, with_payloads
 from diag_dynamics.description.parameters import (
     Parameters,
     read_parameters,
     with_parameters,
 )
-from diag_dynamics.description.records import (
-    Description,
-    FlexibleJoint,
-)
 from diag_dynamics.exceptions import InputError, UnsupportedError, attribute_error
-from diag_dynamics.model.followers import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.joint_types import is_angle, places
 from diag_dynamics.model.loops import coupled_tree, coupling_tables
 from diag_dynamics.model.massless import massless_freedoms, positions_to_hold, reject_massless
+from diag_dynamics.model.mimic import FollowerMotion, FollowerState, closed, limit_by_followers
 from diag_dynamics.model.tree import Tree, resolve_mimics
 from diag_dynamics.rigid_body import RigidBody, not_physical, symmetric
 from diag_dynamics.sweeps import joints, kinematics

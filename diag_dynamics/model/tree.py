@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from diag_dynamics import rotations
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.elements import LARGEST
-from diag_dynamics.description.records import (
+from diag_dynamics.description.description import (
     SINGLE,
     Description,
     Joint,
     Mimic,
     Payload,
 )
+from diag_dynamics.description.elements import LARGEST
 from diag_dynamics.exceptions import MimicJointError, UrdfError
 from diag_dynamics.model.joint_types import JOINT_TYPES, QUATERNION
 from diag_dynamics.rigid_body import parallel_axes

@@ -18,8 +18,8 @@ from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
 
 from diag_dynamics.exceptions import DiagDynamicsError, InputError, RejectedError
-from diag_dynamics.joint_states.joints import RobotState
-from diag_dynamics.model.followers import Followers
+from diag_dynamics.joint_states.robot_joints import RobotState
+from diag_dynamics.model.mimic import Followers
 from diag_dynamics.msg import DiagonalizedState
 from diag_dynamics.nodes.support.clocks import steady_clock
 from diag_dynamics.nodes.support.declaring import TableNode, judge

@@ -16,8 +16,8 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from diag_dynamics.description.checks import handle_warnings
-from diag_dynamics.description.text import read_text
+from diag_dynamics.description.check_table import handle_warnings
+from diag_dynamics.description.urdf_text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.msg import ContactLimits, DiagonalizedState, ExternalTorque
@@ -37,7 +37,7 @@ from diag_dynamics.page.server import PageServer
 from diag_dynamics.page.stream import Received, RobotStream, compile_frames
 from diag_dynamics.parameters.monitor import PARAMETERS as MONITOR
 from diag_dynamics.parameters.monitor import observation_of
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robot_models import model_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED
 from diag_dynamics.parameters.view import PARAMETERS
 from diag_dynamics.text import listed, shortened

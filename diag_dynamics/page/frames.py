@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.model.mimic import FollowerMotion
 from diag_dynamics.page.forces import Forces
 from diag_dynamics.page.layout import CAUSES, Layout, with_followers
 from diag_dynamics.sweeps import evaluation

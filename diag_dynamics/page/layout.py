@@ -11,8 +11,8 @@ import numpy as np
 
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model import end_effector_link
-from diag_dynamics.model.followers import FollowerMotion
 from diag_dynamics.model.joint_types import sliding_dofs
+from diag_dynamics.model.mimic import FollowerMotion
 from diag_dynamics.sweeps.records import FLOATING, PLANAR, PRISMATIC, REVOLUTE
 
 KINDS = {REVOLUTE: "revolute", PRISMATIC: "prismatic", PLANAR: "planar", FLOATING: "floating"}

@@ -8,7 +8,7 @@ import hashlib
 
 import numpy as np
 
-from diag_dynamics.description.meshes import Meshes, find_mesh
+from diag_dynamics.description.mesh_files import Meshes, find_mesh
 from diag_dynamics.exceptions import InputError, UrdfError
 
 SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
@@ -32,7 +32,7 @@ class MeshLibrary:
     ----------
     folders : iterable of Path
         Folders for files that no ROS package has, see
-        :func:`~diag_dynamics.description.meshes.find_mesh`.
+        :func:`~diag_dynamics.description.mesh_files.find_mesh`.
 
     Attributes
     ----------

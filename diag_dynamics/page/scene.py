@@ -9,7 +9,7 @@ import numpy as np
 
 from diag_dynamics.description.catalog import example_urdfs, link_elements
 from diag_dynamics.description.geometry import shape_of
-from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.urdf_text import folder_of
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.page.layout import with_followers
 from diag_dynamics.rigid_body import RigidBody, symmetric

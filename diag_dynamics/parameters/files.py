@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from fnmatch import fnmatch
 
-from diag_dynamics.description.loops import COUPLINGS
+from diag_dynamics.description.constraints import COUPLINGS
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Parameters

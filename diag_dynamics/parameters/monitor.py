@@ -22,7 +22,7 @@ from diag_dynamics.collision.detector import (
 from diag_dynamics.collision.residuals import singular_joint
 from diag_dynamics.entries import ALL, assignments, by_name
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.joints import JOINT_TIMEOUT, Options
+from diag_dynamics.joint_states.robot_joints import JOINT_TIMEOUT, Options
 from diag_dynamics.parameters.contact_limits import PARAMETERS as CONTACT
 from diag_dynamics.parameters.contact_limits import limits_of
 from diag_dynamics.parameters.shared import PARAMETERS as SHARED

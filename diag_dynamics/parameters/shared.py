@@ -3,7 +3,7 @@
 
 """Parameters of a robot: shared by the nodes, and by the library where it reads robots."""
 
-from diag_dynamics.description.arguments import LARGEST_GRAVITY
+from diag_dynamics.description.options import LARGEST_GRAVITY
 from diag_dynamics.entries import ALL, LARGEST, assignments
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.model import Payload

@@ -15,9 +15,9 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, Balance
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.external_torque import Observed, Observer, find_touched_links
 from diag_dynamics.recordings.findings import REJECTED, explain_missing_efforts
-from diag_dynamics.recordings.observer import Observed, Observer, find_touched_links
-from diag_dynamics.recordings.quality import Quality
+from diag_dynamics.recordings.sampling import Quality
 from diag_dynamics.recordings.states import States
 from diag_dynamics.recordings.windows import column_maxima
 from diag_dynamics.results import Evaluation

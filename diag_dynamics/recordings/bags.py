@@ -20,10 +20,10 @@ from pathlib import Path
 
 import numpy as np
 
-from diag_dynamics.description.text import GIT_LFS
+from diag_dynamics.description.urdf_text import GIT_LFS
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import (
+from diag_dynamics.recordings.bag_messages import (
     REASON,
     Connection,
     DamageError,

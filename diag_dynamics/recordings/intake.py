@@ -16,8 +16,8 @@ from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError, cause_of
 from diag_dynamics.joint_states import codes
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import LinkPositions, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
+from diag_dynamics.joint_states.robot_joints import LinkPositions, joints_of
 from diag_dynamics.recordings.joint_names import SAME_NAMES
 from diag_dynamics.recordings.states import States
 from diag_dynamics.wire.definitions import read_message

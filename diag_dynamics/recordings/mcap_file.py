@@ -18,7 +18,7 @@ from mcap.stream_reader import get_chunk_data_stream
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.messages import (
+from diag_dynamics.recordings.bag_messages import (
     REASON,
     Connection,
     DamageError,

@@ -20,7 +20,7 @@ from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import RobotModel
 from diag_dynamics.parameters.contact_limits import contact_points
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
-from diag_dynamics.parameters.robots import model_of, require_as_made, require_single_joints
+from diag_dynamics.parameters.robot_models import model_of, require_as_made, require_single_joints
 from diag_dynamics.recordings.findings import (
     NOTE,
     Finding,

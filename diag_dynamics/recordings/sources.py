@@ -16,10 +16,10 @@ from diag_dynamics.joint_states.decoding import Decoder
 from diag_dynamics.model import RobotModel
 from diag_dynamics.model.joint_types import single_joints
 from diag_dynamics.optional import require
+from diag_dynamics.recordings.bag_messages import Unread
 from diag_dynamics.recordings.bags import METADATA, Bag, is_bag
 from diag_dynamics.recordings.intake import JOINT_STATE, ODOMETRY, Batch
 from diag_dynamics.recordings.joint_names import SAME_NAMES
-from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables import is_dataset, split_paths
 from diag_dynamics.recordings.tables.column_map import ColumnMap, read_column_map
 from diag_dynamics.wire.definitions import read_message

@@ -7,7 +7,7 @@ import textwrap
 
 from diag_dynamics.recordings.balance import MIN_EXPLAINED, WINDOW
 from diag_dynamics.recordings.findings import NOTE, Finding
-from diag_dynamics.recordings.quality import describe_ratio
+from diag_dynamics.recordings.sampling import describe_ratio
 from diag_dynamics.text import listed
 
 FEW = 5  # joints, findings and collisions that the text lists one by one

@@ -14,8 +14,8 @@ from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import FIELDS, JointStates
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model.joint_types import single_joints
+from diag_dynamics.recordings.bag_messages import Unread
 from diag_dynamics.recordings.intake import Batch
-from diag_dynamics.recordings.messages import Unread
 from diag_dynamics.recordings.tables.cells import (
     read_lists,
     read_numbers,

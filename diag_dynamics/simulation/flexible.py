@@ -15,7 +15,7 @@ the rigid joint of armature B.
 """
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
-from diag_dynamics.simulation.memory import opened
+from diag_dynamics.simulation.step_memory import opened
 
 
 @kernel

@@ -14,14 +14,14 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation import flexible
-from diag_dynamics.simulation.memory import LOSS, WORK, opened
-from diag_dynamics.simulation.modes import (
+from diag_dynamics.simulation.joint_modes import (
     FREE,
     HELD,
     classify_joints,
     solve_step,
     spring_start,
 )
+from diag_dynamics.simulation.step_memory import LOSS, WORK, opened
 from diag_dynamics.sweeps import classical, factorization, groups, kinematics
 from diag_dynamics.sweeps import workspace as ws
 

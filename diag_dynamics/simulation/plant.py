@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.model.followers import Followers
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.model.mimic import Followers
 from diag_dynamics.simulation.drives import Drives, Pushes, Sensors
 from diag_dynamics.simulation.simulation import CompliantLimits, Simulation, rest_position
 from diag_dynamics.text import distinct

@@ -15,15 +15,15 @@ from diag_dynamics.arrays import Array, Frame, VectorLike, Wrenches
 from diag_dynamics.checks import in_order, instance, per_name, positive, vector
 from diag_dynamics.dynamics.arguments import States
 from diag_dynamics.dynamics.calls import raise_failure
-from diag_dynamics.dynamics.flexible import FlexibleDynamics
+from diag_dynamics.dynamics.flexible_joints import FlexibleDynamics
 from diag_dynamics.exceptions import InputError, UnsupportedError
 from diag_dynamics.model import RobotModel
-from diag_dynamics.model.flexible_links import bending_energy, warn_of_slopes
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.model.link_modes import bending_energy, warn_of_slopes
 from diag_dynamics.model.links import wrenches_on_links
 from diag_dynamics.results import Evaluation
 from diag_dynamics.simulation import steps as compiled
-from diag_dynamics.simulation.memory import Memory
+from diag_dynamics.simulation.step_memory import Memory
 from diag_dynamics.sweeps.records import WRENCH
 
 _NO_WRENCHES = np.zeros(0, WRENCH)

@@ -16,7 +16,7 @@ from diag_dynamics.numerics.kernel import (
     large_kernel,
 )
 from diag_dynamics.simulation import midpoint
-from diag_dynamics.simulation.memory import opened
+from diag_dynamics.simulation.step_memory import opened
 from diag_dynamics.sweeps import classical, factorization, records
 from diag_dynamics.sweeps import workspace as ws
 

@@ -33,10 +33,10 @@ RESULTS = (
     "results.TouchedLink",
     "collision.predicted_contact.PredictedContact",
     "collision.predicted_contact.Impact",
-    "dynamics.flexible.FlexibleEvaluation",
+    "dynamics.flexible_joints.FlexibleEvaluation",
     "simulation.simulation.EnergyAudit",
-    "recordings.observer.Observed",
-    "identification.excite.Excitation",
+    "recordings.external_torque.Observed",
+    "identification.excitation.Excitation",
     "identification.result.Identification",
 )
 """Types of results, which methods return and nobody constructs, by their modules."""

@@ -29,7 +29,7 @@ from diag_dynamics.control import supervisor as phases
 from diag_dynamics.control.by_dof import by_dof, command_order, require_same_joints
 from diag_dynamics.control.modes import LAWS, POSE, TRACKING
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.nodes.controller import received
 from examples import shortened, some_of
 from limits import HANG
@@ -407,7 +407,7 @@ import numpy as np
 import diag_dynamics as dd
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.references import Waypoints
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.nodes.controller import received
 from diag_dynamics.numerics import kernel
 from diag_dynamics.parameters.controller import PARAMETERS

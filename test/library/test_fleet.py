@@ -27,7 +27,7 @@ from bags import Message, arm, description, serialized, urdf_of, write_mcap
 from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from diag_dynamics.cli.main import main
 from diag_dynamics.description.catalog import find_urdf
-from diag_dynamics.recordings import fleet
+from diag_dynamics.recordings import fleet_analysis
 from diag_dynamics.recordings.summary import describe_faults
 from hostile import MS, START, Driver, S, hostile
 
@@ -158,7 +158,7 @@ def test_a_fleet_is_its_recordings(analysed, archive, expected):
 
 
 def test_an_unexpected_error_is_a_row(archive, scheduler, tmp_path, monkeypatch):
-    monkeypatch.setattr(fleet.Analysis, "run", lambda analysis, _: analysis.no_such_name)
+    monkeypatch.setattr(fleet_analysis.Analysis, "run", lambda analysis, _: analysis.no_such_name)
     (row,) = dd.analyse_fleet(archive / GOOD[0], tmp_path, scheduler=scheduler)
     assert row["error"].startswith("AttributeError: ")
 

@@ -16,7 +16,7 @@ import scipy.linalg
 import diag_dynamics as dd
 from accuracy import assert_close, norm
 from diag_dynamics.exceptions import UnsupportedError
-from diag_dynamics.joint_states.joints import LinkPositions
+from diag_dynamics.joint_states.robot_joints import LinkPositions
 from diag_dynamics.model.joint_types import places
 from diag_dynamics.parameters.simulator import PARAMETERS
 from diag_dynamics.simulation.plant import Plant

@@ -17,8 +17,8 @@ import diag_dynamics as dd
 from accuracy import assert_close, norm
 from coupling import upper_factor, upper_factor_rate
 from diag_dynamics.exceptions import LoopError
-from diag_dynamics.joint_states.joints import joints_of
-from diag_dynamics.model.flexible_links import bending_energy
+from diag_dynamics.joint_states.robot_joints import joints_of
+from diag_dynamics.model.link_modes import bending_energy
 from diag_dynamics.simulation.plant import Plant
 from perturbed import perturbed
 

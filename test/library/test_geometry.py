@@ -12,7 +12,7 @@ from lxml import etree
 
 import diag_dynamics as dd
 from diag_dynamics.description.geometry import Shape, corners_of, shapes_of
-from diag_dynamics.description.meshes import Meshes, find_mesh
+from diag_dynamics.description.mesh_files import Meshes, find_mesh
 
 BOX = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 """Corners of the unit cube in the first octant."""

@@ -17,7 +17,7 @@ import diag_dynamics as dd
 from coupling import with_payloads
 from diag_dynamics.identification import inertias
 from diag_dynamics.identification.fit import ConvergenceError, fit_rows
-from diag_dynamics.identification.regressors import ROTOR
+from diag_dynamics.identification.normal_equations import ROTOR
 from diag_dynamics.identification.result import require_masses
 from examples import shortened, some_of
 from motions import changed, efforts, fourier, recorded
@@ -462,7 +462,7 @@ def test_unusable_rows_are_counted(panda, eventful, monkeypatch):
     pieces = dd.identify(in_pieces(eventful, 7411), model, "friction")
     assert pieces.quality == whole.quality
     assert pieces.parameters.origin["recordings"] == whole.parameters.origin["recordings"]
-    monkeypatch.setattr("diag_dynamics.identification.identify.MAX_VALUES", 21 * 30_000)
+    monkeypatch.setattr("diag_dynamics.identification.fitting.MAX_VALUES", 21 * 30_000)
     with pytest.raises(dd.InputError, match=r"has more than 30000 states.* --start and --end"):
         dd.identify(in_pieces(eventful, 20_000), model, "friction")
 

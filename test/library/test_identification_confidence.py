@@ -17,7 +17,7 @@ from controlled import FINGERS
 from described import PANDA
 from diag_dynamics.identification.base_parameters import BaseParameters
 from diag_dynamics.identification.fit import Layout
-from diag_dynamics.identification.regressors import Regressors
+from diag_dynamics.identification.normal_equations import Regressors
 from loads import Arm
 from motions import efforts, fourier, recorded
 from oracles import Oracle

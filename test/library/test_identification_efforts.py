@@ -17,7 +17,7 @@ from commands import quiet_compiler  # noqa: F401 (a fixture of all tests here)
 from controlled import FINGERS
 from desk_arm import DOWN, JOINTS, URDF, motion, recording, worn, write_table
 from diag_dynamics.cli.main import main
-from diag_dynamics.identification.identify import FitData
+from diag_dynamics.identification.fitting import FitData
 from motions import efforts, fourier, recorded
 from oracles import Oracle
 from robots import robot

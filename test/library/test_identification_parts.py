@@ -19,7 +19,7 @@ from diag_dynamics.identification.fit import (
     Problem,
     solve,
 )
-from diag_dynamics.identification.regressors import FRICTION, LOAD, OFFSET, ROOT, Regressors
+from diag_dynamics.identification.normal_equations import FRICTION, LOAD, OFFSET, ROOT, Regressors
 from diag_dynamics.identification.result import parameters_of
 from examples import some_of
 from motions import efforts

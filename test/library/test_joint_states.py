@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from diag_dynamics.joint_states import decoding
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.joint_states.joints import Joints, Options
+from diag_dynamics.joint_states.robot_joints import Joints, Options
 from examples import examples
 from joint_state_cases import CASES, TABLE
 from joint_state_messages import MS, NAMES, NAN, NOW, S, joint_state, odometry

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 import diag_dynamics as dd
 from closed_loops import ClosedLoops
 from diag_dynamics.model import loops as reader
-from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.model.mimic import FollowerMotion
 from diag_dynamics.yaml_files import read_yaml
 from robots import description, joint, link
 

@@ -15,13 +15,13 @@ import diag_dynamics as dd
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.inspection import inspect_robot
 from diag_dynamics.joint_states.assembler import Accepted, Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import Options, joints_of
+from diag_dynamics.joint_states.robot_joints import Options, joints_of
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import Layout, tree_of
 from diag_dynamics.page.scene import scene_of
 from diag_dynamics.parameters.files import parameters_of
 from diag_dynamics.parameters.monitor import PARAMETERS
-from diag_dynamics.parameters.robots import model_of, require_as_made
+from diag_dynamics.parameters.robot_models import model_of, require_as_made
 from linkages import (
     BASE,
     COUPLER,

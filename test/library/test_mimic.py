@@ -29,7 +29,7 @@ from coupling import (
     mimic_tags,
     mimicking,
 )
-from diag_dynamics.model.followers import Followers
+from diag_dynamics.model.mimic import Followers
 from examples import examples
 from laws import load
 from robots import description, joint, link

@@ -12,7 +12,7 @@ from test_loops import ratios
 
 import diag_dynamics as dd
 from diag_dynamics.inspection import inspect_robot
-from diag_dynamics.recordings.quality import Quality
+from diag_dynamics.recordings.sampling import Quality
 from motions import recorded
 
 pytestmark = pytest.mark.filterwarnings("ignore::diag_dynamics.InertiaWarning")

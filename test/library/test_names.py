@@ -18,7 +18,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.exceptions import FOREIGN_NAMES
-from diag_dynamics.recordings.observer import Observed
+from diag_dynamics.recordings.external_torque import Observed
 
 DOCS = Path(__file__).parents[2] / "docs"
 OLD_NAMES = {"jacobian_com", "MjModel", "MjData", "Data"}

@@ -16,7 +16,7 @@ import yaml
 
 import diag_dynamics as dd
 from diag_dynamics.parameters.files import parameters_of
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robot_models import model_of
 from diag_dynamics.parameters.shared import PARAMETERS
 from robots import description, joint, link, robot_path
 

@@ -18,7 +18,7 @@ from diag_dynamics.cli.main import main
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import CAUSES
 from diag_dynamics.page.meshes import pack, pack_mesh, pack_meshes
-from diag_dynamics.page.report import write_report
+from diag_dynamics.page.recording_page import write_report
 from diag_dynamics.recordings.analysis import Analysis
 from diag_dynamics.recordings.outputs import report as output
 from diag_dynamics.recordings.outputs.downsampling import Overview, energy_rate

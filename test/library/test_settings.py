@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from diag_dynamics.entries import assignments, by_name
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.robot_joints import joints_of
 from diag_dynamics.model import Payload
 from diag_dynamics.parameters.monitor import PARAMETERS, EnergyThresholds, Settings
 from diag_dynamics.parameters.shared import payload_entry, payloads_of

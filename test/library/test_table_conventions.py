@@ -20,8 +20,8 @@ import robots
 from bags import arm, numbered, urdf_of, write_mcap
 from diag_dynamics.cli.main import main
 from diag_dynamics.recordings.sources import Source, open_source
-from diag_dynamics.recordings.tables.arrays import read_npz
 from diag_dynamics.recordings.tables.column_map import ColumnMap
+from diag_dynamics.recordings.tables.columnar import read_npz
 from diag_dynamics.recordings.tables.readers import open_reader
 from diag_dynamics.recordings.tables.table import Table
 from diag_dynamics.recordings.tables.template import write_template

@@ -13,7 +13,7 @@ import pytest
 
 import diag_dynamics as dd
 from diag_dynamics.cli.main import main
-from diag_dynamics.description import text as sources
+from diag_dynamics.description import urdf_text as sources
 from diag_dynamics.description.urdf_writer import urdf_with
 from diag_dynamics.inspection import inspect_robot
 from robots import BOX, description, joint, link

@@ -16,7 +16,7 @@ from diag_dynamics.nodes.monitor.watch import Moment, Watch
 from diag_dynamics.nodes.monitor.watches import WATCHES, EnergyWatch
 from diag_dynamics.nodes.support.statuses import ERROR, OK, STALE, WARN, Status
 from diag_dynamics.parameters.monitor import EnergyThresholds, Settings
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robot_models import model_of
 from joint_state_readers import DEFAULTS
 from nodes import MS, PANDA, Monitor, S, Truth, robot
 from robots import TwoLinkArm

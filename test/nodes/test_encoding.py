@@ -29,7 +29,7 @@ from commands import quiet_compiler  # noqa: F401 (a fixture)
 from diag_dynamics.control.observer import Disturbance
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.joint_states.decoding import find_places
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.nodes.monitor.monitored_robot import MonitoredRobot, model_status
 from diag_dynamics.nodes.support import messages
 from diag_dynamics.nodes.support.messages import (
@@ -39,7 +39,7 @@ from diag_dynamics.nodes.support.messages import (
     MessageMaker,
 )
 from diag_dynamics.parameters.monitor import Settings
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robot_models import model_of
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts
 from diag_dynamics.wire.fields import Alarming

@@ -14,7 +14,7 @@ from visualization_msgs.msg import MarkerArray
 
 import diag_dynamics as dd
 from diag_dynamics.control.observer import Disturbance
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.markers import (
     COLD,

@@ -13,7 +13,7 @@ from described import UR5, S, robot
 from diag_dynamics.control.loop import ControlLoop
 from diag_dynamics.control.modes import TRACKING
 from diag_dynamics.control.references import Waypoints
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.parameters.controller import PARAMETERS
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, 0.5, 0.2])

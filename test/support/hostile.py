@@ -6,7 +6,7 @@
 import numpy as np
 
 from bags import MS, START, S, serialized
-from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.robot_joints import joints_of
 
 ODD = {
     "position": [np.nan, np.inf, 1e297, 253.0, 4.0, -40.0],

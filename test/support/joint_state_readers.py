@@ -14,11 +14,11 @@ import numpy as np
 import diag_dynamics as dd
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
 from diag_dynamics.joint_states.decoding import Decoder
-from diag_dynamics.joint_states.joints import joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
+from diag_dynamics.joint_states.robot_joints import joints_of
 from diag_dynamics.parameters.monitor import PARAMETERS, Settings
+from diag_dynamics.recordings.bag_messages import Messages
 from diag_dynamics.recordings.intake import JOINT_STATE, MAX_TEXTS, ODOMETRY, Intake
-from diag_dynamics.recordings.messages import Messages
 from diag_dynamics.recordings.sources import decode_messages
 from diag_dynamics.wire.definitions import read_message
 from joint_state_messages import BASE_PARAMETERS, FLOATING, ROBOTS

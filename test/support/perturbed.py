@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from diag_dynamics.description.records import Link, Payload
+from diag_dynamics.description.description import Link, Payload
 from diag_dynamics.model.robot import build
 
 

@@ -11,7 +11,7 @@ import diag_dynamics as dd
 from bags import ODOMETRY, Message, odometry, write_mcap
 from coupling import NAMED
 from described import PANDA
-from diag_dynamics.joint_states.joints import joints_of
+from diag_dynamics.joint_states.robot_joints import joints_of
 from hostile import MS, START, Driver, S, hostile
 from robots import robot_path
 

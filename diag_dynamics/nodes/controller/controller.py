@@ -29,7 +29,7 @@ from diag_dynamics.control.supervisor import HOLDING, RAMPING_DOWN
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError, RejectedError
 from diag_dynamics.joint_states.assembler import Rejected, StateAssembler
-from diag_dynamics.joint_states.joints import Options, joints_of
+from diag_dynamics.joint_states.robot_joints import Options, joints_of
 from diag_dynamics.msg import ControllerStatus
 from diag_dynamics.nodes.controller import received
 from diag_dynamics.nodes.controller.lifecycle import (

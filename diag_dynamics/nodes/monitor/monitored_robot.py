@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diag_dynamics.description.text import folder_of
+from diag_dynamics.description.urdf_text import folder_of
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import assignments
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.assembler import StateAssembler
-from diag_dynamics.joint_states.joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.joint_states.odometry import OdometryBase
+from diag_dynamics.joint_states.robot_joints import LinkPositions, RobotState, joints_of
 from diag_dynamics.nodes.monitor.collisions import CollisionWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.watches import WATCHES

@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.model import Payload
 from diag_dynamics.nodes.support.guard import offer

@@ -6,7 +6,7 @@
 from typing import Any, NamedTuple, Protocol
 
 from diag_dynamics.dynamics import DiagonalDynamics
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.nodes.monitor.outputs import Outputs
 from diag_dynamics.nodes.support.statuses import Status
 from diag_dynamics.parameters.monitor import Settings

@@ -8,8 +8,8 @@ from collections import deque
 import numpy as np
 
 from diag_dynamics.exceptions import LoopError
-from diag_dynamics.model.followers import FollowerMotion, loop_title
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.model.mimic import FollowerMotion, loop_title
 from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.watch import Watch
 from diag_dynamics.nodes.support.diagnostics import counted

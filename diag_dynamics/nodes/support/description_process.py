@@ -16,7 +16,7 @@ import time
 from contextlib import redirect_stdout
 
 from diag_dynamics.description.catalog import describe
-from diag_dynamics.description.checks import handle_warnings, warn
+from diag_dynamics.description.check_table import handle_warnings, warn
 from diag_dynamics.exceptions import DiagDynamicsError, UrdfError
 
 PERIOD = 0.5

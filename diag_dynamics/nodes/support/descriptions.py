@@ -11,10 +11,10 @@ from functools import cache
 import numpy as np
 from std_msgs.msg import String
 
-from diag_dynamics.description.checks import handle_warnings
+from diag_dynamics.description.check_table import handle_warnings
+from diag_dynamics.description.description import Description, Inertial, Joint, Link
 from diag_dynamics.description.mjcf import is_mjcf
-from diag_dynamics.description.records import Description, Inertial, Joint, Link
-from diag_dynamics.description.text import read_text
+from diag_dynamics.description.urdf_text import read_text
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import UnsupportedError
 from diag_dynamics.model import Parameters, load_urdf
@@ -23,7 +23,7 @@ from diag_dynamics.nodes.support.description_process import described
 from diag_dynamics.nodes.support.guard import attempt
 from diag_dynamics.nodes.support.publishing import connected, latched
 from diag_dynamics.nodes.support.runner import Stop
-from diag_dynamics.parameters.robots import model_of
+from diag_dynamics.parameters.robot_models import model_of
 
 COMPILED = (
     "evaluate",

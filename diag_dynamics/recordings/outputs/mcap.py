@@ -13,10 +13,10 @@ import diag_dynamics
 from diag_dynamics.atomic_file import AtomicFile
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.joint_states.joints import RobotState
+from diag_dynamics.joint_states.robot_joints import RobotState
 from diag_dynamics.joint_states.stamps import SECOND
 from diag_dynamics.optional import require
-from diag_dynamics.recordings.observer import find_touched_links
+from diag_dynamics.recordings.external_torque import find_touched_links
 from diag_dynamics.wire.cdr import Template
 from diag_dynamics.wire.definitions import definition_with_parts, message_type
 from diag_dynamics.wire.fields import (

@@ -15,7 +15,7 @@ from diag_dynamics.model import end_effector_link
 from diag_dynamics.page.frames import FrameMaker, States
 from diag_dynamics.page.layout import thresholds_of
 from diag_dynamics.page.meshes import MeshLibrary, pack, pack_meshes
-from diag_dynamics.page.report import write_report
+from diag_dynamics.page.recording_page import write_report
 from diag_dynamics.page.scene import mesh_folders, scene_of
 from diag_dynamics.parameters.monitor import PARAMETERS
 from diag_dynamics.recordings.outputs.downsampling import Overview, energy_rate

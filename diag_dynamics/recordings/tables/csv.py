@@ -11,8 +11,8 @@ import pyarrow as pa
 from pyarrow import csv as arrow_csv
 
 from diag_dynamics.exceptions import InputError
+from diag_dynamics.recordings.bag_messages import describe_error
 from diag_dynamics.recordings.bags import first_bytes
-from diag_dynamics.recordings.messages import describe_error
 from diag_dynamics.recordings.tables.cells import (
     BLANK,
     MISSING,

@@ -15,10 +15,10 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.messages import describe_error
+from diag_dynamics.recordings.bag_messages import describe_error
 from diag_dynamics.recordings.tables import is_dataset
-from diag_dynamics.recordings.tables.arrays import MemoryTable
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column
+from diag_dynamics.recordings.tables.columnar import MemoryTable
 from diag_dynamics.recordings.tables.conventions import find_quantity
 
 _UNSTATED = "not stated by the dataset"  # unit of positions: radians, degrees, or percent

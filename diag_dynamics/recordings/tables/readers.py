@@ -5,7 +5,7 @@
 
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.tables import is_dataset, split_paths
-from diag_dynamics.recordings.tables.arrays import ParquetTable, read_npz
+from diag_dynamics.recordings.tables.columnar import ParquetTable, read_npz
 from diag_dynamics.recordings.tables.csv import CsvTable
 from diag_dynamics.recordings.tables.joined import JoinedTable
 from diag_dynamics.recordings.tables.lerobot import read_episode

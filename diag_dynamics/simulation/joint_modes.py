@@ -16,7 +16,7 @@ import math
 
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 from diag_dynamics.simulation import flexible
-from diag_dynamics.simulation.memory import opened
+from diag_dynamics.simulation.step_memory import opened
 from diag_dynamics.sweeps import classical, factorization
 
 FREE, HELD = 0.0, 2.0

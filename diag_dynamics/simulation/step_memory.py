@@ -30,7 +30,7 @@ BY_DOF = (
     "rotor_inertia",  # B of flexible joints, 0 of others [kg m², kg]
     "spring_stiffness",  # of flexible joints [N m/rad, N/m]
     "spring_damping",  # [N m s/rad, N s/m]
-    # Modes in the present step: see modes.py.
+    # Modes in the present step: see joint_modes.py.
     "mode",
     "spring",
     "depth",

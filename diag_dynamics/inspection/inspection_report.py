@@ -14,15 +14,15 @@ from typing import IO, Any
 import numpy as np
 
 from diag_dynamics import exceptions
-from diag_dynamics.description.checks import grouped, handle_warnings
+from diag_dynamics.description.check_table import grouped, handle_warnings
+from diag_dynamics.description.description import Description, Remark
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
-from diag_dynamics.description.records import Description, Remark
-from diag_dynamics.description.text import folder_of, read_text
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
+from diag_dynamics.description.urdf_text import folder_of, read_text
 from diag_dynamics.exceptions import DiagDynamicsError
-from diag_dynamics.inspection import joints, links, motion
+from diag_dynamics.inspection import joint_findings, link_findings, motion
+from diag_dynamics.inspection.inspected_robot import Found, Robot
 from diag_dynamics.inspection.motion import Motion
-from diag_dynamics.inspection.robot import Found, Robot
 from diag_dynamics.model import RobotModel, load_urdf
 
 SEVERITIES = ("ok", "note", "warning", "error")
@@ -30,11 +30,21 @@ SEVERITIES = ("ok", "note", "warning", "error")
 keeps results from being computed, in part or wholly."""
 
 # Skipped for an MJCF, whose geometry is not read
-OF_GEOMETRY = links.centre_of_mass, links.gyration, links.meshes
+OF_GEOMETRY = link_findings.centre_of_mass, link_findings.gyration, link_findings.meshes
 OF_XML = (
-    *(links.possible_inertias, links.missing_inertias, *OF_GEOMETRY, links.placeholders),
-    *(joints.elements, joints.attributes, joints.transmissions),
-    *(joints.freedom, joints.position_limits, joints.effort_limits, joints.velocity_limits),
+    *(
+        link_findings.possible_inertias,
+        link_findings.missing_inertias,
+        *OF_GEOMETRY,
+        link_findings.placeholders,
+    ),
+    *(joint_findings.elements, joint_findings.attributes, joint_findings.transmissions),
+    *(
+        joint_findings.freedom,
+        joint_findings.position_limits,
+        joint_findings.effort_limits,
+        joint_findings.velocity_limits,
+    ),
 )
 OF_MOTION = motion.rotor_inertia, motion.gravity
 

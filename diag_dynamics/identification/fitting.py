@@ -23,8 +23,7 @@ from diag_dynamics.identification.gains import (
     find_gains,
     with_known_payload,
 )
-from diag_dynamics.identification.quality import quality_of
-from diag_dynamics.identification.regressors import (
+from diag_dynamics.identification.normal_equations import (
     DAMPING,
     FRICTION,
     LOAD,
@@ -34,6 +33,7 @@ from diag_dynamics.identification.regressors import (
     Regressors,
     require_single_joints,
 )
+from diag_dynamics.identification.quality import quality_of
 from diag_dynamics.identification.result import Identification, parameters_of
 from diag_dynamics.identification.selection import PAYLOAD, STEPS, Selection, read_what
 from diag_dynamics.model import RobotModel

@@ -10,7 +10,7 @@ import numpy as np
 
 import diag_dynamics
 from diag_dynamics.atomic_file import write_text
-from diag_dynamics.identification.regressors import COLUMNS
+from diag_dynamics.identification.normal_equations import COLUMNS
 from diag_dynamics.model.joint_types import sliding_dofs
 from diag_dynamics.optional import require
 from diag_dynamics.recordings.balance import MIN_EXPLAINED

@@ -16,7 +16,7 @@ from diag_dynamics.checks import array_of, choice, instance, number, positive, w
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.entries import ALL
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.identification.regressors import Regressors, require_single_joints
+from diag_dynamics.identification.normal_equations import Regressors, require_single_joints
 from diag_dynamics.identification.selection import BY_JOINT, read_what
 from diag_dynamics.model import RobotModel
 from diag_dynamics.sweeps.regressors import PARAMETERS

@@ -22,9 +22,9 @@ from diag_dynamics.checks import positive
 from diag_dynamics.exceptions import DiagDynamicsError, InputError
 from diag_dynamics.model import RobotModel
 from diag_dynamics.optional import require
-from diag_dynamics.parameters.robots import model_of, require_as_made
+from diag_dynamics.parameters.robot_models import model_of, require_as_made
 from diag_dynamics.recordings.analysis import Analysis
-from diag_dynamics.recordings.outputs.tables import TableOutput
+from diag_dynamics.recordings.outputs.table_files import TableOutput
 from diag_dynamics.recordings.recording import Reading, make_settings
 from diag_dynamics.recordings.summary import make_row
 from diag_dynamics.threads import cores

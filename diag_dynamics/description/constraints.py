@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from diag_dynamics.checks import array_of, choice, mapping, number, numbers, unit
-from diag_dynamics.description.records import LOOP_TYPES, Curve, Description, Loop, LoopEnd
+from diag_dynamics.description.description import LOOP_TYPES, Curve, Description, Loop, LoopEnd
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.yaml_files import read_yaml
 

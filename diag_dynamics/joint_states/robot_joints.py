@@ -14,16 +14,16 @@ import numpy as np
 
 from diag_dynamics.entries import ALL, by_name
 from diag_dynamics.exceptions import InputError, UnsupportedError
-from diag_dynamics.joint_states.stamps import nanoseconds
-from diag_dynamics.joint_states.steps import (
+from diag_dynamics.joint_states.jumps import (
     MAX_EFFORT,
     MAX_POSITION,
     MAX_STEP_TIME,
     MAX_STEP_TIME_WITHOUT_LIMIT,
     MAX_VELOCITY,
 )
-from diag_dynamics.model.followers import FollowerMotion
+from diag_dynamics.joint_states.stamps import nanoseconds
 from diag_dynamics.model.joint_types import places, single_joints
+from diag_dynamics.model.mimic import FollowerMotion
 
 _NONE = MappingProxyType({})
 _NO_LIMIT = np.array([-np.inf, np.inf])  # lower and upper

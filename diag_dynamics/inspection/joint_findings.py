@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from diag_dynamics.description.records import SINGLE
-from diag_dynamics.inspection.robot import Found, Robot
+from diag_dynamics.description.description import SINGLE
+from diag_dynamics.inspection.inspected_robot import Found, Robot
 
 TURNS = (
     20.0  # limit of a revolute joint, three turns, that the same number in degrees exceeds [rad]

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from diag_dynamics.checks import mapping
-from diag_dynamics.description.checks import warn
+from diag_dynamics.description.check_table import warn
 from diag_dynamics.entries import split_arguments
 from diag_dynamics.exceptions import InputError, UrdfError
 from diag_dynamics.optional import require

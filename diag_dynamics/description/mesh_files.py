@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from diag_dynamics.description.text import GIT_LFS
+from diag_dynamics.description.urdf_text import GIT_LFS
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.optional import require
 

@@ -18,7 +18,7 @@ the state in force. The candidate takes the place of that state in two cases:
 import numpy as np
 
 from diag_dynamics.joint_states import codes
-from diag_dynamics.joint_states.memory import FAR
+from diag_dynamics.joint_states.rule_memory import FAR
 from diag_dynamics.numerics.kernel import kernel, large_kernel
 
 STATES = 3

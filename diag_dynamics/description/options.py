@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from diag_dynamics.checks import mapping, number, numbers
+from diag_dynamics.description.description import LARGEST_INERTIA, SINGLE, Description, Payload
 from diag_dynamics.description.parameters import checked_body
-from diag_dynamics.description.records import LARGEST_INERTIA, SINGLE, Description, Payload
 from diag_dynamics.exceptions import InputError
 
 LARGEST_GRAVITY = 1000.0  # maximum of a component [m/s²]: a value in mm/s² is beyond it

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.records import Mimic, loop_names
+from diag_dynamics.description.description import Mimic, loop_names
 from diag_dynamics.exceptions import LoopError
 from diag_dynamics.model.joint_types import places, single_joints
 from diag_dynamics.rotations import wrap_angle

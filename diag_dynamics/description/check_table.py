@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from inspect import currentframe
 from typing import NamedTuple
 
-from diag_dynamics.description.records import Remark
+from diag_dynamics.description.description import Remark
 from diag_dynamics.exceptions import InertiaWarning, ModelWarning
 from diag_dynamics.text import short
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description import records
+from diag_dynamics.description import description as records
+from diag_dynamics.description.description import Description, Joint
 from diag_dynamics.description.geometry import corners_of, shapes_of
-from diag_dynamics.description.meshes import Meshes
-from diag_dynamics.description.records import Description, Joint
+from diag_dynamics.description.mesh_files import Meshes
 from diag_dynamics.description.remarks import NEGLIGIBLE
 from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.rigid_body import RigidBody

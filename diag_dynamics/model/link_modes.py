@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.checks import warn
+from diag_dynamics.description.check_table import warn
 from diag_dynamics.description.flexible_links import LARGE_SLOPE
 from diag_dynamics.model.joint_types import places
 

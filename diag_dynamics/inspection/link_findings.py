@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from diag_dynamics.description.remarks import unphysical
-from diag_dynamics.inspection.robot import Found, Robot
+from diag_dynamics.inspection.inspected_robot import Found, Robot
 
 OUTSIDE = 0.1  # distance of a centre of mass from the box, over its diagonal; Talos has 0.06
 WIDE = 1.1  # radius of gyration over the distance of the farthest point; 1 bounds any body

@@ -14,7 +14,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from diag_dynamics.exceptions import InputError
-from diag_dynamics.recordings.messages import describe_error
+from diag_dynamics.recordings.bag_messages import describe_error
 from diag_dynamics.recordings.tables.cells import SAMPLE, make_column, unify
 from diag_dynamics.recordings.tables.headers import Column
 from diag_dynamics.recordings.tables.table import ROWS

@@ -15,8 +15,8 @@ from diag_dynamics.control.dead_zone import DeadZone
 from diag_dynamics.dynamics import DiagonalDynamics
 from diag_dynamics.exceptions import InputError
 from diag_dynamics.recordings.data_checks import EffortRange, MotionSample
+from diag_dynamics.recordings.external_torque import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.findings import require_plausible
-from diag_dynamics.recordings.observer import Observer, require_efforts, require_same_robot
 from diag_dynamics.recordings.recording import Recording
 
 
