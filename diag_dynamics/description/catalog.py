@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from diag_dynamics.description.description import Description
+from diag_dynamics.description.elements import Element
 from diag_dynamics.description.mjcf import is_mjcf, read_mjcf
 from diag_dynamics.description.urdf import describe_urdf, parse_urdf
 from diag_dynamics.description.urdf_text import read_text
@@ -119,7 +120,7 @@ def describe(source: Any) -> Description:
     return describe_urdf(parse_urdf(read_text(source)))
 
 
-def link_elements(source: Any) -> dict[str, Any]:
+def link_elements(source: Any) -> dict[str, Element]:
     """Return the elements of the links of a URDF, by name.
 
     The result is empty for an MJCF, whose geometry is not read.

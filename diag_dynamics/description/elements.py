@@ -11,7 +11,7 @@ package.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from lxml import etree
@@ -27,6 +27,9 @@ from diag_dynamics.description.description import (
 )
 from diag_dynamics.exceptions import UrdfError
 from diag_dynamics.text import short
+
+Element: TypeAlias = Any
+"""Element of lxml, which has no types."""
 
 LARGEST = 1e30  # largest number accepted, of whatever unit: products of a few must not overflow
 
@@ -46,7 +49,7 @@ def floats(text: str | None, count: int, may_be_infinite: bool = False) -> list[
 
 
 def numbers_of(
-    element: Any, attribute: str, count: int, where: str, may_be_infinite: bool = False
+    element: Element, attribute: str, count: int, where: str, may_be_infinite: bool = False
 ) -> list[float]:
     """Return the numbers of an attribute of an element, within ±:data:`LARGEST`.
 
@@ -65,19 +68,19 @@ def numbers_of(
     return numbers
 
 
-def local_name(element: Any) -> str:
+def local_name(element: Element) -> str:
     """Return the tag of an element without namespace or prefix."""
     return str(element.tag).rpartition("}")[2].rpartition(":")[2]
 
 
-def is_xacro(element: Any) -> bool:
+def is_xacro(element: Element) -> bool:
     """Return whether an element is of xacro's namespace or prefix."""
     tag = str(element.tag)
     is_prefixed = element.prefix == "xacro" or tag.startswith("xacro:")
     return is_prefixed or "xacro" in tag.rpartition("}")[0]
 
 
-def placement_of(element: Any, where: str) -> Array:
+def placement_of(element: Element, where: str) -> Array:
     """Return the placement (4, 4) of an `<origin>`, the identity for None.
 
     The rotation is Rz(yaw) Ry(pitch) Rx(roll), or that of quat_xyzw, which is normalized.
@@ -127,13 +130,13 @@ ENDS = {
 }
 
 
-def loops_of(robot: Any) -> tuple[Loop, ...]:
+def loops_of(robot: Element) -> tuple[Loop, ...]:
     """Return the closed loops of a parsed `<robot>` element."""
     elements = [element for tag in ENDS for element in robot.findall(tag)]
     return tuple(_loop(element, f"{element.tag}{k}") for k, element in enumerate(elements))
 
 
-def _loop(element: Any, name: str) -> Loop:
+def _loop(element: Element, name: str) -> Loop:
     shown = (
         f"<{element.tag} name={short(element.get('name'))}>"
         if element.get("name")
@@ -180,7 +183,7 @@ REDUCTION = ("mechanicalreduction", "gearratio")
 JOINTS = ("joint", "flexJoint", "rollJoint")
 
 
-def driven_joints(robot: Any) -> tuple[str, ...]:
+def driven_joints(robot: Element) -> tuple[str, ...]:
     """Return the joints of transmissions, and those of ros2_control with a command interface."""
     joints = []
     for transmission in robot.iter("transmission"):
@@ -191,7 +194,7 @@ def driven_joints(robot: Any) -> tuple[str, ...]:
     return tuple(sorted({joint.get("name") or "" for joint in joints}))
 
 
-def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
+def reflected_inertias(robot: Element) -> tuple[dict[str, float], list[Remark]]:
     """Return rotor inertias N²J by joint [kg m²; prismatic: kg], and remarks on what is ignored.
 
     A transmission has one joint, one rotor and one gear ratio, of 1 if it has none; a joint has one
@@ -219,11 +222,11 @@ def reflected_inertias(robot: Any) -> tuple[dict[str, float], list[Remark]]:
     return armature, remarks
 
 
-def _joints_of(transmission: Any) -> list[Any]:
+def _joints_of(transmission: Element) -> list[Element]:
     return [child for child in transmission.iterchildren() if local_name(child) in JOINTS]
 
 
-def _numbers(transmission: Any, tags: tuple[str, ...]) -> list[float]:
+def _numbers(transmission: Element, tags: tuple[str, ...]) -> list[float]:
     """Return the numbers, text or value, of elements with one of the tags; NaN of other texts."""
     numbers = []
     for element in transmission.iterdescendants(etree.Element):

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from diag_dynamics.arrays import Array
-from diag_dynamics.description.elements import LARGEST, floats, placement_of
+from diag_dynamics.description.elements import LARGEST, Element, floats, placement_of
 from diag_dynamics.description.mesh_files import Meshes
 from diag_dynamics.exceptions import UrdfError
 
@@ -39,7 +39,7 @@ class Shape(NamedTuple):
     file: str = ""
 
 
-def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
+def shapes_of(link: Element, role: str) -> tuple[Shape, ...]:
     """Return the shapes of a link's element; `role` is "visual" or "collision"."""
     where = f"link '{link.get('name')}': {role}"
     return tuple(
@@ -47,7 +47,7 @@ def shapes_of(link: Any, role: str) -> tuple[Shape, ...]:
     )
 
 
-def shape_of(element: Any, where: str) -> Shape | None:
+def shape_of(element: Element, where: str) -> Shape | None:
     """Return the shape of one <visual> or <collision>, None without geometry.
 
     `where` is for errors.

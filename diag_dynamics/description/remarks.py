@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
-from typing import Any
 
 import numpy as np
 from lxml import etree
 
 from diag_dynamics.description.description import Link, Remark
-from diag_dynamics.description.elements import floats
+from diag_dynamics.description.elements import Element, floats
 from diag_dynamics.rigid_body import not_physical
 from diag_dynamics.text import short
 
@@ -58,7 +57,7 @@ MIMIC = ("mimicJoint", "mimic_joint")  # elements of such plugins that name a jo
 MAX_ANGLE = 2.0 * math.pi + 1e-3  # of an origin [rad]: a full turn, rounded
 
 
-def remarks_of(robot: Any) -> list[Remark]:
+def remarks_of(robot: Element) -> list[Remark]:
     """Return the probable mistakes of a parsed `<robot>` element, in the file's order."""
     remarks = list(_unknown_attributes(robot))
     for element in robot.iterchildren("link", "joint"):
@@ -69,7 +68,7 @@ def remarks_of(robot: Any) -> list[Remark]:
     return remarks + list(_couplings_of_plugins(robot))
 
 
-def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
+def _couplings_of_plugins(robot: Element) -> Iterator[Remark]:
     """Yield a simulator's plugins that couple joints or links, but for joints with a <mimic>."""
     mimics = {mimic.getparent().get("name") for mimic in robot.iterfind("joint/mimic")}
     for plugin in robot.iterfind("gazebo//plugin"):
@@ -84,7 +83,7 @@ def _couplings_of_plugins(robot: Any) -> Iterator[Remark]:
             yield Remark("mimic parameter", joint)
 
 
-def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
+def _of_element(element: Element, kind: str, name: str) -> Iterator[Remark]:
     """Yield the mistakes of an element of a link or joint, and of those within."""
     yield from _unknown_attributes(element, kind, name)
     is_axis = element.tag == "axis" and element.getparent().get("type") != "fixed"
@@ -104,7 +103,9 @@ def _of_element(element: Any, kind: str, name: str) -> Iterator[Remark]:
             yield Remark("element", name, 0.0, (short(part.tag)[1:-1], element.tag), kind)
 
 
-def _unknown_attributes(element: Any, kind: str = "", name: str | None = None) -> Iterator[Remark]:
+def _unknown_attributes(
+    element: Element, kind: str = "", name: str | None = None
+) -> Iterator[Remark]:
     for attribute in element.keys() if element.tag in ATTRIBUTES else ():
         is_free = ":" in attribute or "}" in attribute
         if attribute not in ATTRIBUTES[element.tag] and not is_free:

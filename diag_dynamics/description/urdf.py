@@ -27,6 +27,7 @@ from diag_dynamics.description.description import (
 )
 from diag_dynamics.description.elements import (
     ENDS,
+    Element,
     driven_joints,
     is_xacro,
     local_name,
@@ -74,7 +75,7 @@ JOINT = {
 READ = {part: tuple(JOINT[part]) for part in ("limit", "dynamics")}  # fields of Joint
 
 
-def describe_urdf(element: Any) -> Description:
+def describe_urdf(element: Element) -> Description:
     """Return the description of a parsed <robot> element."""
     loops = loops_of(element)
     joint_count, link_count = (len(element.findall(tag)) for tag in ("joint", "link"))
@@ -118,7 +119,7 @@ def checked_joint(joint: Joint) -> Joint:
     return joint
 
 
-def _reject_loops(robot: Any) -> None:
+def _reject_loops(robot: Element) -> None:
     """Reject elements of dialects of URDF that change dynamics, except loops that can be closed."""
     for element in robot.iter(etree.Element):
         parent = element.getparent()
@@ -133,7 +134,7 @@ def _reject_loops(robot: Any) -> None:
             raise UrdfError(f"<{shown}{name}> is not supported; {TREE}")
 
 
-def parse_urdf(text: str, comments: bool = False) -> Any:
+def parse_urdf(text: str, comments: bool = False) -> Element:
     """Return the <robot> element of XML text, without unexpanded xacro and entities.
 
     Nothing else is checked.
@@ -173,7 +174,7 @@ def parse_urdf(text: str, comments: bool = False) -> Any:
     return robot
 
 
-def _reject_xacro(robot: Any) -> None:
+def _reject_xacro(robot: Element) -> None:
     """Reject unexpanded xacro; definitions that nothing uses have no effect."""
     stack = [robot]
     while stack:
@@ -184,7 +185,9 @@ def _reject_xacro(robot: Any) -> None:
                 raise UrdfError(f"The URDF contains <xacro:{local_name(element)}>: {UNEXPANDED}")
 
 
-def _read(element: Any, armature: Mapping[str, float]) -> tuple[dict[str, Link], dict[str, Joint]]:
+def _read(
+    element: Element, armature: Mapping[str, float]
+) -> tuple[dict[str, Link], dict[str, Joint]]:
     """Return the records of links and joints, from a copy of the elements that yourdfpy needs.
 
     Importing yourdfpy takes a second.
@@ -224,9 +227,9 @@ def _read(element: Any, armature: Mapping[str, float]) -> tuple[dict[str, Link],
     )
 
 
-def _named(robot: Any, tag: str) -> dict[str, Any]:
+def _named(robot: Element, tag: str) -> dict[str, Element]:
     """Return links or joints by name; reject missing names and duplicates."""
-    elements: dict[str, Any] = {}
+    elements: dict[str, Element] = {}
     for element in robot.findall(tag):
         name = element.get("name")
         if not name:
@@ -239,7 +242,7 @@ def _named(robot: Any, tag: str) -> dict[str, Any]:
     return elements
 
 
-def _copied_link(name: str, link: Any) -> Any:
+def _copied_link(name: str, link: Element) -> Element:
     """Return a copy of a link with the numbers of its inertial."""
     copy = etree.Element("link", name=name)
     inertial = link.find("inertial")
@@ -254,7 +257,7 @@ def _copied_link(name: str, link: Any) -> Any:
     return copy
 
 
-def _copied_joint(name: str, joint: Any, parent: str, child: str) -> Any:
+def _copied_joint(name: str, joint: Element, parent: str, child: str) -> Element:
     """Return a copy of a joint with its numbers."""
     where = f"joint '{name}'"
     kind = joint.get("type")
@@ -272,7 +275,7 @@ def _copied_joint(name: str, joint: Any, parent: str, child: str) -> Any:
     return copy
 
 
-def _end(joint: Any, name: str, end: str, links: Container[str]) -> str:
+def _end(joint: Element, name: str, end: str, links: Container[str]) -> str:
     """Return the link of the one element of an end of a joint."""
     elements = joint.findall(end)
     if len(elements) > 1:
@@ -283,7 +286,7 @@ def _end(joint: Any, name: str, end: str, links: Container[str]) -> str:
     return link
 
 
-def _link(link: Any, element: Any) -> Link:
+def _link(link: Any, element: Element) -> Link:
     """Return the record of a link of yourdfpy."""
     if link.inertial is None:
         return Link(link.name)
@@ -295,7 +298,7 @@ def _link(link: Any, element: Any) -> Link:
     return Link(link.name, Inertial(mass, placement, link.inertial.inertia))
 
 
-def _joint(joint: Any, element: Any, armature: Mapping[str, float]) -> Joint:
+def _joint(joint: Any, element: Element, armature: Mapping[str, float]) -> Joint:
     """Return the record of a joint of yourdfpy."""
     fields: dict[str, Any] = {}
     for part, names in READ.items():
@@ -311,7 +314,7 @@ def _joint(joint: Any, element: Any, armature: Mapping[str, float]) -> Joint:
 
 
 def _copy_numbers(
-    element: Any, copy: Any, tags: Mapping[str, Mapping[str, int]], where: str
+    element: Element, copy: Element, tags: Mapping[str, Mapping[str, int]], where: str
 ) -> None:
     """Copy the first child of each tag, with the attributes that hold so many numbers."""
     for tag, attributes in tags.items():

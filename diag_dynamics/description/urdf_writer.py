@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from lxml import etree
 
+from diag_dynamics.description.elements import Element
 from diag_dynamics.description.parameters import JointParameters, Parameters, with_parameters
 from diag_dynamics.description.urdf import INERTIAL, describe_urdf, parse_urdf
 from diag_dynamics.rigid_body import RigidBody
@@ -47,7 +46,7 @@ def urdf_with(text: str, parameters: Parameters) -> str:
     return str(etree.tostring(element.getroottree(), encoding="unicode"))
 
 
-def _inertial(body: RigidBody) -> Any:
+def _inertial(body: RigidBody) -> Element:
     """Return an `<inertial>` in the axes of the link."""
     inertial = etree.Element("inertial")
     etree.SubElement(inertial, "origin", xyz=" ".join(map(repr, body.centre.tolist())), rpy="0 0 0")
@@ -58,7 +57,7 @@ def _inertial(body: RigidBody) -> Any:
     return inertial
 
 
-def _insert(parent: Any, element: Any) -> None:
+def _insert(parent: Element, element: Element) -> None:
     """Insert an element or comment on a line of its own."""
     indent = parent.text if len(parent) and not (parent.text or "").strip() else None
     parent.text = indent or "\n    "
