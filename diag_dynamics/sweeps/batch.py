@@ -41,6 +41,7 @@ def _copy_parent(at, i):
     """Copy the parent's motion to the row of a body, and clear its contributions to the parent."""
     row = at.rows[i]
     parent = at.rows[at.bodies[i].parent]
+    # V and a of WIDTH states; P, Ṗ, y, z and the sizes of P are sums, and begin at zero
     for k in range(V, P):
         row[PARENT + k] = parent[k]
     for k in range(P, PARENT):
@@ -52,6 +53,7 @@ def _accumulate(at, i):
     """Add a body's contributions to its parent."""
     row = at.rows[i]
     parent = at.rows[at.bodies[i].parent]
+    # P, Ṗ, y, z and the sizes of P; the world cannot move and needs none
     if at.bodies[i].parent > 0:
         for k in range(P, PARENT):
             parent[k] += row[PARENT + k]
@@ -66,12 +68,14 @@ def _read_joint(at, i, Q, QD, TAU, first, last):
     body = at.bodies[i]
     row = at.lanes[i]
     for b in range(WIDTH):
+        # At the end fewer than WIDTH states may be left: _write skips the lanes of copies
         t = min(first + b, last - 1)
         position = body.multiplier * Q[t, body.q] + body.offset
         row.position[0, b] = (
             position if body.kind == records.PRISMATIC else sp.reduced_angle(position)
         )
         row.rate[0, b] = body.multiplier * QD[t, body.dof]
+        # Without efforts TAU has one row of zeros for all states
         row.effort[0, b] = TAU[min(t, len(TAU) - 1), body.dof]
 
 
@@ -96,11 +100,13 @@ def _inward_joint(direction, at, i):
     for b in range(WIDTH):
         w = lane_of(row.own, b)
         parent = lane_of(row.parent, b)
+        # D and G of Algorithm 4.1; contributions of a body on the world are left to _accumulate
         D, _, G = joints.joint_inertia(direction, body.armature, records.inertia_of(w.P))
         rate = row.rate[0, b]
         effort = row.effort[0, b]
         results, singular = evaluation.inward_joint(direction, D, G, rate, effort, w, parent, True)
         evaluation.set_results(row.results[:, b], results)
+        # A singular state is counted: to leave the loop early would prevent vector instructions
         count += 1 if singular else 0
     _accumulate(at, i)
     return count
@@ -114,6 +120,7 @@ def _read_base(at, i, Q, QD, TAU, first, last):
     body = at.bodies[i]
     row = at.lanes[at.bodies[i].last]
     for b in range(WIDTH):
+        # x, y, z and a quaternion; six rates and efforts, linear ones first
         t = min(first + b, last - 1)
         for k in range(7):
             row.position[k, b] = Q[t, body.q + k]
@@ -125,14 +132,17 @@ def _read_base(at, i, Q, QD, TAU, first, last):
 @nk.kernel
 def _outward_base(at, i):
     last = at.bodies[i].last
+    # V and a of the world; nothing is added to it inward, so that there is nothing to clear
     for k in range(V, P):
         at.rows[last, PARENT + k] = at.rows[0, k]
+    # The first body has the joint's constant placement, the last one its inertia
     base = records.values_of(at.bodies[i])
     body = records.values_of(at.bodies[last])
     row = at.lanes[last]
     for b in range(WIDTH):
         position = row.position[:, b]
         motion = records.motion_of(row.rate[:, b])
+        # X is the constant placement, then the joint's displacement; S = 1, so that v_J = q̇
         R = sp.rotation_of_quaternion(position[3], position[4], position[5], position[6])
         X = sp.compose_placements(
             records.placement_of(base), sp.Placement(R, records.vector_of(position))
@@ -145,6 +155,7 @@ def _inward_base(at, i):
     """The inward step; returns the number of singular directions of all states."""
     row = at.lanes[i]
     count = 0
+    # κ = τ − z and κ_g = P a of all six directions, which are eliminated one by one, the last first
     for b in range(WIDTH):
         effort = records.force_of(row.effort[:, b])
         evaluation.start_base(effort, lane_of(row.own, b))
@@ -153,6 +164,8 @@ def _inward_base(at, i):
         armature = at.bodies[j].armature
         for b in range(WIDTH):
             results, singular = evaluation.eliminate_last(direction, armature, lane_of(row.own, b))
+            # The base adds nothing to the world, so that its contribution to P has free memory
+            # The loop over states writes to this row alone; then results go to their body's row
             evaluation.set_results(row.parent.P[:, b], results)
             count += 1 if singular else 0
         for k in range(N_RESULTS * WIDTH):
@@ -168,8 +181,10 @@ def _load(at, i, b):
     """Copy the record of a body from its row."""
     record = at.numbers[i]
     row = at.rows[i]
+    # A record begins with the fields of a row, in the same order
     for k in range(PARENT // WIDTH):
         record[k] = row[k * WIDTH + b]
+    # Armature is in no row, and qd_from_momentum adds to it
     at.work[i].armature = at.bodies[i].armature
 
 
@@ -187,6 +202,7 @@ def _outward_several(at, i, Q, QD, first, last):
     """As evaluation.outward_step, at all bodies of a joint."""
     for b in range(WIDTH):
         t = min(first + b, last - 1)
+        # V and a of the parent; the record of the world has them already
         if at.bodies[i].parent > 0:
             _load(at, at.bodies[i].parent, b)
         for j in range(i, i + at.bodies[i].dofs):
@@ -203,12 +219,14 @@ def _inward_group(robot, i, QD, TAU, first, last):
     base = at.bodies[start].parent
     for b in range(WIDTH):
         t = min(first + b, last - 1)
+        # The base and all bodies of the group, to which children further out have been added
         _load(at, base, b)
         for j in range(start, i + 1):
             _load(at, j, b)
         tau = TAU[min(t, len(TAU) - 1)]
         if evaluation.inward_group(robot, i, QD[t], tau, out) != 0:
             return 1
+        # P⁺, Ṗ⁺, y⁺ and z⁺ of the group have been added to the base
         if base > 0:
             _store(at, base, b)
         for j in range(start, i + 1):
@@ -235,11 +253,13 @@ def _are_valid(at, Q, QD, TAU, first, last):
 @nk.kernel
 def _outward(at, Q, QD, TAU, first, last):
     bodies = at.bodies
+    # The world, in the record of one state and in all lanes
     world = at.lanes[0]
     evaluation.start_at_world(at.gravity, at.work[0])
     for b in range(WIDTH):
         evaluation.start_at_world(at.gravity, lane_of(world.own, b))
     for i in range(1, len(bodies)):
+        # From the base to the tips; the first body of a joint (rank 0) stands for all of them
         if bodies[i].dofs == 1:
             _read_joint(at, i, Q, QD, TAU, first, last)
             if bodies[i].direction == sp.ANGULAR_Z:
@@ -258,6 +278,7 @@ def _inward(robot, QD, TAU, first, last):
     """Results of all joints; returns whether a state is singular."""
     at = ws.robot_of(robot)
     bodies = at.bodies
+    # From the tips to the base, until a step has a singular state
     i = len(at.bodies) - 1
     singular = 0
     while i > 0 and singular == 0:
@@ -280,6 +301,7 @@ def _write(at, first, last, results, numbers):
     for t in range(first, last):
         for i in range(1, len(at.bodies)):
             if groups.is_leader(at.bodies, i):
+                # State t is in lane t − first of the row
                 for j in range(N_RESULTS):
                     results[j, t, at.bodies[i].dof] = at.lanes[i].results[j, t - first]
         finite, energy, base, power = evaluation.sums(results[:, t])
@@ -297,6 +319,7 @@ def _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, r
     out = ws.robot_of(robot).scratch
     for t in range(begin, end):
         if evaluation.sweep_state(robot, Q[t], QD[t], TAU[min(t, len(TAU) - 1)], out) != 0:
+            # First of the WIDTH states that evaluate_many would sweep together with t
             return begin + (t - begin) // WIDTH * WIDTH
         for j in range(N_RESULTS):
             ws.copy(out[j], results[j, t])
@@ -324,12 +347,14 @@ def evaluate_many(robot, Q, QD, TAU, begin, end, results, numbers, positions, ra
     `rates` copies of Q and QD. The states that fail are some of the WIDTH that follow.
     """
     at = ws.robot_of(robot)
+    # The workspace has ratios that change for one state only
     if at.work[0].couple != 0:
         return _evaluate_each(robot, Q, QD, TAU, begin, end, results, numbers, positions, rates)
     for first in range(begin, end, WIDTH):
         last = min(first + WIDTH, end)
         if not _are_valid(at, Q, QD, TAU, first, last):
             return first
+        # Positions and rates of the results, then outward, inward, and the other results
         for t in range(first, last):
             ws.copy(Q[t], positions[t])
             ws.copy(QD[t], rates[t])
@@ -387,6 +412,7 @@ def sweep_each(robot, which, Q, A, B, option, begin, end, results):
 def factors_each(robot, Q, begin, end, factors, D):
     """Fill m, ℓ and the unit factor of states `begin` to `end`, one after another."""
     for t in range(begin, end):
+        # m, ℓ and unit factor of a state are next to each other
         if factorization.factors(robot, Q[t], factors[3 * t : 3 * t + 3], D[t]) != 0:
             return t
     return end
@@ -432,6 +458,7 @@ def mass_matrix_each(robot, Q, begin, end, M):
 def effort_of_wrenches_each(robot, Q, wrenches, count, in_world, begin, end, results):
     """Jᵀf at states `begin` to `end`, each with `count` wrenches."""
     for t in range(begin, end):
+        # Wrenches of one state are next to each other
         own = wrenches[t * count : (t + 1) * count]
         if classical.effort_of_wrenches(robot, Q[t], own, in_world, results[t]) != 0:
             return t

@@ -26,12 +26,13 @@ def _aba_inward_step(bodies, i, direction, qd, work, qdd):
     P = records.inertia_of(w.P)
     y = records.force_of(w.y)
     G = records.force_of(w.G)
+    # u = τ − Sᵀy, with τ in the place of q̈; D⁻¹u waits there for the outward sweep
     u = qdd[k] - sp.along(direction, y)
     qdd[k] = u / w.D
     zeta = sp.cross_along_z(direction, records.motion_of(w.V), qd[k])
     records.set_motion(w.zeta, zeta)
     if body.parent > 0:
-        # P⁺ζ = Pζ − G (P S)ᵀζ
+        # y⁺ = y + G u + P⁺ζ with P⁺ζ = Pζ − G (P S)ᵀζ
         column = sp.column_along(direction, P)
         y_plus = sp.add_force(y, sp.scale_force(G, u - sp.power(column, zeta)))
         y_plus = sp.add_force(y_plus, sp.inertia_times(P, zeta))
@@ -45,14 +46,17 @@ def aba_inward_group(robot, last, qd, qdd):
     bodies, _, work, table = ws.opened(robot)
     first = bodies[last].first
     Q = table[0]
+    # 𝓜, then τ − 𝓎 in place of τ, and 𝓎 on the base
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, work, qdd)
+    # D, G and g, and P⁺ on the base; then u within the group, and y⁺ = 𝓎 + Σ G u on the base
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, -1.0, qdd))
     if bodies[first].parent > 0:
         records.add_to_force(work[bodies[first].parent].y, y)
+    # D⁻¹u, for the outward sweep
     for i in range(first, last + 1):
         if groups.is_leader(bodies, i):
             qdd[bodies[i].dof] /= work[i].D
@@ -62,6 +66,7 @@ def aba_inward_group(robot, last, qd, qdd):
 @nk.kernel
 def _aba_outward_step(body, w, parent, qdd):
     """The last outward step of :func:`forward_dynamics` at a joint of one degree of freedom."""
+    # q̈ = D⁻¹u − Gᵀ(X A_p + ζ), then A = X A_p + ζ + S q̈ (Algorithm 8.1)
     A = sp.motion_to_child(records.placement_of(w), records.motion_of(parent.acceleration))
     A = sp.add_motion(A, records.motion_of(w.zeta))
     qdd[body.dof] -= sp.power(records.force_of(w.G), A)
@@ -73,10 +78,13 @@ def aba_outward_group(robot, first, qd, qdd):
     """The last outward step of :func:`forward_dynamics` at a group."""
     bodies, _, work, table = ws.opened(robot)
     base = records.motion_of(work[bodies[first].parent].acceleration)
+    # q̈_c = D⁻¹u_c − Gᵀ A_A − Σ g_b q̈_b: earlier degrees of freedom go first
+    # The group's ζ is in u, as a part of 𝓎
     for i in range(first, bodies[first].last + 1):
         if groups.is_leader(bodies, i):
             G = records.force_of(work[i].G)
             qdd[bodies[i].dof] -= groups.induced_rate(bodies, i, base, qdd, table[0], G)
+    # A of all bodies; ζ counts once for the bodies of a joint, which share a frame
     for i in range(first, bodies[first].last + 1):
         body = bodies[i]
         w = work[i]
@@ -96,6 +104,7 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
     status = joints.couple_with_rates(q, qd, work)
     if status != 0:
         return status
+    # From the base to the tips: X, V, and P = I and y = V ×* I V of each body alone
     joints.set_base_at_rest(work)
     for i in range(1, n):
         body = bodies[i]
@@ -108,8 +117,9 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
 
     ws.copy(tau, qdd)
     addresses = address_of(qd), address_of(qdd)
+    # From the tips to the base: q̈ ← D⁻¹u with u = τ − Sᵀy; y is the articulated bias force
     i = n - 1
-    while i > 0:  # q̈ ← D⁻¹u with u = τ − Sᵀy; y is the articulated bias force
+    while i > 0:
         body = bodies[i]
         if groups.is_grouped(body):
             status = ws.step_group(robot, ws.ABA_INWARD, (robot, i, *addresses))
@@ -121,6 +131,8 @@ def _aba(bodies, gravity, q, qd, tau, work, robot, qdd):
             return status
         i = body.first - 1
 
+    # From the base to the tips: q̈ and A, where A₀ = −g stands for gravity
+    # Degrees of freedom of a group are solved together, at its last body
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, n):
         body = bodies[i]
@@ -158,14 +170,17 @@ def inverse_dynamics(robot, q, qd, qdd, weight, tau):
     for i in range(1, len(bodies)):
         body = bodies[i]
         V, A = joints.update_motion(bodies, i, q, qd, qdd, work)
+        # f = I A + V ×* I V, with gravity in A
         y = sp.add_force(joints.momentum(body, A), sp.cross_force(V, joints.momentum(body, V)))
         records.set_force(work[i].y, y)
         if body.armature != 0.0:
+            # The rotor accelerates by Σ (G q̈ + Ġ q̇), and loads each leader G times
             first = joints.turning(bodies, i)
             rate = joints.joint_rate(bodies, first, qdd, work) + joints.ratio_rate(
                 bodies, first, qd, work
             )
             tau[body.dof] += work[i].multiplier * (body.armature * rate)
+    # From the tips to the base: τ = Sᵀf with f = f_i + Σ Xᵀf_c (4.3)
     joints.moments_inward(bodies, work, tau)
     return 0 if joints.are_finite(tau) else -1
 
@@ -185,6 +200,7 @@ def momentum(robot, q, qd, result):
         return status
     nv = len(qd)
     ws.clear(result)
+    # From the base to the tips: h = I V and F = I g of each body alone; weight −1 leaves g itself
     joints.set_base_acceleration(gravity, -1.0, work)
     for i in range(1, len(bodies)):
         body = bodies[i]
@@ -197,9 +213,11 @@ def momentum(robot, q, qd, result):
         records.set_force(w.z, joints.momentum(body, g))
         if body.armature != 0.0:
             first = joints.turning(bodies, i)
+            # Momentum of the rotor counts G times; a ratio that changes adds Ġ times it to C_sᵀq̇
             spin = body.armature * joints.joint_rate(bodies, first, qd, work)
             result[body.dof] += w.multiplier * spin
             result[nv + body.dof] += w.multiplier_rate * spin
+    # From the tips to the base: −Sᵀ(V ×* h) = (V × S)ᵀh is C_sᵀq̇, and SᵀF is −g
     for i in range(len(bodies) - 1, 0, -1):
         body = bodies[i]
         w = work[i]
@@ -241,7 +259,8 @@ def mass_matrix(robot, q, M):
     if status != 0:
         return status
     if len(bodies) > 1:
-        groups.compose(bodies, 1, len(bodies) - 1, work, M)  # all bodies as one group: its 𝓜 is M
+        # All bodies as one group, on the world: its Q is M
+        groups.compose(bodies, 1, len(bodies) - 1, work, M)
     return 0 if joints.are_finite(flat(M)) else -1
 
 
@@ -254,6 +273,7 @@ def first_moment(robot, q, moment):
         return status
     total = sp.ZERO
     for i in range(len(bodies)):
+        # R h + m p: the body's first moment about the origin of the world
         X = joints.pose(bodies, i, 0, work)
         h = records.vector_of(bodies[i].first_moment)
         total = sp.add(

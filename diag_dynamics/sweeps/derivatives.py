@@ -31,11 +31,13 @@ def _factorize_with_rates(bodies, q, qd, x, work, table):
     """
     status = _initialize(bodies, q, qd, x, work)
     last = len(bodies) - 1
+    # From the tips to the base: 𝓜, 𝓜̇, then D, G and g, for joints of one degree of freedom too
     while status == 0 and last > 0:
         first = bodies[last].first
         groups.compose(bodies, first, last, work, table[0])
         groups.compose_rates(bodies, first, last, qd, work, table[1])
         status = groups.eliminate(bodies, first, last, work, table[0])
+        # Column c of 𝓜̇ remains as it is at the elimination of c
         for i in range(last, first - 1, -1):
             if status == 0 and groups.is_leader(bodies, i):
                 groups.eliminate_rate(bodies, first, i, work, table[0], table[1])
@@ -49,6 +51,7 @@ def _propagate_rates(bodies, i, qd, x, work):
     body = bodies[i]
     w = work[i]
     parent = work[bodies[i].parent]
+    # W⁺ and X Ẇ_p; bodies of a joint share a frame, and v_J is zero but at the first of them
     W = joints.motion_outboard(body, w, records.motion_of(parent.W))
     rate = joints.motion_outboard(body, w, records.motion_of(parent.W_rate))
     # Ẇ = X Ẇ_p + W⁺ × v_J + S Ġ x, and W = W⁺ + S x
@@ -67,6 +70,7 @@ def mass_matrix_rate(robot, q, qd, M, M_rate):
     if status != 0:
         return status
     if len(bodies) > 1:
+        # All bodies as one group, on the world: its Q and Q̇ are M and Ṁ
         groups.compose(bodies, 1, len(bodies) - 1, work, M)
         groups.compose_rates(bodies, 1, len(bodies) - 1, qd, work, M_rate)
     return 0 if joints.are_finite(flat(M_rate)) else -1
@@ -88,6 +92,7 @@ def coriolis_matrix_times(robot, q, qd, x, result):
     status = _initialize(bodies, q, qd, x, work)
     if status != 0:
         return status
+    # From the base to the tips: V of q̇, and W and Ẇ of x
     for i in range(1, len(bodies)):
         body = bodies[i]
         w = work[i]
@@ -102,6 +107,7 @@ def coriolis_matrix_times(robot, q, qd, x, result):
             # A rotor accelerates where ratios change.
             changing = joints.ratio_rate(bodies, joints.turning(bodies, i), x, work)
             result[bodies[i].dof] += work[i].multiplier * bodies[i].armature * changing
+    # From the tips to the base: C_s x = Sᵀf
     joints.moments_inward(bodies, work, result)
     return 0 if joints.are_finite(result) else -1
 

@@ -26,6 +26,7 @@ def outward_joint(body, X, own_motion, w, parent):
     # V = V⁺ + S q̇, where V⁺ is the velocity of the parent in the axes of the body
     V = sp.add_motion(sp.motion_to_child(X, records.motion_of(parent.V)), own_motion)
     records.set_motion(w.V, V)
+    # P = I and Ṗ = 0 of the body alone: the inward sweep adds its children
     joints.init_articulated_inertia(body, w)
     init_forces(body, X, V, w, parent)
 
@@ -34,6 +35,7 @@ def outward_joint(body, X, own_motion, w, parent):
 def init_forces(body, X, V, w, parent):
     """Gravity's acceleration of a body, and its y and z before its children have been added."""
     # a is −g in the axes of the body; y begins as V ×* I V
+    # a has no angular part, so that X reduces to Rᵀ
     acceleration = sp.apply_transposed(X.rotation, records.vector_of(parent.acceleration))
     records.set_vector(w.acceleration, 0, acceleration)
     records.set_force(w.y, sp.cross_force(V, joints.momentum(body, V)))
@@ -53,6 +55,7 @@ def outward_step(bodies, i, q, qd, work):
 @nk.large_kernel
 def _outward(bodies, gravity, q, qd, work):
     """The outward sweep of one state; returns a status."""
+    # Positions, G and Ġ of followers first, because X and V need them
     status = joints.couple_with_rates(q, qd, work)
     start_at_world(gravity, work[0])
     for i in range(1, len(bodies)):
@@ -68,6 +71,7 @@ def outputs(root, xi, kappa, without_xi, gravity, D, D_rate):
     """
     # C = D^−½ (C_ξ − ½ Ḋ ξ) (Algorithm 7.1, Lemma 7.3)
     coriolis = (without_xi + 0.5 * D_rate * xi) / root
+    # Rows from ws.NU on: ν = D^½ ξ, ξ, ε = D^−½ κ, κ, C, C_ξ, ε_g, D and Ḋ
     return (
         root * xi,
         xi,
@@ -128,6 +132,7 @@ def inward_joint(direction, D, G, rate, tau, w, parent, is_carried):
     h = sp.subtract_force(u, sp.scale_force(G, 0.5 * D_rate))
     moved = sp.transport_along_z(direction, rate, P_plus)
     rate_plus = sp.add_inertia(sp.less_rank_two(P_rate, G, h), moved)
+    # XᵀP⁺X, XᵀṖ⁺X, Xᵀy⁺ and Xᵀz⁺ add to the parent; the world, which cannot move, needs none
     if is_carried:
         X = records.placement_of(w)
         joints.accumulate_scale(w, X, parent)
@@ -164,11 +169,13 @@ def inward_coupled(robot, last, qd, tau, out):
     Q_rate = table[1]
     kappa = out[ws.KAPPA]
     bias = out[ws.CORIOLIS]
+    # Rows of κ and C serve as memory for moments until a degree of freedom has its results
     for i in range(first, last + 1):
         kappa[bodies[i].dof] = tau[bodies[i].dof]
         bias[bodies[i].dof] = 0.0
     # κ begins as τ less the moments of z of the group's bodies; z is now that on their base
     z = groups.gather(bodies, first, last, work, -1.0, kappa)
+    # 𝓜, then −𝓎 in `bias` and 𝓎 on the base, which need composite P, then 𝓜̇
     groups.compose(bodies, first, last, work, Q)
     y = groups.gather_bias(bodies, first, last, qd, work, bias)
     groups.compose_rates(bodies, first, last, qd, work, Q_rate)
@@ -176,6 +183,7 @@ def inward_coupled(robot, last, qd, tau, out):
     status = groups.eliminate(bodies, first, last, work, Q)
     if status != 0:
         return status
+    # y⁺ = 𝓎 − Σ G 𝓎_c has a plus here, because `bias` is −𝓎;  z⁺ = z + Σ G κ
     y = sp.add_force(y, groups.filter_moments(bodies, first, last, work, Q, -1.0, bias))
     z = sp.add_force(z, groups.filter_moments(bodies, first, last, work, Q, -1.0, kappa))
 
@@ -193,6 +201,7 @@ def inward_coupled(robot, last, qd, tau, out):
         D = w.D
         D_rate = Q_rate[k, k - start]
         root = math.sqrt(D)
+        # ξ_c = q̇_c + GᵀV_A + Σ g_b q̇_b, and C_ξ − Ḋ ξ = 𝓎_c − 𝓜̇_c (V_A, q̇)
         xi = qd[k] + groups.induced_rate(bodies, i, V_A, qd, Q, G)
         without_xi = -bias[k] - groups.momentum_rate(bodies, i, V_A, qd, work, Q_rate)
         # κ_g = F_cᵀ a = D Gᵀ a
@@ -200,6 +209,7 @@ def inward_coupled(robot, last, qd, tau, out):
         results = outputs(root, xi, kappa[k], without_xi, weight, D, D_rate)
         set_results(out[:, k], results)
         groups.eliminate_rate(bodies, first, i, work, Q, Q_rate)
+    # y⁺ and z⁺ are in the axes of the base; its P and Ṗ have those of the group already
     if bodies[first].parent > 0:
         records.add_to_force(base.y, y)
         records.add_to_force(base.z, z)
@@ -225,6 +235,7 @@ def is_floating_base(bodies, i):
 @nk.kernel
 def start_base(effort, w):
     """κ and gravity's wrench of a floating base, from the effort of each direction."""
+    # S = 1: κ_g = P a and κ = τ − z (5.4), before any direction is eliminated
     weight = sp.inertia_times(
         records.inertia_of(w.P), sp.Motion(records.vector_of(w.acceleration), sp.ZERO)
     )
@@ -241,6 +252,7 @@ def eliminate_last(direction, armature, w):
     kappas = records.force_of(w.z)
     bias = records.force_of(w.y)
     weights = records.force_of(w.acceleration)
+    # Entries of angular z, where the direction has moved to; u = 𝓜̇_c
     D, column, G = joints.joint_inertia(sp.ANGULAR_Z, armature, P)
     u = sp.column_along(sp.ANGULAR_Z, P_rate)
     rate = V.angular[2]
@@ -263,6 +275,7 @@ def eliminate_last(direction, armature, w):
     )
     records.set_force(w.V, _moved_up(sp.Force(V.linear, V.angular)))
     results = outputs(root, xi, kappa, y - momentum_rate, weight / root, D, D_rate)
+    # The size of D is that of the direction itself: a mass if it is linear, else an inertia
     return results, joints.is_singular(joints.scale_along(direction, w), D)
 
 
@@ -286,6 +299,7 @@ def _moved_up(F):
 def _moved_up_inertia(P):
     """Rows and columns moved up by one direction; the last ones are dropped."""
     A, B, C = P
+    # Entry (i, j) of the 6x6 matrix goes to (i + 1, j + 1)
     return sp.Inertia(
         (sp.ZERO, (0.0, A[0][0], A[0][1]), (0.0, A[0][1], A[1][1])),
         (sp.ZERO, (A[0][2], B[0][0], B[0][1]), (A[1][2], B[1][0], B[1][1])),
@@ -301,6 +315,7 @@ def inward_base(robot, last, tau, out):
     first = bodies[last].first
     k = bodies[first].dof
     start_base(records.force_of(tau[k : k + 6]), w)
+    # From angular z to linear x; the body of a singular direction is the status
     for i in range(last, first - 1, -1):
         results, singular = eliminate_last(bodies[i].direction, bodies[i].armature, w)
         if singular:
@@ -331,6 +346,7 @@ def sums(rows):
         for row in range(ws.XI, ws.N_RESULTS):
             total += rows[row, k]
         finite &= math.isfinite(total)
+        # K = ½ νᵀν (1.2), which is not finite if ν is not, and K̇ = νᵀ(ε − ε_g) (Lemma 7.2)
         nu = rows[ws.NU, k]
         energy += 0.5 * nu * nu
         if k < 6:
@@ -356,6 +372,8 @@ def _complete(out, n):
 def _inward(robot, qd, tau, out):
     """Fill the rows of `out` from ws.NU on with results of :func:`evaluate`: the inward sweep."""
     bodies, _, work, _ = ws.opened(robot)
+    # From the tips to the base; i is the last body of its group, or alone
+    # Each call has a constant direction, so that the compiler can drop the other branches
     i = len(bodies) - 1
     while i > 0:
         first = bodies[i].first
@@ -374,6 +392,7 @@ def _inward(robot, qd, tau, out):
 @nk.kernel
 def sweep_state(robot, q, qd, tau, out):
     """Fill the rows of `out` from NU on but those of q and q̇; returns a status."""
+    # -1 for numbers that are not finite, and for quaternions far from unit length
     if not (joints.are_finite(q) and joints.are_finite(qd) and joints.are_finite(tau)):
         return -1
     bodies, gravity, work, _ = ws.opened(robot)
@@ -430,9 +449,12 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
         square = 0.0
         for k in range(len(gain)):
             filtered = 0.0
+            # The first sample, and the first after a gap, has no interval: r = 0
             if interval[t] > 0.0:
+                # External term: Δp/Δt less the mean of applied minus resisting terms
                 mean = 0.5 * (last[3, k] + applied[t, k] - last[2, k] - resisting[t, k])
                 external = (momentum[t, k] - last[1, k]) / interval[t] - mean
+                # ṙ = K_O(ε_ext − r) with constant ε_ext; expm1 has no cancellation at small K_O dt
                 filtered = last[0, k] - math.expm1(-gain[k] * interval[t]) * (external - last[0, k])
             x[t, k] = filtered
             if math.isnan(applied[t, k]) or math.isnan(
@@ -446,6 +468,7 @@ def observe_samples(gain, interval, momentum, resisting, applied, last, x, norm)
             last[2, k] = resisting[t, k]
             last[3, k] = applied[t, k]
         norm[t] = math.sqrt(square)
+        # An overflow is not carried over: r starts at 0 again
         if not math.isfinite(norm[t]):
             for k in range(len(gain)):
                 last[0, k] = 0.0
@@ -460,6 +483,7 @@ def link_energies(robot, links, Q, QD, energies):
     bodies, _, work, _ = ws.opened(robot)
     ws.clear(flat(energies))
     for t in range(len(Q)):
+        # V needs positions and G of followers, not Ġ
         if joints.couple(Q[t], work) != 0:
             return False
         joints.set_base_at_rest(work)
@@ -468,6 +492,7 @@ def link_energies(robot, links, Q, QD, energies):
             w = work[i]
             joints.update_placement(body, Q[t], w)
             joints.update_velocity(body, QD[t], work, w)
+            # Once for a joint: its rotor turns at the sum of the rates of its bodies
             if body.rank == 0 and body.armature != 0.0:
                 rate = joints.joint_rate(bodies, i, QD[t], work)
                 energies[t, body.link] += 0.5 * body.armature * (rate * rate)

@@ -112,6 +112,7 @@ def convert_rates(bodies, work, Q, to_xi, x, y):
     In the second case y may be x.
     """
     qd = x if to_xi else y
+    # From the base to the tips: V⁺ needs q̇ of all joints inboard, from x or from y
     joints.set_base_at_rest(work)
     for i in range(1, len(bodies)):
         # All rates of a group, because the leader of a follower may lie further out
@@ -126,6 +127,7 @@ def convert_rates(bodies, work, Q, to_xi, x, y):
             else:
                 # ξ = q̇ + Gᵀ V⁺ (5.3), where V⁺ is the velocity of the parent in axes of the body
                 induced = sp.power(G, sp.motion_to_child(records.placement_of(work[i]), V_A))
+            # In a group earlier degrees of freedom go first: q̇ of later ones needs theirs
             y[k] = x[k] + induced if to_xi else x[k] - induced
         joints.update_velocity(bodies[i], qd, work, work[i])
 
@@ -133,6 +135,7 @@ def convert_rates(bodies, work, Q, to_xi, x, y):
 @nk.large_kernel
 def _moments_inward(bodies, work, Q, is_kappa, moments):
     """κ = [I − HψK]τ in place of τ (Table 2), z⁺ = z + G κ; or τ = [I + HφK]κ in place of κ."""
+    # From the tips to the base, with z = 0 at the tips
     for i in range(len(bodies)):
         ws.clear(work[i].z)
     i = len(bodies) - 1
@@ -174,6 +177,7 @@ def transform(robot, q, x, which, result):
     status = factorize_at(robot, q) if joints.are_finite(x) else -1
     if status != 0:
         return status
+    # mᵀ and ℓ scale by D^½ or D^−½ last, ℓᵀ and m first
     ws.copy(x, result)
     if which == NU_FROM_QD:
         convert_rates(bodies, work, table[0], True, x, result)
@@ -198,6 +202,7 @@ def qd_from_momentum(robot, q, added, momentum, qd):
     """
     bodies, _, work, table = ws.opened(robot)
     status = joints.initialize(bodies, q, work)
+    # An infinite inertia makes G = 0 and ξ = 0, hence q̇ = 0
     for i in range(1, len(bodies)):
         if groups.is_leader(bodies, i):
             work[i].armature += added[bodies[i].dof]

@@ -65,6 +65,7 @@ PLACES[np.triu_indices(6)] = [
 def mobility_to_child(X, Y):
     """X Υ Xᵀ: Υ of a frame that has the placement X in the one of this Υ."""
     R = X.rotation
+    # (Rᵀ, −Rᵀp) takes Υ, angular part first, outward as X takes P inward
     inverse = sp.Placement(sp.transpose(R), sp.scale(sp.apply_transposed(R, X.translation), -1.0))
     return sp.inertia_to_parent(inverse, Y)
 
@@ -72,6 +73,7 @@ def mobility_to_child(X, Y):
 @nk.kernel
 def mobility_times(Y, F):
     """Υ F: the twist that a wrench gives to a body, per unit of time."""
+    # The angular part is first, so that the moment comes first too
     angular, linear = sp.inertia_times(Y, sp.Motion(F.moment, F.force))
     return sp.Motion(linear, angular)
 
@@ -85,6 +87,7 @@ def _add_joint(body, w, Y):
     G = records.force_of(w.G)
     S = sp.motion_along(body.direction, 1.0)
     g = mobility_times(Y, G)
+    # Half of the last part, because S hᵀ + h Sᵀ has it twice
     half = sp.motion_along(body.direction, 0.5 * (sp.power(G, g) + 1.0 / w.D))
     h = sp.subtract_motion(g, half)
     return sp.less_rank_two(Y, sp.Force(S.angular, S.linear), sp.Force(h.angular, h.linear))
@@ -98,6 +101,7 @@ def _group_mobility(robot, i):
     """
     bodies, _, work, table = ws.opened(robot)
     kappa = ws.robot_of(robot).scratch
+    # κ of unit moments (a below 3), then of unit forces: the angular part of Υ is first
     for a in range(6):
         ws.clear(kappa[a])
         e = sp.motion_along((a + 3) % 6, 1.0)
@@ -108,6 +112,7 @@ def _group_mobility(robot, i):
         for b in range(a, 6):
             entry = 0.0
             for j in range(1, bodies[i].last + 1):
+                # κ is zero at joints that do not carry body i, and no joint after its group does
                 if groups.is_leader(bodies, j):
                     entry += kappa[a, bodies[j].dof] * kappa[b, bodies[j].dof] / work[j].D
             work[i].P[PLACES[a, b]] = entry
@@ -117,14 +122,17 @@ def _group_mobility(robot, i):
 def mobilities_outward(robot):
     """Υ of every body that carries links, in its field P; the bodies are factorized."""
     bodies, _, work, _ = ws.opened(robot)
+    # From the base to the tips; factorized bodies have no further use for P
     records.set_inertia(work[0].P, sp.NO_INERTIA)
     for i in range(1, len(bodies)):
         body = bodies[i]
         w = work[i]
         if not groups.is_grouped(body):
+            # Υ⁺ = X Υ_p Xᵀ, then the joint
             Y = mobility_to_child(records.placement_of(w), records.inertia_of(work[body.parent].P))
             records.set_inertia(w.P, _add_joint(body, w, Y))
         elif body.rank == body.dofs - 1:
+            # Only the last body of a joint carries links and further joints
             _group_mobility(robot, i)
 
 
@@ -133,6 +141,7 @@ def _write(Y, mobility):
     """Write Υ as 6x6 numbers, its linear part first."""
     for a in range(3):
         for b in range(3):
+            # A is the angular block, B has angular rows and linear columns, C is the linear block
             mobility[a, b] = Y.C[a][b]
             mobility[3 + a, 3 + b] = Y.A[a][b]
             mobility[3 + a, b] = mobility[b, 3 + a] = Y.B[a][b]

@@ -29,7 +29,9 @@ def coefficients(S, V):
     b = S.angular
     v = V.linear
     w = V.angular
+    # S = (a, b) and V = (v, ω): SᵀI V = m aᵀv + (mc)ᵀ(a × ω + v × b) + bᵀI ω
     h = sp.add(sp.cross(a, w), sp.cross(v, b))
+    # An entry off the diagonal stands in I twice
     xy = b[0] * w[1] + b[1] * w[0]
     xz = b[0] * w[2] + b[2] * w[0]
     yz = b[1] * w[2] + b[2] * w[1]
@@ -64,6 +66,7 @@ def regressor(robot, q, qd, qdd, frames, Y):
         return status
     if not joints.are_finite(qdd):
         return -1
+    # From the base to the tips: V, and A with A₀ = −g
     joints.set_base_acceleration(gravity, 1.0, work)
     for i in range(1, len(bodies)):
         joints.update_motion(bodies, i, q, qd, qdd, work)
@@ -71,16 +74,19 @@ def regressor(robot, q, qd, qdd, frames, Y):
     for link in range(len(frames)):
         frame = frames[link]
         i = frames[link].body
+        # V and A of the link; T is its placement in body i, to which the walk has come
         T = records.placement_of(frame)
         V = sp.motion_to_child(T, records.motion_of(work[i].V))
         A = sp.motion_to_child(T, records.motion_of(work[i].acceleration))
         while i > 0:
+            # S in the link's frame; a follower's is added G times to its leader's row
             S = sp.motion_along(bodies[i].direction, work[i].multiplier)
             S = sp.motion_to_child(T, S)
             inertial = coefficients(S, A)
             centrifugal = coefficients(sp.cross_motion(S, V), V)
             for j in range(PARAMETERS):
                 Y[bodies[i].dof, PARAMETERS * link + j] += inertial[j] + centrifugal[j]
+            # Placement of the link in the parent of body i
             T = sp.compose_placements(records.placement_of(work[i]), T)
             i = bodies[i].parent
     return 0 if joints.are_finite(flat(Y)) else -1
@@ -101,6 +107,7 @@ def load_columns(robot, q, qd, frames, momentum, bias):
         return status
     ws.clear(flat(momentum))
     ws.clear(flat(bias))
+    # V and −g in the frame of the load
     T = records.placement_of(frame)
     i = frames[0].body
     V = sp.motion_to_child(T, records.motion_of(work[i].V))
@@ -108,11 +115,13 @@ def load_columns(robot, q, qd, frames, momentum, bias):
     while i > 0:
         body = bodies[i]
         S = sp.motion_along(body.direction, work[i].multiplier)
+        # Ṡ = V × S + Ġ along the axis; the joint's last body has V of the whole joint
         moving = records.motion_of(work[i - body.rank + body.dofs - 1].V)
         turning = sp.cross_motion(moving, S)
         turning = sp.add_motion(turning, sp.motion_along(body.direction, work[i].multiplier_rate))
         turning = sp.motion_to_child(T, turning)
         S = sp.motion_to_child(T, S)
+        # Y_p = SᵀA(V), Y_g = SᵀA(−g) and Y_∂ = ṠᵀA(V), of the first four parameters
         own = coefficients(S, V)
         weight = coefficients(S, up)
         kinetic = coefficients(turning, V)
