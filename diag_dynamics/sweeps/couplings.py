@@ -163,6 +163,7 @@ class Couplings:
 
     def __init__(self, bodies, work, nq, nv, of_model):
         count = len(of_model.joints)
+        # J has a column for each equation, as many as the largest loop has.
         rows = int(of_model.loops["rows"].max(initial=1))
         self.ratio = np.full(len(of_model.loops), np.inf)
         given = {
@@ -172,10 +173,12 @@ class Couplings:
             "nv": nv,
             "ratio": self.ratio,
         } | of_model._asdict()
+        # A row of `frames` has 30 numbers: R 9, p 3, and 6 each of S, V and Ṡ.
         shapes = dict.fromkeys(("J", "J_rate", "reduced"), (count, rows)) | {"frames": (count, 30)}
         shapes |= {"x": max(rows, count), "bend": len(of_model.curves)} | dict.fromkeys(
             ("last", "before", "position", "diagonal", "scale"), count
         )
+        # NaN in `last`: there is no state yet, so that loops are closed from the start values.
         self._addresses = Addresses(
             COUPLINGS, **given, **{name: np.full(size, np.nan) for name, size in shapes.items()}
         )
@@ -211,6 +214,7 @@ def _reduce(at, loop):
     scale = at.scale[loop.begin :]
     longest = 0.0
     least = math.inf
+    # Squared length of the longest column of J, independent joints included
     for k in range(loop.begin, loop.end):
         square = 0.0
         for row in range(loop.rows):
@@ -222,15 +226,18 @@ def _reduce(at, loop):
         # Earlier reflections of the column, then the one that clears it below R_kk
         for j in range(k):
             _reflect(A[j], scale[j], j, loop.rows, A[k])
+        # R_kk² is the squared length of the column from row k on.
         square = 0.0
         own = A[k, k]
         for row in range(k, loop.rows):
             square += A[k, row] * A[k, row]
         least = min(least, square)
+        # Columns of followers depend on each other, or an entry is NaN.
         if not square > 0.0:
             return 0.0
         # The sign of R_kk is opposite to that of the entry, against cancellation.
         entry = math.copysign(math.sqrt(square), -own)
+        # v = a − R_kk e_k from row k on, with 2/vᵀv = 1/(R_kk² + |a_k R_kk|)
         A[k, k] -= entry
         at.diagonal[loop.begin + k] = 1.0 / entry
         scale[k] = 1.0 / (square + abs(own * entry))
@@ -247,6 +254,7 @@ def _solve(table, loop):
     for k in range(loop.followers):
         _reflect(A[k], at.scale[loop.begin + k], k, loop.rows, x)
     # R y = x, from the last row
+    # Entries of Qᵀx after the last row of R are the residual.
     for k in range(loop.followers - 1, -1, -1):
         for j in range(k + 1, loop.followers):
             x[k] -= A[j, k] * x[j]
@@ -275,6 +283,7 @@ def _place(at, loop):
         body = at.bodies[joint.body]
         position = at.position[k]
         turns = body.direction == sp.ANGULAR_Z
+        # X in the frame of the parent body, and then of the group's carrier
         if turns:
             X = joints.placement(sp.ANGULAR_Z, body, sp.reduced_angle(position))
         else:
@@ -288,6 +297,7 @@ def _place(at, loop):
         p = X.translation
         records.set_matrix(frame, R)
         records.set_vector(frame, 9, p)
+        # S about the carrier's origin: (p × a, a) of a revolute joint, (a, 0) of a prismatic one
         axis = (R[0][2], R[1][2], R[2][2])
         records.set_vector(frame, 12, sp.cross(p, axis) if turns else axis)
         records.set_vector(frame, 15, axis if turns else sp.ZERO)
@@ -319,6 +329,7 @@ def _close(at, number):
     for k in range(loop.begin, loop.end):
         for row in range(loop.rows):
             at.J[k, row] = 0.0
+    # d is constant in the axes of the carrier: the rate of φ is dᵀ(ȧ − ḃ).
     for row in range(loop.last - loop.first):
         closure = at.closures[loop.first + row]
         a = _end(at, closure.a, closure.point_a)
@@ -328,9 +339,11 @@ def _close(at, number):
         # φ = dᵀ (a − b), and FᵀS of the joints that carry either end
         at.x[row] = sp.dot(sp.subtract(a, b), d)
         largest = max(largest, abs(at.x[row]))
+        # φ is rounded relative to the distance of its points from the carrier's origin.
         size = max(size, sp.dot(a, a))
         _add_end(at, closure.a, sp.Force(d, sp.cross(a, d)), 1.0, row)
         _add_end(at, closure.b, sp.Force(d, sp.cross(b, d)), -1.0, row)
+    # Curves in the loop: φ = q_d − c(q_s), with the derivatives 1 and −c′
     row = loop.last - loop.first
     for k in range(len(at.curves)):
         curve = at.curves[k]
@@ -354,16 +367,20 @@ def _newton(table, number):
     loop = at.loops[number]
     correction = math.inf
     for _ in range(ITERATIONS):
+        # φ and J at these positions, and J_d = QR
         _place(at, loop)
         apart, size = _close(at, number)
         at.ratio[number] = _reduce(at, loop)
+        # J_d is singular or not finite: G does not exist.
         if not at.ratio[number] > SINGULAR:
             return False
         # Converged: the last correction was small, or φ is rounding.
         if correction <= FINE or apart <= EXACT * size:
+            # Least squares also end where redundant equations contradict each other.
             return apart <= CLOSED
         # J_d Δ = φ
         _solve(table, loop)
+        # Independent joints stay, and followers move by −Δ.
         before = correction
         correction = 0.0
         for k in range(loop.followers):
@@ -379,6 +396,7 @@ def _newton(table, number):
 def _set_ratios(table, loop):
     """G of all followers where Newton's method has found them, which become the last ones."""
     at = _opened(table)
+    # The search for the next state begins here.
     for k in range(loop.begin, loop.end):
         at.last[k] = at.position[k]
     for rank in range(loop.end - loop.begin - loop.followers):
@@ -387,6 +405,7 @@ def _set_ratios(table, loop):
         for row in range(loop.rows):
             at.x[row] = -at.J[r, row]
         _solve(table, loop)
+        # Body `rank` of a follower has its ratio to independent joint r.
         for k in range(loop.followers):
             at.work[at.joints[at.joints[loop.begin + k].order].body + rank].multiplier = at.x[k]
 
@@ -412,6 +431,7 @@ def _approach(table, number, q):
     length = LONGEST_STEP
     for _ in range(STEPS):
         remaining = _distance(at, loop, q)
+        # Fraction of the way on which no independent joint moves by more than `length`
         step = 1.0 if remaining <= length else length / remaining
         for k in range(loop.followers):
             i = at.joints[loop.begin + k].order
@@ -419,6 +439,7 @@ def _approach(table, number, q):
         # Independent joints go a part of the way, followers along their ratios G.
         for rank in range(loop.end - loop.begin - loop.followers):
             r = at.joints[loop.begin + loop.followers + rank].order
+            # The last step takes q itself, because the sum would be rounded.
             target = q[at.bodies[at.joints[r].body].q]
             at.position[r] = target if step == 1.0 else at.last[r] + step * (target - at.last[r])
             for k in range(loop.followers):
@@ -426,6 +447,7 @@ def _approach(table, number, q):
                 at.position[i] += at.work[at.joints[i].body + rank].multiplier * (
                     at.position[r] - at.last[r]
                 )
+        # Newton's method corrects the followers. A failure leaves `last` and G unchanged.
         if _newton(table, number):
             _set_ratios(table, loop)
             if step == 1.0:
@@ -460,19 +482,24 @@ def _close_loop(table, number, q):
     """
     at = _opened(table)
     loop = at.loops[number]
+    # Attempts overwrite `last`.
     for k in range(loop.begin, loop.end):
         at.before[k] = at.last[k]
+    # Near the last state its branch is kept, elsewhere the start values choose the branch.
     is_near = _distance(at, loop, q) <= NEAR
     closed = is_near and _approach(table, number, q)
     if not closed:
         closed = _close_at(table, number, at.start) and _approach(table, number, q)
     if not (closed or is_near):
         closed = _close_at(table, number, at.before) and _approach(table, number, q)
+    # A failure restores the last closed state. NaN leads to the start values the next time.
     if not closed:
+        # The ratio is that of the last attempt, before the restored state changes it.
         is_singular = not at.ratio[number] > SINGULAR
         if not _close_at(table, number, at.before):
             at.last[loop.begin : loop.end] = math.nan
         return (SINGULAR_LOOP if is_singular else OPEN_LOOP) - number
+    # The constant multiplier of a follower is 0, so that the offset is its position.
     for k in range(loop.followers):
         i = at.joints[loop.begin + k].order
         at.work[at.joints[i].body].offset = at.position[i]
@@ -487,9 +514,11 @@ def _move(at, loop, qd):
         carrier = at.joints[k].carrier
         V = sp.NO_MOTION
         S = _motion(frame, 12)
+        # V and Ṡ are relative to the group's carrier, where V is zero.
         if carrier >= 0:
             V = _motion(at.frames[carrier], 18)
         rate = joints.joint_rate(at.bodies, at.joints[k].body, qd, at.work)
+        # Ṡ = V × S with V of the parent body, because S × S = 0
         records.set_motion(frame[24:], sp.cross_motion(V, S))
         moved = sp.Motion(sp.scale(S.linear, rate), sp.scale(S.angular, rate))
         records.set_motion(frame[18:], sp.add_motion(V, moved))
@@ -499,12 +528,15 @@ def _move(at, loop, qd):
 def _add_end_rate(table, k, point, d, sign, row):
     """Add the rates of what :func:`_add_end` adds."""
     at = _opened(table)
+    # An end on the group's carrier does not move against it.
     if k >= 0:
         end = _end(at, k, point)
         V = _motion(at.frames[k], 18)
+        # F = (d, c × d), and the rate ċ × d of its moment, with ċ = v + ω × c
         F = sp.Force(d, sp.cross(end, d))
         moment = sp.cross(sp.add(V.linear, sp.cross(V.angular, end)), d)
         while k >= 0:
+            # J̇ = FᵀṠ + (0, ċ × d)ᵀS
             rate = sp.power(F, _motion(at.frames[k], 24)) + sp.dot(moment, _part(at.frames[k], 15))
             at.J_rate[k, row] += sign * rate
             k = at.joints[k].carrier
@@ -515,6 +547,7 @@ def _set_ratio_rates(table, number, qd):
     """Ġ of all followers of a loop whose J is reduced."""
     at = _opened(table)
     loop = at.loops[number]
+    # V and Ṡ along the actual q̇, which needs G of the followers
     _move(at, loop, qd)
     for k in range(loop.begin, loop.end):
         for row in range(loop.rows):
@@ -524,6 +557,7 @@ def _set_ratio_rates(table, number, qd):
         d = records.vector_of(closure.direction)
         _add_end_rate(table, closure.a, closure.point_a, d, 1.0, row)
         _add_end_rate(table, closure.b, closure.point_b, d, -1.0, row)
+    # Curves in the loop: only −c′ changes, at the rate −c″ q̇_s.
     row = loop.last - loop.first
     for k in range(len(at.curves)):
         curve = at.curves[k]
@@ -531,6 +565,7 @@ def _set_ratio_rates(table, number, qd):
             rate = joints.joint_rate(at.bodies, at.joints[curve.source].body, qd, at.work)
             at.J_rate[curve.source, row] = -at.bend[k] * rate
             row += 1
+    # J_d Ġ_r = −J̇_r − J̇_d G_r, by the QR of J_d from Newton's last iteration
     for rank in range(loop.end - loop.begin - loop.followers):
         r = at.joints[loop.begin + loop.followers + rank].order
         for row in range(loop.rows):
@@ -551,6 +586,7 @@ def _set_ratio_rates(table, number, qd):
 @nk.kernel
 def _curve_at(at, curve, source):
     """Position of a curve, its slope and the rate of the slope by the source's position."""
+    # The first piece extends to smaller positions, and the last one to larger ones.
     k = curve.begin
     while k + 1 < curve.end and source >= at.pieces[k + 1, 0]:
         k += 1
@@ -558,6 +594,7 @@ def _curve_at(at, curve, source):
     p = 0.0
     slope = 0.0
     bend = 0.0
+    # Horner's scheme for p, p′ and ½ p″, from the highest coefficient
     for j in range(at.pieces.shape[1] - 1, 0, -1):
         bend = bend * x + slope
         slope = slope * x + p
@@ -577,6 +614,7 @@ def _set_forms(table, q):
         count = at.bodies[form.body].dofs
         k = form.begin
         position = 0.0
+        # A row is (φ_i, Q_i). Ratios are φ + Qη, the position is Σ ½ (φ_i + ratio_i) η_i.
         for i in range(first, first + count):
             linear = ratio = at.coefficients[k]
             for j in range(count):
@@ -594,6 +632,7 @@ def _set_form_rates(table, qd):
     for form in at.forms:
         first = form.body
         count = at.bodies[form.body].dofs
+        # φ is constant, and Q follows it in a row.
         k = form.begin + 1
         for i in range(first, first + count):
             rate = 0.0
@@ -617,6 +656,7 @@ def couple(table, positions, rates, what):
         status = _couple(table, at, _vector_at(positions, (at.nq,)))
         if status != 0:
             return status
+    # RATES alone relies on G, J_d and c″ of the call for positions before.
     if what != joints.POSITIONS:
         _couple_rates(table, _vector_at(rates, (at.nv,)))
     return 0
@@ -624,6 +664,7 @@ def couple(table, positions, rates, what):
 
 @nk.kernel
 def _couple(table, at, q):
+    # Curves outside loops: the position c(q_s), G = c′, and c″ for Ġ
     for k in range(len(at.curves)):
         curve = at.curves[k]
         if curve.loop < 0:
@@ -640,6 +681,7 @@ def _couple(table, at, q):
 @nk.large_kernel
 def _couple_rates(table, qd):
     at = _opened(table)
+    # Curves outside loops: Ġ = c″ q̇_s
     for k in range(len(at.curves)):
         curve = at.curves[k]
         if curve.loop < 0:

@@ -35,6 +35,7 @@ def positions(robot, q, result, _):
     at = ws.robot_of(robot)
     place = _vector_at(q, (at.nq,))
     status = joints.couple(place, at.work)
+    # Columns of Ġ are those of the last call with rates.
     _fill(at.bodies, at.work, place, at.nv, _matrix_at(result, (len(at.bodies), 1 + 2 * at.nv)))
     return status
 
@@ -43,7 +44,9 @@ def positions(robot, q, result, _):
 def _fill(bodies, work, q, nv, result):
     for i in range(1, len(bodies)):
         ws.clear(result[i])
+        # The multiplier of the record is 0 where the ratio changes: the offset is the position.
         result[i, 0] = bodies[i].multiplier * q[bodies[i].q] + work[i].offset
+        # Rows of later bodies of a joint run beyond the joint, and have no meaning.
         for j in range(i, min(i + bodies[i].dofs, len(bodies))):
             result[i, 1 + bodies[j].dof] += work[j].multiplier
             result[i, 1 + nv + bodies[j].dof] += work[j].multiplier_rate

@@ -21,6 +21,7 @@ _vector_at, _matrix_at = array_at(types.float64, 1), array_at(types.float64, 2)
 def inward(robot, i, qd, tau, out, columns):
     """Run evaluation.inward_coupled at the addresses of q̇, τ and `out`, a matrix of `columns`."""
     at = ws.robot_of(robot)
+    # A callback takes integers: lengths follow from the robot, the columns of `out` do not.
     rates = _vector_at(qd, (at.nv,))
     efforts = _vector_at(tau, (at.nv,))
     results = _matrix_at(out, (ws.N_ROWS, columns))
@@ -30,6 +31,7 @@ def inward(robot, i, qd, tau, out, columns):
 @Callback
 def inward_base(robot, i, _, tau, out, columns):
     """Run evaluation.inward_base, as :func:`inward`."""
+    # V of the base is q̇, whose address is not used.
     efforts = _vector_at(tau, (ws.robot_of(robot).nv,))
     return evaluation.inward_base(robot, i, efforts, _matrix_at(out, (ws.N_ROWS, columns)))
 
@@ -52,6 +54,7 @@ def aba_outward(robot, i, qd, qdd):
     """Run classical.aba_outward_group at the addresses of q̇ and q̈."""
     count = (ws.robot_of(robot).nv,)
     classical.aba_outward_group(robot, i, _vector_at(qd, count), _vector_at(qdd, count))
+    # A callback returns a status; this step has no failure.
     return 0
 
 

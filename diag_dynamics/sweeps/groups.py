@@ -56,11 +56,13 @@ def compose(bodies, first, last, work, Q):
     P of its bodies becomes the composite inertia outboard, and is added to the base.
     """
     start = bodies[first].start
+    # F_c is summed in the field G of the body that owns c, until it is divided by D.
     for i in range(first, last + 1):
         if is_leader(bodies, i):
             work[i].size = 0.0
             records.set_force(work[i].G, sp.NO_FORCE)
             ws.clear(Q[bodies[i].dof])
+    # From the tips to the base: P of body i includes all bodies outboard already.
     for i in range(last, first - 1, -1):
         body = bodies[i]
         w = work[i]
@@ -74,6 +76,7 @@ def compose(bodies, first, last, work, Q):
         )
         owner.size += w.multiplier * w.multiplier * joints.scale_along(body.direction, w)
         column = joints.force_inboard(body, w, column)
+        # Bodies inboard in the group. Two bodies of one degree of freedom add to Q_cc twice.
         j = body.parent
         while j >= first:
             product = work[j].multiplier * sp.along(bodies[j].direction, column)
@@ -109,6 +112,7 @@ def eliminate(bodies, first, last, work, Q):
             continue
         w = work[i]
         c = bodies[i].dof
+        # All later degrees of freedom are eliminated from Q_cc, so that it is D.
         D = Q[c, c - start]
         column = records.force_of(w.G)
         w.D = D
@@ -142,10 +146,12 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
     Ṗ of its bodies becomes composite too, and is added to the base.
     """
     start = bodies[first].start
+    # Ḟ_c is summed in the field u of the body that owns c.
     for i in range(first, last + 1):
         if is_leader(bodies, i):
             records.set_force(work[i].u, sp.NO_FORCE)
             ws.clear(Q_rate[bodies[i].dof])
+    # From the tips to the base: r is the multiplier of body i, and changes at the rate ṙ.
     for i in range(last, first - 1, -1):
         body = bodies[i]
         w = work[i]
@@ -157,11 +163,13 @@ def compose_rates(bodies, first, last, qd, work, Q_rate):
         rate = sp.scale_force(sp.column_along(body.direction, P_rate), w.multiplier)
         rate = sp.add_force(rate, sp.scale_force(column, w.multiplier_rate))
         column = sp.scale_force(column, w.multiplier)
+        # Q̇_cc: r Sᵀ(r P S)˙ + ṙ Sᵀ(r P S), and the rate of r² armature
         own = w.multiplier * sp.along(body.direction, rate) + w.multiplier_rate * sp.along(
             body.direction, column
         )
         Q_rate[d, d - start] += own + 2.0 * w.multiplier * w.multiplier_rate * w.armature
         # Inboard the same column and its rate give Q̇_bc and Ḟ_c.
+        # The rate comes first, because it needs the column in the axes of body i.
         rate = rate_inboard(bodies, i, qd, work, column, rate)
         column = joints.force_inboard(body, w, column)
         j = body.parent
@@ -205,6 +213,7 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
     start = bodies[first].start
     base = bodies[first].parent
     c = bodies[i].dof - start
+    # Column c of Q is g by now. The field u is Ḟ_c without later degrees of freedom.
     D_rate = Q_rate[bodies[i].dof, c]
     G = records.force_of(work[i].G)
     u = records.force_of(work[i].u)
@@ -215,6 +224,7 @@ def eliminate_rate(bodies, first, i, work, Q, Q_rate):
             b = bodies[j].dof
             g = Q[b, c]
             g_rate = Q_rate[b, c]
+            # Ḟ_b ← Ḟ_b − g_b (Ḟ_c − Ḋ G) − Q̇_bc G
             records.add_to_force(work[j].u, sp.scale_force(rest, -g))
             records.add_to_force(work[j].u, sp.scale_force(G, -g_rate))
             # Q̇_ab ← Q̇_ab − g_a (u_b − g_b Ḋ) − u_a g_b
@@ -300,6 +310,7 @@ def working_moments_of_wrench(bodies, i, work, Q, F, kappa):
         body = bodies[i]
         w = work[i]
         if is_grouped(body):
+            # Moments along the rigid joints of the group, then κ. F − Σ G κ goes inboard.
             F = moments_of_wrench(bodies, i, body.first, work, F, kappa)
             F = sp.subtract_force(
                 F, filter_moments(bodies, body.first, body.last, work, Q, -1.0, kappa)
@@ -337,6 +348,7 @@ def gather_bias(bodies, first, last, qd, work, moments):
 
     Returns the bias wrench on the base. It follows :func:`compose`.
     """
+    # From the base to the tips: A = X A_p + ζ, the acceleration at V̇_A = 0 and q̈ = 0
     for i in range(first, last + 1):
         body = bodies[i]
         w = work[i]
@@ -344,6 +356,7 @@ def gather_bias(bodies, first, last, qd, work, moments):
         if body.parent >= first:
             A = joints.motion_outboard(body, w, records.motion_of(work[body.parent].bias))
         if body.rank == 0:
+            # ζ = V⁺ × v_J + S Ġ q̇ once for a joint; V⁺ × v_J is V × v_J, as v_J × v_J = 0.
             V_plus = sp.motion_to_child(
                 records.placement_of(w), records.motion_of(work[body.parent].V)
             )
@@ -352,12 +365,15 @@ def gather_bias(bodies, first, last, qd, work, moments):
             zeta = sp.add_motion(zeta, sp.motion_along(body.direction, changing))
         records.set_motion(w.zeta, zeta)
         records.set_motion(w.bias, sp.add_motion(A, zeta))
+    # From the tips to the base: y + P ζ goes inboard. P X A_p is in P A of the parent, because
+    # P is composite.
     F = sp.NO_FORCE
     for i in range(last, first - 1, -1):
         body = bodies[i]
         w = work[i]
         P = records.inertia_of(w.P)
         y = records.force_of(w.y)
+        # Sᵀ(y + P A), and the rotor, whose acceleration is Ġ q̇
         f = sp.add_force(y, sp.inertia_times(P, records.motion_of(w.bias)))
         moment = sp.along(body.direction, f)
         if body.armature != 0.0:

@@ -33,6 +33,7 @@ POSITIONS, RATES, BOTH = range(3)
 @nk.kernel
 def couple(q, work):
     """Find positions and changing ratios of followers before bodies are placed; return a status."""
+    # The address of the code is 0 where no ratio of the robot changes.
     if work[0].couple == 0:
         return 0
     return call_address(work[0].couple, (work[0].couplings, address_of(q), 0, POSITIONS))
@@ -49,6 +50,7 @@ def couple_with_rates(q, qd, work):
 @nk.kernel
 def start_motion(bodies, q, qd, work):
     """Couple followers to q and q̇, the base at rest; returns a status, -1 for wrong numbers."""
+    # Wrong numbers come first: a coupling would report them as an open or singular loop.
     if not (are_positions(bodies, q) and are_finite(qd)):
         return -1
     set_base_at_rest(work)
@@ -73,9 +75,11 @@ def placement(direction, body, position):
     """X of a body that turns about z by a reduced angle, or slides along z."""
     rotation = records.matrix_of(body.rotation)
     translation = records.vector_of(body.translation)
+    # The joint's axis is z of the body: R Rz(θ).
     if direction == sp.ANGULAR_Z:
         sine, cosine = sp.sine_and_cosine(position)
         return sp.Placement(sp.turned_about_z(rotation, sine, cosine), translation)
+    # A prismatic joint moves the origin along z of the body, seen in the parent's axes.
     return sp.Placement(rotation, sp.add(translation, sp.apply(rotation, (0.0, 0.0, position))))
 
 
@@ -84,8 +88,10 @@ def moved_pose(body, q):
     """Displacement of a planar or floating joint by its positions."""
     k = body.q
     if body.kind == records.FLOATING:
+        # The rotation is that of the normalized quaternion.
         x, y, z, w = quaternion_of(body, q)
         return sp.Placement(sp.rotation_of_quaternion(x, y, z, w), (q[k], q[k + 1], q[k + 2]))
+    # Planar: x and y, and the angle about z
     sine, cosine = sp.sine_and_cosine(sp.reduced_angle(q[k + 2]))
     turned = ((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0))
     return sp.Placement(turned, (q[k], q[k + 1], 0.0))
@@ -104,6 +110,7 @@ def update_placement(body, q, w):
 
 @nk.large_kernel
 def _update_placement_general(body, q, w):
+    # X at q = 0, which is the identity at the later bodies of a joint
     X = sp.Placement(records.matrix_of(body.rotation), records.vector_of(body.translation))
     if body.kind == records.PRISMATIC:
         X = placement(sp.LINEAR_Z, body, _position(body, q, w))
@@ -127,6 +134,7 @@ def update_placements(bodies, q, work):
 def pose(bodies, i, base, work):
     """Placement of a placed body in one that carries it."""
     T = sp.Placement(sp.IDENTITY, sp.ZERO)
+    # From the body toward the base: T ← X T
     while i != base:
         T = sp.compose_placements(records.placement_of(work[i]), T)
         i = bodies[i].parent
@@ -141,7 +149,9 @@ def initialize(bodies, q, work):
     status = couple(q, work)
     for i in range(1, len(bodies)):
         update_placement(bodies[i], q, work[i])
+        # P begins as I, to which the children add from the tips to the base.
         init_articulated_inertia(bodies[i], work[i])
+        # A copy, to which a sweep may add other inertia of the joint
         work[i].armature = bodies[i].armature
     return status
 
@@ -158,6 +168,7 @@ def are_orientations(bodies, q):
     for i in range(1, len(bodies)):
         if bodies[i].kind == records.FLOATING and bodies[i].rank == 0:
             x, y, z, w = quaternion_of(bodies[i], q)
+            # The comparison is false for NaN, which is rejected as well.
             if not abs(x * x + y * y + z * z + w * w - 1.0) < UNIT_TOLERANCE:
                 return False
     return True
@@ -193,6 +204,7 @@ def joint_motion(bodies, i, rates, work):
     """v_J, the motion of body i's frame against its parent's; zero at later bodies of a joint."""
     if bodies[i].dofs == 1:
         return own_motion(bodies[i], work[i], rates)
+    # v_J = Σ S q̇ over the bodies of the joint, where only the first one's X changes with q
     v_J = sp.NO_MOTION
     if bodies[i].rank == 0:
         for j in range(i, i + bodies[i].dofs):
@@ -230,9 +242,11 @@ def ratio_rate(bodies, i, rates, work):
 @nk.kernel
 def zeta(bodies, i, rates, work):
     """ζ = V × v_J + S Ġ q̇ of the joint whose first body is i; V of all its bodies is known."""
+    # V of the last body includes all rates of the joint.
     turned = sp.cross_motion(
         records.motion_of(work[i + bodies[i].dofs - 1].V), joint_motion(bodies, i, rates, work)
     )
+    # S Ġ q̇: a follower accelerates at constant rates of the independent joints.
     return sp.add_motion(
         turned, sp.motion_along(bodies[i].direction, ratio_rate(bodies, i, rates, work))
     )
@@ -257,6 +271,7 @@ def set_base_acceleration(gravity, weight, work):
 @nk.kernel
 def update_velocity(body, rates, work, w):
     """V of a placed body."""
+    # V = V⁺ + S q̇ with V⁺ = X V_p (Table 1)
     V_plus = sp.motion_to_child(records.placement_of(w), records.motion_of(work[body.parent].V))
     V = sp.add_motion(V_plus, own_motion(body, w, rates))
     records.set_motion(w.V, V)
@@ -270,6 +285,7 @@ def update_motion(bodies, i, q, qd, qdd, work):
     w = work[i]
     X = update_placement(body, q, w)
     V = update_velocity(body, qd, work, w)
+    # A = X A_p + S q̈ + ζ (4.3)
     A = sp.motion_to_child(X, records.motion_of(work[body.parent].acceleration))
     A = sp.add_motion(A, own_motion(body, w, qdd))
     if body.rank == body.dofs - 1:  # the joint's last body: the earlier ones have no inertia
@@ -281,10 +297,12 @@ def update_motion(bodies, i, q, qd, qdd, work):
 @nk.kernel
 def moments_inward(bodies, work, tau):
     """Add the moment of y along every degree of freedom; y goes to the parent."""
+    # From the tips to the base: τ = Sᵀy, and Xᵀy is added to the parent's y (4.3).
     for i in range(len(bodies) - 1, 0, -1):
         body = bodies[i]
         w = work[i]
         y = records.force_of(w.y)
+        # A follower acts on its leader through the ratio: Gᵀτ.
         tau[body.dof] += w.multiplier * sp.along(body.direction, y)
         if body.parent > 0:
             records.add_to_force(work[body.parent].y, force_inboard(body, w, y))
@@ -308,7 +326,9 @@ def init_articulated_inertia(body, w):
         body.mass, records.vector_of(body.first_moment), records.symmetric_of(body.inertia)
     )
     records.set_inertia(w.P, own)
+    # Ṗ of a rigid body is zero in its axes.
     records.set_inertia(w.P_rate, sp.NO_INERTIA)
+    # Sizes are the traces of the blocks A and C of I.
     w.magnitude[0] = 3.0 * body.mass
     w.magnitude[1] = body.inertia[0] + body.inertia[3] + body.inertia[5]
     w.total[0] = w.magnitude[0]
@@ -333,18 +353,22 @@ def scale_along(direction, w):
 @nk.kernel
 def is_singular(size, D):
     """Whether the joint moves no inertia: D is a rounding error of inertias of this size."""
+    # The comparison is false for NaN, which counts as singular.
     return not SINGULAR * size < D
 
 
 @nk.kernel
 def accumulate_scale(w, X, parent):
     """Add the size of P, and of all inertia outboard, to the parent's."""
+    # P and not P⁺, because rounding of the difference P⁺ is relative to P
     P = records.inertia_of(w.P)
     lever = sp.dot(X.translation, X.translation)
     linear = P.A[0][0] + P.A[1][1] + P.A[2][2]
     angular = P.C[0][0] + P.C[1][1] + P.C[2][2]
+    # Sizes about the parent's origin, without first moments: angular + linear |r|²
     parent.magnitude[0] += linear
     parent.magnitude[1] += angular + linear * lever
+    # All inertia outboard as that of one rigid body
     parent.total[0] += w.total[0]
     parent.total[1] += w.total[1] + w.total[0] * lever
 
@@ -362,10 +386,12 @@ def wrench_on_body(bodies, wrench, in_world, work):
     """A wrench about the origin of its placed body, in the body's axes."""
     force = records.vector_of(wrench.force)
     moment = records.vector_of(wrench.moment)
+    # From the axes of the world to those of the body: Rᵀ
     if in_world:
         R = pose(bodies, wrench.body, 0, work).rotation
         force = sp.apply_transposed(R, force)
         moment = sp.apply_transposed(R, moment)
+    # The moment about the body's origin has r × f of the point.
     return sp.Force(force, sp.add(moment, sp.cross(records.vector_of(wrench.point), force)))
 
 

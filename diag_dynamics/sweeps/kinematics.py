@@ -28,6 +28,7 @@ def placement(robot, q, body, result):
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
+    # Product of the X of all bodies that carry this one
     X = joints.pose(bodies, body, 0, work)
     for k in range(3):
         records.set_vector(result[k], 0, X.rotation[k])
@@ -46,10 +47,12 @@ def set_jacobian(bodies, body, point, work, J):
     for row in range(6):
         ws.clear(J[row])
     width = 0
+    # T: placement in body i of a frame at the point, with the axes of the point's body
     T = sp.Placement(sp.IDENTITY, (point[0], point[1], point[2]))
     i = body
     while i > 0:
         S = sp.motion_along(bodies[i].direction, work[i].multiplier)
+        # S r of body i, with its ratio r, seen in the frame at the point
         S = sp.motion_to_child(T, S)
         k = bodies[i].dof
         width = max(width, k + 1)
@@ -75,6 +78,7 @@ def jacobians(robot, body, point, in_world, Q, results):
             return t
         set_jacobian(bodies, body, point, work, J)
         R = joints.pose(bodies, body, 0, work).rotation
+        # R turns the linear and the angular part of each column to the axes of the world.
         for k in range(J.shape[1] if in_world else 0):
             for first in range(0, 6, 3):
                 v = sp.apply(R, (J[first, k], J[first + 1, k], J[first + 2, k]))
@@ -94,6 +98,7 @@ def motion(robot, q, qd, qdd, body, result):
         return status
     if not joints.are_finite(qdd):
         return -1
+    # From the base to the body: V and A = X A_p + S q̈ + ζ (4.3), with A₀ = 0
     records.set_motion(work[0].acceleration, sp.NO_MOTION)
     for i in range(1, body + 1):
         joints.update_motion(bodies, i, q, qd, qdd, work)
@@ -119,6 +124,7 @@ def integrate_positions(robot, start, u, q):
             if groups.is_leader(bodies, i):
                 q[k] = start[k] + u[body.dof]
         elif body.rank == 0 and groups.is_leader(bodies, i):
+            # The displacement exp(U) is in the axes of the body at the start.
             U = joints.joint_motion(bodies, i, u, work)
             R, p = joints.moved_pose(body, start)
             p = sp.add(p, sp.apply(R, sp.screw_translation(U)))
@@ -126,6 +132,7 @@ def integrate_positions(robot, start, u, q):
             q[k + 1] = p[1]
             if body.kind == records.FLOATING:
                 q[k + 2] = p[2]
+                # The product is normalized: the start may be off unit length, and rounding adds up.
                 turn = joints.quaternion_of(body, start)
                 x, y, z, w = sp.quaternion_product(turn, sp.rotation_quaternion(U.angular))
                 length = math.sqrt(x * x + y * y + z * z + w * w)
@@ -134,6 +141,7 @@ def integrate_positions(robot, start, u, q):
                 q[k + 5] = z / length
                 q[k + 6] = w / length
             else:
+                # The angle of a planar joint goes on beyond ±π.
                 q[k + 2] = start[k + 2] + U.angular[2]
 
 
@@ -141,14 +149,17 @@ def integrate_positions(robot, start, u, q):
 def _log(body, start, end):
     """Twist that moves a joint of several degrees of freedom from start to end positions."""
     k = body.q
+    # exp(V) = start⁻¹ end
     R, p = joints.moved_pose(body, start)
     _, target = joints.moved_pose(body, end)
     if body.kind == records.FLOATING:
         x, y, z, w = joints.quaternion_of(body, start)
+        # The conjugate is the inverse rotation; the shorter way round is taken.
         turn = sp.quaternion_product((-x, -y, -z, w), joints.quaternion_of(body, end))
         vector = sp.rotation_vector(turn[0], turn[1], turn[2], turn[3])
     else:
         vector = (0.0, 0.0, _wrapped(end[k + 2] - start[k + 2]))
+    # Rᵀ: the translation in the axes of the body at the start
     return sp.screw_of_displacement(sp.apply_transposed(R, sp.subtract(target, p)), vector)
 
 
@@ -191,6 +202,7 @@ def difference(robot, start, end, continuous, v):
                 apart = end[body.q] - start[body.q]
                 v[body.dof] = _wrapped(apart) if continuous[body.dof] != 0.0 else apart
         elif body.rank == 0 and groups.is_leader(bodies, i):
+            # A twist of the whole joint; each of its directions picks an entry.
             U = _log(body, start, end)
             for j in range(i, i + body.dofs):
                 v[bodies[j].dof] = sp.entry(bodies[j].direction, U.linear, U.angular)
