@@ -70,8 +70,8 @@ CURVE = np.dtype(
 """A position that is a piecewise polynomial of another one."""
 
 FORM = np.dtype([("body", "i8"), ("begin", "i8")], align=True)
-"""A position c + φᵀη + ½ηᵀQη by several joints: first body of the follower, and c; φ and row of Q
-of each joint follow."""
+"""A position φᵀη + ½ηᵀQη by several joints: first body of the follower, and where its coefficients
+begin: φ and the row of Q of each joint."""
 
 COUPLINGS = Table(
     "Couplings",

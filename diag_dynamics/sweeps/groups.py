@@ -12,8 +12,8 @@ direction counted as its leader's, multiplied. So the aggregate has the mass mat
 
     𝓜 = Σ T_iᵀ P_i T_i + armature = [[P, F], [Fᵀ, Q]]        𝓜̇ = [[Ṗ, Ḟ], [Ḟᵀ, Q̇]]
 
-in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion of
-the axis in other clothes: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
+in the axes of A. Eliminating its degrees of freedom one by one, the last first, is the recursion
+over axes in another form: with D = Q_cc, G = F_c / D and g_b = Q_bc / D,
 
     𝓜 ← 𝓜 − g D gᵀ        𝓜̇ ← 𝓜̇ − g uᵀ − u gᵀ + g Ḋ gᵀ,  u = 𝓜̇_c
     ξ_c = q̇_c + GᵀV_A + Σ_b g_b q̇_b
