@@ -46,8 +46,10 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torq
     `largest` are the largest of standing joints, unfiltered.
     """
     for t in range(len(elapsed)):
+        # Step of a first-order filter with the observer's gain [1/s]; times are in ns.
         pace = -math.expm1(-1e-9 * gain * max(0, elapsed[t]))
         for k in range(torque.shape[1]):
+            # Time of standing: it grows while the joint is slow, and decreases DECAY times as fast.
             if elapsed[t] < 0:
                 standing[k] = STANDING_TIME if abs(rates[t, k]) < STANDING_SPEED else 0
                 widths[k] = 0.0
@@ -56,6 +58,7 @@ def apply_dead_zone(elapsed, rates, zones, gain, standing, widths, largest, torq
             else:
                 lost = min(DECAY * elapsed[t], STANDING_TIME)
                 standing[k] = max(standing[k] - lost, 0)
+            # Filtered zone of a standing joint, then √(|m r|² − zone²), zero inside the zone.
             zone = zones[t, k] if standing[k] >= STANDING_TIME else 0.0
             largest[k] = max(largest[k], zone)
             widths[k] += pace * (zone - widths[k])
@@ -81,13 +84,16 @@ def judge_states(
     for t in range(len(stamps)):
         elapsed = stamps[t] - memory[LAST]
         memory[LAST] = stamps[t]
+        # No alarm, event or offset outlasts a restart or a gap.
         if restart[t] or not 0 <= elapsed <= MAX_GAP:
             memory[COUNT] = 0
             active[:] = False
             offset[:] = 0.0
+        # A state without a result ends an alarm; the offset remains.
         if not valid[t]:
             active[:] = False
             continue
+        # `released` compares values before the offset lowers them: a standing torque is no release.
         was_on = False
         is_offset = False
         released = True
@@ -96,20 +102,24 @@ def judge_states(
             released &= values[t, k] < limits[1, k]
         for k in range(len(offset)):
             is_offset |= offset[k] != 0.0
+        # Released, no alarm, no offset: most states end here.
         if released and not (was_on or is_offset):
             continue
         if is_offset:
             _lower_values(values[t], x[t], offset)
+        # Hysteresis: active above the threshold, until below the release threshold.
         on = False
         for k in range(n):
             active[k] = values[t, k] > limits[0, k] or (active[k] and values[t, k] >= limits[1, k])
             on |= active[k]
+        # A rise within the hold-off after the alarm of an event belongs to that event.
         begin = on and not was_on and (memory[COUNT] == 0 or stamps[t] - memory[END] > options[0])
         if begin:
             memory[BEGIN] = stamps[t]
         if on:
             rises = _follow_floor(stamps[t], elapsed, values[t], limits[0], begin, floor, memory)
             begins[t] = begin or rises
+            # Only an alarm that had an event moves the end from which the hold-off counts.
             if begins[t] or not was_on:
                 memory[EXTENDS] = begins[t]
             if memory[EXTENDS]:
@@ -118,6 +128,7 @@ def judge_states(
         alarm[t] = on
         for k in range(joints.shape[1]):
             joints[t, k] = active[k]
+        # Time constant standing/2: the offset follows a standing alarm, then only decreases.
         is_standing = on and stamps[t] - memory[BEGIN] > options[1]
         if not released or is_standing:
             if is_standing or is_offset:
@@ -134,9 +145,11 @@ def _follow_floor(stamp, elapsed, values, limits, begins, floor, memory):
     a strong push lasts and spreads to other joints without being several. The floor follows smaller
     values at once and larger ones slowly; until an event is old, all.
     """
+    # Rises soon after the begin of an event belong to it.
     if begins:
         memory[EVENT] = stamp
     is_new = stamp - memory[EVENT] <= RISE_TIME
+    # Largest ratio of a floor to its threshold, at least 1; 0 where the threshold is inf.
     ratio = 1.0
     for k in range(len(values)):
         if floor[k] > ratio * limits[k]:
@@ -156,6 +169,7 @@ def _move_offset(offset, x, is_standing, pace):
     """Approach x of an alarm that stands, and otherwise x where it is nearer to zero."""
     for k in range(len(offset)):
         target = x[k]
+        # The smaller of x and the offset, zero where signs differ: it decreases and never grows.
         if not is_standing:
             nearer = min(abs(x[k]), abs(offset[k]))
             target = math.copysign(nearer, x[k]) if x[k] * offset[k] > 0.0 else 0.0
@@ -166,6 +180,7 @@ def _move_offset(offset, x, is_standing, pace):
 def _lower_values(values, x, offset):
     """Lower |m r|, ‖m r‖ and |r| to those of x − offset."""
     n = len(offset) // 2
+    # First half m r: joints and ‖m r‖; second half r: only |r|. No value becomes larger.
     for half in range(2):
         square = 0.0
         for k in range(half * n, half * n + n):

@@ -80,10 +80,12 @@ def _strictest_limit(regions, first, end, inverse_mass, speed):
     allowed = math.inf
     strictest = -1
     for k in range(first, end):
+        # 1/μ = 1/m_u + 1/m_H; 0 where neither the point nor the region yields.
         reduced = inverse_mass + regions[k, INVERSE_MASS]  # 1/μ
         stiffness = regions[k, STIFFNESS]
         if reduced > 0.0:
             force = max(force, speed * math.sqrt(stiffness / reduced))
+        # Allowed speeds: v = F_max/√(μk) and ½ m_u v² = E_max.
         of_force = (
             regions[k, LARGEST_FORCE] * math.sqrt(reduced / stiffness)
             if stiffness > 0.0
@@ -108,6 +110,7 @@ def _contact(at, entry, w, X, result):
     R = X.rotation
     scale_of_V = sp.dot(V.linear, V.linear)
     scale_of_w = sp.dot(V.angular, V.angular)
+    # The result where no point moves: the first one, without a direction or a limit.
     best = -1
     strongest = -1.0
     ws.clear(result)
@@ -116,20 +119,24 @@ def _contact(at, entry, w, X, result):
     result[ALLOWED] = math.inf
     for k in range(entry.first, entry.end):
         r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
+        # v + ω × r; a sum below the rounding error of its terms has no direction.
         v = sp.add(V.linear, sp.cross(V.angular, r))
         square = sp.dot(v, v)
         if not square > AT_REST * AT_REST * (scale_of_V + scale_of_w * sp.dot(r, r)):
             continue
         u = sp.scale(v, 1.0 / math.sqrt(square))
         speed = sp.dot(u, v)
+        # 1/m_u = hᵀΥh with the unit force at r as a wrench about the body's origin.
         h = sp.Force(u, sp.cross(r, u))
         inverse_mass = sp.power(h, mobility_times(Y, h))
+        # Size of Υ at r. Υ has its angular part first: C is its linear block, A its angular one.
         most = (
             Y.C[0][0] + Y.C[1][1] + Y.C[2][2] + sp.dot(r, r) * (Y.A[0][0] + Y.A[1][1] + Y.A[2][2])
         )
         if not inverse_mass > IMMOBILE * most:  # the point cannot move that way
             inverse_mass = 0.0
             speed = 0.0
+        # ½ m_u v_u², then the score of the criterion; without a region it is the energy.
         energy = 0.5 * speed * speed / inverse_mass if speed > 0.0 else 0.0
         force, allowed, strictest = _strictest_limit(
             at.regions, entry.first_region, entry.end_region, inverse_mass, speed
@@ -139,6 +146,7 @@ def _contact(at, entry, w, X, result):
             score = force
         elif at.by == BY_LIMIT and strictest >= 0:
             score = speed / allowed if speed > 0.0 else 0.0
+        # Scores that are equal up to rounding keep the earlier point.
         if best < 0 or score > strongest * TIE:
             best = k
             strongest = score
@@ -150,6 +158,7 @@ def _contact(at, entry, w, X, result):
             result[TRANSFERABLE] = energy
             result[FORCE] = force
             result[ALLOWED] = allowed
+    # Point and direction, until here in axes of the body.
     k = int(result[POINT])
     r = (at.points[k, 0], at.points[k, 1], at.points[k, 2])
     records.set_vector(result, POSITION, sp.add(X.translation, sp.apply(R, r)))
@@ -172,8 +181,10 @@ def contacts(robot, points, q, qd, nu, results):
     status = factorize_at(robot, q)
     if status != 0:
         return status
+    # ν = D^½ξ (Table 1); the conversion leaves V of every body.
     convert_rates(bodies, work, table[0], True, qd, nu)
     scale_by_inertia(bodies, work, 0.5, nu)
+    # From the base to the tips: Υ of every body, in the place of its P.
     mobilities_outward(robot)
     for k in range(len(at.entries)):
         entry = at.entries[k]

@@ -67,6 +67,8 @@ def _log_ratio(square, B, b, L, z):
 
     The Cholesky factor is written to L.
     """
+    # Row by row: L Lᵀ = 1 + F²B and L z = b. Entries lack the 1 of the diagonal until it is added
+    # to a pivot; the diagonal of L is kept inverted.
     determinant = 1.0
     explained = 0.0
     for i in range(6):
@@ -83,6 +85,7 @@ def _log_ratio(square, B, b, L, z):
                 L[_packed(i, i)] = 1.0 / math.sqrt(1.0 + entry)
         z[i] = rest * L[_packed(i, i)]
         explained += z[i] * z[i]
+    # Woodbury: yᵀ[1 − (1 + F²GᵀG)⁻¹]y = F² bᵀ(1 + F²B)⁻¹b = F² zᵀz; det(1 + F²GᵀG) = det(1 + F²B).
     return 0.5 * (square * explained - math.log(determinant))
 
 
@@ -92,6 +95,8 @@ def _evidence(at, candidate, bodies, work, memory):
 
     y is the thirteenth vector of the memory.
     """
+    # A force f at a point p from the mean of points has the torque (J_v − p̃ J_ω)ᵀf. Over all
+    # directions and points its covariance is F²[J_vᵀJ_v/3 + (K J_ω)ᵀ(K J_ω)]: the mean of p is 0.
     J = memory[:6]
     width = kinematics.set_jacobian(bodies, candidate.body, candidate.point, work, J)
     K = records.matrix_of(candidate.spread)
@@ -105,6 +110,7 @@ def _evidence(at, candidate, bodies, work, memory):
     b = work[0].y
     L = work[0].P_rate
     z = work[0].z
+    # G = [J_v/√3; K J_ω] Wᵀ, B = GGᵀ and b = Gy.
     rows = memory[6:12, :width]
     y = memory[12, :width]
     for i in range(6):
@@ -112,6 +118,8 @@ def _evidence(at, candidate, bodies, work, memory):
         b[i] = _dot(rows[i], y)
         for j in range(i + 1):
             B[_packed(i, j)] = _dot(rows[i], rows[j])
+    # Log of the sum of ratios over forces, relative to the largest: exp of a ratio can overflow.
+    # The number of forces is the same for all bodies and cancels in their probabilities.
     largest = -math.inf
     total = 0.0
     for f in range(len(at.forces)):
@@ -131,6 +139,7 @@ def touched_link(robot, candidates, q, tau, result):
     bodies, _, work, _ = ws.opened(robot)
     if not (joints.are_positions(bodies, q) and joints.are_finite(tau)):
         return -1
+    # Noise alone gives y = Wτ the unit covariance: χ² = τᵀΣ⁻¹τ = |y|².
     y = memory[12]
     probability = result[1:]
     _whiten(at.whitening, tau, len(tau), y)
@@ -141,6 +150,7 @@ def touched_link(robot, candidates, q, tau, result):
     status = joints.update_placements(bodies, q, work)
     if status != 0:
         return status
+    # A link has two candidates, its box and points near its origin: log(exp a + exp b).
     largest = -math.inf
     total = 0.0
     for k in range(len(probability)):
@@ -148,6 +158,7 @@ def touched_link(robot, candidates, q, tau, result):
         origin = _evidence(at, at.bodies[2 * k + 1], bodies, work, memory)
         probability[k] = max(box, origin) + math.log1p(math.exp(-abs(box - origin)))
         largest = max(largest, probability[k])
+    # Links are equally probable beforehand: ratios over their sum, relative to the largest.
     for k in range(len(probability)):
         probability[k] = math.exp(probability[k] - largest)
         total += probability[k]

@@ -25,6 +25,7 @@ def project(nu, end, fraction, limit, joint_limit, change):
     `nu` are the rates at its begin. Energies approach their limits, from below and from above, by
     the `fraction` of a cycle.
     """
+    # Box: |ν₊_k| ≤ √(2 b_k), b_k = ½ν_k² + fraction (K_k − ½ν_k²). `change` holds ν₊ so far.
     now = 0.0
     then = 0.0
     for k in range(len(nu)):
@@ -33,6 +34,7 @@ def project(nu, end, fraction, limit, joint_limit, change):
         change[k] = min(max(end[k], -largest), largest)
         now += share
         then += 0.5 * change[k] * change[k]
+    # Ball: ν₊ times min(1, √(2b)/|ν₊|), b = K + fraction (K_max − K). Division by 0 gives inf.
     scale = math.sqrt(min(_approach(now, limit, fraction) / then, 1.0))
     for k in range(len(nu)):
         change[k] = scale * change[k] - end[k]
@@ -51,12 +53,16 @@ def _saturate(moving, lower, upper, heavy):
     """
     scale = 1.0
     for k in range(len(moving)):
+        # Effort that gravity leaves in this direction; none where gravity exceeds the limit.
         margin = max(upper[k] if moving[k] > 0.0 else -lower[k], 0.0)
         if abs(moving[k]) > margin:
+            # |g| by its limit b: the bounds ±b − g have the sum −2g and the difference 2b.
             weight = abs(upper[k] + lower[k]) / (upper[k] - lower[k])
             overload = 1.0 if weight >= 1.0 else max((weight - heavy) / (1.0 - heavy), 0.0)
+            # overload = 1 leaves s as it is: gravity alone uses the joint's limit.
             factor = margin / abs(moving[k])
             scale = min(scale, factor + overload * (1.0 - factor))
+    # Joints that gravity took out of s, and gravity beyond a limit, need the bounds themselves.
     for k in range(len(moving)):
         moving[k] = min(max(scale * moving[k], lower[k]), upper[k])
     return scale
@@ -93,19 +99,24 @@ def _brake(momentum, rates, effort, change, period, cycles, lower, upper, brakin
     two: on its way to −s p, or to zero if its effort drives and unchanged if it brakes. Without
     efforts K is constant in any motion, because Coriolis forces do no work.
     """
+    # s ≤ 1/step: no momentum reverses within the step. s|p| ≤ √(2R|p|) with R = change/period.
     rate = 1.0 / (cycles * period)
     power = 0.0
     for j in range(len(momentum)):
         curve = 2.0 * change[j] / period
         if abs(momentum[j]) * rate * rate > curve:
             rate = math.sqrt(curve / abs(momentum[j]))
+    # −s p within the effort bounds, by a common scale, so that all momenta decay alike.
     for j in range(len(momentum)):
         braking[j] = -rate * momentum[j]
     _saturate(braking, lower, upper, 1.0)
+    # Efforts that the rate R reaches within the step, and their power uᵀq̇.
     for j in range(len(momentum)):
         most = cycles * change[j]
         braking[j] = min(max(braking[j], effort[j] - most), effort[j] + most)
         power += braking[j] * rates[j]
+    # Where they drive: of each joint the lower power of this effort and of its last one, which is
+    # on its way to zero if it drives.
     for j in range(len(momentum) if power > 0.0 else 0):
         other = effort[j]
         most = cycles * change[j]
@@ -128,6 +139,8 @@ def _keeps(inverse, momentum, rates, rows, change, period, limit, joint_limit, l
         energy = 0.0
         for i in range(len(u)):
             rates[i] = 0.0
+        # p ← p + h u with M constant, ν = ℓp, q̇ = ℓᵀν. ℓ is upper triangular: ν_i needs p_j of
+        # j ≥ i at the end of the step, hence the order from the last joint to the first.
         for i in range(len(u) - 1, -1, -1):
             momentum[i] += cycles * period * u[i]
             total_rate = 0.0
@@ -141,6 +154,7 @@ def _keeps(inverse, momentum, rates, rows, change, period, limit, joint_limit, l
                 return False
         if energy > limit:
             return False
+        # Steps double in length, so that their fixed number covers long ways to rest as well.
         if step % DOUBLED == 0:
             cycles *= 2.0
         _brake(momentum, rates, u, change, period, cycles, lower, upper, braking)
@@ -173,6 +187,8 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
     rates = rows[6]
     slow = rows[7]
     predicted = rows[8:]
+    # From the last joint to the first: q̇ = ℓᵀν, and p = mν from ℓp = ν by back substitution,
+    # with K, its shares, and the limits of both.
     for i in range(len(nu)):
         rates[i] = 0.0
     now = 0.0
@@ -187,6 +203,8 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
             rest -= inverse[i, j] * momentum[j]
         momentum[i] = rest / inverse[i, i]
     limit = _foreseen(now, limit, fraction)
+    # Full braking in this cycle, and bisection of the part of the way from there to `near`, which
+    # is tried first. The prediction brakes at a lower rate than the first cycle.
     _brake(momentum, rates, effort, change, period, 1.0, lower, upper, brake)
     good = 0.0
     part = 1.0
@@ -195,6 +213,7 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
         slow[i] = PREDICTED * change[i]
     for _ in range(BISECTIONS + 1):
         for i in range(len(nu)):
+            # _keeps changes its momenta and efforts.
             ahead[i] = momentum[i]
             predicted[0, i] = brake[i] + part * (near[i] - brake[i])
         step *= 0.5
@@ -205,6 +224,7 @@ def _foresee(inverse, nu, effort, near, change, period, limit, joint_limit, frac
             part += step
         else:
             part -= step
+    # good = 1: `near` itself keeps the limits; 0: no part does, and full braking remains.
     if good == 1.0:
         return False
     for i in range(len(nu)):
@@ -245,6 +265,7 @@ def deliver(
     moving = rows[4]
     change = rows[5]
     work = rows[6:]
+    # Without gravity: demand τ − g and its bounds ±limit − g, then one scale into these.
     is_within = True
     for k in range(len(tau)):
         is_within = is_within and abs(tau[k]) <= limit[k]
@@ -256,11 +277,14 @@ def deliver(
         demand[k] = tau[k] - gravity[k]
     scale = _saturate(demand, work[0], work[1], HEAVY)
     for k in range(len(tau)):
+        # A limit counts as reached within rounding, since g has been subtracted and added again.
         offset = 0.0 if compensated else gravity[k]
         saturated[k] = not is_within and abs(gravity[k] + demand[k]) >= limit[k] * (1.0 - ROUNDING)
+        # The last effort less gravity of this cycle: its rate limit includes the change of gravity.
         moving[k] = last[k] - offset
         change[k] = period * effort_rate[k]
         effort[k] = min(max(demand[k], moving[k] - change[k]), moving[k] + change[k])
+    # Foreseen braking moves the effort; the first command has no period and remains.
     brakes = (
         len(inverse) > 0
         and period > 0.0
@@ -277,6 +301,7 @@ def deliver(
             work,
         )
     )
+    # Efforts to send have gravity again, unless the robot adds it.
     for k in range(len(tau)):
         offset = 0.0 if compensated else gravity[k]
         effort[k] += offset
@@ -297,8 +322,10 @@ def demand_rate(tau, gravity, rate, period, rows):
     for k in range(len(tau)):
         moving = tau[k] - gravity[k]
         if period > 0.0:
+            # Change of τ − g in units of the largest one, R times the period.
             demand = abs(moving - rows[0, k]) / (period * rate[k])
             least = demand
+            # From the oldest demand to the last: the least of all, each one row on.
             for row in range(len(rows) - 1, 0, -1):
                 least = min(least, rows[row, k])
                 rows[row, k] = rows[row - 1, k] if row > 1 else demand

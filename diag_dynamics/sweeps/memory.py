@@ -24,12 +24,15 @@ class Workspace:
     """
 
     def __init__(self, bodies, gravity, couplings=None):
+        # Bodies that own their degree of freedom: leaders, not followers.
         moving = bodies[1:]
         body = np.arange(1, len(bodies))
         own = moving["leader"] == body
         grouped = own & (moving["last"] > moving["first"])
         nv = int(own.sum())
+        # Rows of 𝓜 and 𝓜̇ have an entry for each degree of freedom of the largest group.
         widest = int(np.bincount(moving["first"][grouped]).max(initial=1))
+        # Followers have the positions of their leaders: the largest end counts.
         nq = max(
             (int(body["q"]) + records.POSITIONS_OF[int(body["kind"])] for body in moving), default=0
         )
@@ -37,6 +40,7 @@ class Workspace:
         self.gravity = np.ascontiguousarray(gravity, dtype=np.float64)
         self.work = np.zeros(len(bodies), records.WORK)
         self.table = np.zeros((2, nv, widest))
+        # Constant ratios of followers; couplings overwrite those that change.
         for name in ("multiplier", "offset"):
             self.work[name] = bodies[name]
         self.couplings = couplings and Couplings(self.bodies, self.work, nq, nv, couplings)
@@ -51,6 +55,7 @@ class Workspace:
             nv=nv,
             nq=nq,
             scratch=np.zeros((ws.N_ROWS, max(1, nv))),
+            # `work`, and `lanes` below, as matrices of numbers with a row for each body
             numbers=self.work.view(np.float64).reshape(len(bodies), -1),
             lanes=lanes,
             rows=lanes.view(np.float64).reshape(len(bodies), -1),

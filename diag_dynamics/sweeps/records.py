@@ -20,11 +20,13 @@ POSITIONS_OF = {REVOLUTE: 1, PRISMATIC: 1, PLANAR: 3, FLOATING: 7, VIRTUAL: 1}
 
 BODY = np.dtype(
     [
+        # Place in the tree, and joint
         ("parent", "i8"),  # body that carries this one; 0 is the world
         ("direction", "i8"),  # of its degree of freedom: LINEAR_X … ANGULAR_Z
         ("kind", "i8"),  # of its joint: REVOLUTE … FLOATING
         ("dofs", "i8"),  # degrees of freedom of its joint
         ("rank", "i8"),  # number of this degree of freedom within its joint, from 0
+        # Coordinates, and the ratio to those of a leader
         ("q", "i8"),  # first position coordinate of its joint, or of the leader that it follows
         ("dof", "i8"),  # index of its degree of freedom, or of its leader's
         (
@@ -36,10 +38,12 @@ BODY = np.dtype(
             "f8",
         ),  # position = multiplier q[q] + offset; 1 and 0 unless it follows, 0 if its ratio changes
         ("offset", "f8"),
+        # Degrees of freedom that are eliminated together: see groups
         ("first", "i8"),  # first and last body of its group
         ("last", "i8"),
         ("start", "i8"),  # first degree of freedom of its group
         ("link", "i8"),  # index of the link that the joint moves
+        # Geometry and inertia, in the frame of the body unless stated otherwise
         ("rotation", "f8", 9),  # constant placement in the parent at q = 0, row-major
         ("translation", "f8", 3),
         ("mass", "f8"),
@@ -76,15 +80,19 @@ block A, the nine entries of B, and C as A.
 WORK = np.dtype(
     [
         *((name, "f8", length) for name, length in SWEPT_FIELDS.items()),
+        # Factorization: armature, D and the size of its terms, G, and the rate u of D G: see groups
         ("armature", "f8"),
         ("D", "f8"),
         ("size", "f8"),
         ("G", "f8", 6),
         ("u", "f8", 6),
+        # Motion of other rates x and its rate with x constant: B(q, ν)x and ṁᵀx
         ("W", "f8", 6),
         ("W_rate", "f8", 6),
+        # ζ of the joint, and V̇ of a body of a group with V̇_A and q̈ zero (Algorithm 8.1)
         ("zeta", "f8", 6),
         ("bias", "f8", 6),
+        # Ratios and offsets of followers in the present state, which couplings write
         (
             "multiplier",
             "f8",
@@ -216,6 +224,7 @@ def force_of(a):
 @nk.kernel
 def inertia_of(a):
     """Inertia of the field P or P_rate."""
+    # Blocks A and C from their upper triangles, B between them row by row.
     return sp.Inertia(
         ((a[0], a[1], a[2]), (a[1], a[3], a[4]), (a[2], a[4], a[5])),
         ((a[6], a[7], a[8]), (a[9], a[10], a[11]), (a[12], a[13], a[14])),
@@ -282,6 +291,7 @@ def set_symmetric(a, first, M):
 @nk.kernel
 def set_inertia(a, P):
     """Write an Inertia."""
+    # Numbers in the order of inertia_of.
     set_symmetric(a, 0, P.A)
     set_vector(a, 6, P.B[0])
     set_vector(a, 9, P.B[1])

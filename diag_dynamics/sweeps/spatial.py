@@ -126,6 +126,7 @@ def outer(a, b):
 @nk.kernel
 def cross_columns(a, M):
     """ã M: the cross product of a with each column of M."""
+    # Rows of ã: (0, −a_z, a_y), (a_z, 0, −a_x), (−a_y, a_x, 0).
     return (
         subtract(scale(M[2], a[1]), scale(M[1], a[2])),
         subtract(scale(M[0], a[2]), scale(M[2], a[0])),
@@ -187,6 +188,7 @@ def power(F, V):
 @nk.kernel
 def cross_motion(V, W):
     """V × W of two motions."""
+    # V× = [[ω̃, ṽ], [0, ω̃]] in this order of parts.
     return Motion(
         add(cross(V.angular, W.linear), cross(V.linear, W.angular)), cross(V.angular, W.angular)
     )
@@ -195,6 +197,7 @@ def cross_motion(V, W):
 @nk.kernel
 def cross_force(V, F):
     """V ×* F of a motion and a force; equal to −(V×)ᵀF."""
+    # V×* = −(V×)ᵀ = [[ω̃, 0], [ṽ, ω̃]].
     return Force(
         cross(V.angular, F.force), add(cross(V.angular, F.moment), cross(V.linear, F.force))
     )
@@ -211,6 +214,7 @@ def compose_placements(X, T):
 @nk.kernel
 def motion_to_child(X, V):
     """X V: the parent's motion seen in the child's frame."""
+    # Velocity v + ω × r at the child's origin r, then Rᵀ into the child's axes.
     at_origin = add(V.linear, cross(V.angular, X.translation))
     return Motion(apply_transposed(X.rotation, at_origin), apply_transposed(X.rotation, V.angular))
 
@@ -218,6 +222,7 @@ def motion_to_child(X, V):
 @nk.kernel
 def force_to_parent(X, F):
     """XᵀF: the child's wrench seen in the parent's frame."""
+    # R into the parent's axes; the force at r adds the moment r × f.
     force = apply(X.rotation, F.force)
     return Force(force, add(apply(X.rotation, F.moment), cross(X.translation, force)))
 
@@ -231,6 +236,7 @@ def rigid_inertia(mass, first_moment, rotational):
 
     The first moment is mass times centre of mass.
     """
+    # A = m 1, B = −h̃, because I V has the force m v − h × ω and the moment h × v + C ω.
     h = first_moment
     A = ((mass, 0.0, 0.0), (0.0, mass, 0.0), (0.0, 0.0, mass))
     B = ((0.0, h[2], -h[1]), (-h[2], 0.0, h[0]), (h[1], -h[0], 0.0))
@@ -264,11 +270,13 @@ def inertia_times(P, V):
 @nk.kernel
 def inertia_to_parent(X, P):
     """XᵀP X: the child's inertia seen in the parent's frame."""
+    # Parent's axes: R (·) Rᵀ of each block, still about the child's origin.
     r = X.translation
     A = mirror(rotated(X.rotation, P.A))
     B = rotated(X.rotation, P.B)
     C = mirror(rotated(X.rotation, P.C))
     # [[A, B], [Bᵀ, C]] [[1, −r̃], [0, 1]] adds −A r̃ = (r̃ A)ᵀ to B and −Bᵀr̃ = (r̃ B)ᵀ to C
+    # [[1, 0], [r̃, 1]] from the left then adds r̃ (B − A r̃) to C
     shifted = matrix_sum(B, transpose(cross_columns(r, A)))
     C = matrix_sum(matrix_sum(C, transpose(cross_columns(r, B))), cross_columns(r, shifted))
     return Inertia(A, shifted, mirror(C))
@@ -287,6 +295,7 @@ def less_rank_one(P, G, H):
 @nk.kernel
 def less_products(P, G, H, u):
     """P − (G Hᵀ + u Gᵀ), for a difference that is symmetric."""
+    # Blocks of G Hᵀ + u Gᵀ. The difference is symmetric, so its lower left block is Bᵀ.
     A = matrix_sum(outer(G.force, H.force), outer(u.force, G.force))
     B = matrix_sum(outer(G.force, H.moment), outer(u.force, G.moment))
     C = matrix_sum(outer(G.moment, H.moment), outer(u.moment, G.moment))
@@ -309,6 +318,7 @@ def less_rank_two(P, G, H):
 @nk.kernel
 def entry(direction, v, w):
     """Entry of the six numbers (v, w) in a direction."""
+    # z first: x and y occur only in joints of several degrees of freedom.
     if direction == ANGULAR_Z:
         return w[2]
     if direction == LINEAR_Z:
@@ -331,6 +341,7 @@ def motion_along(direction, rate):
         return Motion(ZERO, (0.0, 0.0, rate))
     if direction == LINEAR_Z:
         return Motion((0.0, 0.0, rate), ZERO)
+    # Axis x or y of a joint of several degrees of freedom.
     axis = direction if direction < ANGULAR_X else direction - ANGULAR_X
     x = rate if axis == LINEAR_X else 0.0
     y = rate if axis == LINEAR_Y else 0.0
@@ -340,6 +351,7 @@ def motion_along(direction, rate):
 @nk.kernel
 def cross_along_z(direction, V, rate):
     """V × S rate for a joint motion about or along z."""
+    # a × (0, 0, rate) = (a_y, −a_x, 0) rate; V× S = (v × z, ω × z) or (ω × z, 0).
     w = V.angular
     if direction == ANGULAR_Z:
         v = V.linear
@@ -350,6 +362,7 @@ def cross_along_z(direction, V, rate):
 @nk.kernel
 def column_along(direction, P):
     """P S."""
+    # Column of [[A, B], [Bᵀ, C]]; rows of the symmetric A and C are their columns.
     if direction == ANGULAR_Z:
         return Force((P.B[0][2], P.B[1][2], P.B[2][2]), P.C[2])
     if direction == LINEAR_Z:
@@ -364,6 +377,7 @@ def column_along(direction, P):
 @nk.kernel
 def turned_about_z(rotation, sine, cosine):
     """R Rz of an angle with this sine and cosine."""
+    # Columns of R: the axes x and y turn in their plane, z remains.
     x, y, z = transpose(rotation)
     return transpose(
         (add(scale(x, cosine), scale(y, sine)), subtract(scale(y, cosine), scale(x, sine)), z),
@@ -373,6 +387,7 @@ def turned_about_z(rotation, sine, cosine):
 @nk.kernel
 def rotation_of_quaternion(x, y, z, w):
     """Rotation matrix of a quaternion of any length but zero."""
+    # 2/|q|² in place of 2 normalizes without a square root.
     s = 2.0 / (x * x + y * y + z * z + w * w)
     return (
         (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
@@ -391,6 +406,7 @@ to 1e-16."""
 @nk.kernel
 def screw_functions(squared):
     """(1 − cos θ)/θ² and (θ − sin θ)/θ³, of θ²."""
+    # Series, because both differences cancel as θ → 0: 1/2 − θ²/24 + …, 1/6 − θ²/120 + …
     if squared < SMALL:
         return 0.5 - squared * (1 / 24 - squared / 720), 1 / 6 - squared * (
             1 / 120 - squared / 5040
@@ -412,6 +428,7 @@ def rotation_quaternion(vector):
     """Unit quaternion (x, y, z, w) of a rotation vector."""
     squared = dot(vector, vector)
     half = 0.5 * math.sqrt(squared)
+    # sin(θ/2)/θ, by its series near θ = 0.
     s = (
         0.5 - squared * (1 / 48 - squared / 3840)
         if squared < SMALL
@@ -425,6 +442,7 @@ def quaternion_product(p, r):
     """The rotation r, then p: quaternions (x, y, z, w)."""
     a = (p[0], p[1], p[2])
     b = (r[0], r[1], r[2])
+    # Vector part p_w r + r_w p + p × r, scalar part p_w r_w − p·r.
     v = add(add(scale(b, p[3]), scale(a, r[3])), cross(a, b))
     return (v[0], v[1], v[2], p[3] * r[3] - dot(a, b))
 
@@ -435,6 +453,7 @@ def rotation_vector(x, y, z, w):
 
     It is the inverse of :func:`rotation_quaternion`.
     """
+    # q and −q are one rotation; w ≥ 0 has the angle θ ≤ π.
     if w < 0.0:
         x = -x
         y = -y
@@ -455,6 +474,7 @@ def screw_of_displacement(translation, vector):
     """
     squared = dot(vector, vector)
     angle = math.sqrt(squared)
+    # Coefficient c of ω × (ω × t); its terms 1/θ² cancel as θ → 0.
     if squared < SMALL:
         c = 1 / 12 + squared * (1 / 720 + squared / 30240)
     else:  # (1 + cos θ)/sin θ = 1/tan(θ/2), which has no pole at π
@@ -470,6 +490,7 @@ def screw_of_displacement(translation, vector):
 @nk.kernel
 def _commutator(axis, M):
     """ã M − M ã of a symmetric matrix."""
+    # −M ã = (ã M)ᵀ of a symmetric M.
     N = cross_columns(axis, M)
     return mirror(matrix_sum(N, transpose(N)))
 
@@ -477,12 +498,14 @@ def _commutator(axis, M):
 @nk.kernel
 def _commutator_of_block(axis, B):
     """ã B − B ã of any matrix."""
+    # −B ã = (ã Bᵀ)ᵀ.
     return matrix_sum(cross_columns(axis, B), transpose(cross_columns(axis, transpose(B))))
 
 
 @nk.kernel
 def transport_along_z(direction, rate, P):
     """−(v_J×)ᵀP − P(v_J×) for a joint motion v_J = S rate about or along z."""
+    # Blocks as in transport, ω̃ or ṽ along z. B is ω̃B of a revolute joint, else ṽB.
     B = turn_columns(P.B, rate)
     if direction == ANGULAR_Z:
         A = turn_columns(P.A, rate)
@@ -492,6 +515,7 @@ def transport_along_z(direction, rate, P):
             matrix_sum(B, transpose(turn_columns(transpose(P.B), rate))),
             mirror(matrix_sum(C, transpose(C))),
         )
+    # Prismatic, ω = 0: no change of A, (ṽA)ᵀ in B, ṽB + (ṽB)ᵀ in C.
     row = scale(P.A[0], 0.0)
     return Inertia(
         (row, row, row), transpose(turn_columns(P.A, rate)), mirror(matrix_sum(B, transpose(B)))
@@ -501,6 +525,7 @@ def transport_along_z(direction, rate, P):
 @nk.kernel
 def transport(V, P):
     """−(V×)ᵀP − P(V×) for any motion V."""
+    # Blocks: ω̃A − Aω̃;  ω̃B − Bω̃ − Aṽ;  ω̃C − Cω̃ + ṽB − Bᵀṽ. −Aṽ = (ṽA)ᵀ, −Bᵀṽ = (ṽB)ᵀ.
     B = cross_columns(V.linear, P.B)
     return Inertia(
         _commutator(V.angular, P.A),
@@ -551,11 +576,13 @@ def sine_and_cosine(x):
     Errors are below one unit in the last place of 1. The nearest multiple of π/2 is subtracted in
     two parts (Cody and Waite 1980). The polynomials are fdlibm's.
     """
+    # x = n π/2 + y + t, with the nearest integer n; n times the first part of π/2 is exact.
     n = (x * (2.0 / math.pi) + TO_NEAREST) - TO_NEAREST
     r = x - n * HALF_PI[0]
     w = n * HALF_PI[1]
     y = r - w
     t = (r - y) - w  # rounding error of y
+    # Sine and cosine of y + t: to first order t adds t (1 − y²/2) to the sine, −y t to the cosine.
     z = y * y
     v = z * y
     half = 0.5 * z
@@ -565,12 +592,15 @@ def sine_and_cosine(x):
         COSINE[0]
         + z * (COSINE[1] + z * (COSINE[2] + z * (COSINE[3] + z * (COSINE[4] + z * COSINE[5]))))
     )
+    # 1 − y²/2 + …: (1 − rounded) − y²/2 is the rounding error of the first difference.
     rounded = 1.0 - half
     c = rounded + (((1.0 - rounded) - half) + (z * p - y * t))
+    # n = 2 turns + odd. An odd n swaps sine and cosine; odd turns change the sign of both.
     odd = n - 2.0 * ((0.5 * n + TO_NEAREST) - TO_NEAREST)
     odd = odd * odd  # 1 where n is odd, else 0
     even = 1.0 - odd
     turns = 0.5 * (n - odd)
     back = turns - 2.0 * ((0.5 * turns + TO_NEAREST) - TO_NEAREST)
     sign = 1.0 - 2.0 * back * back
+    # cos(y + π/2) = −sin y: even − odd is −1 where n is odd.
     return sign * (even * s + odd * c), sign * (even - odd) * (even * c + odd * s)

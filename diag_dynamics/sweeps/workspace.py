@@ -10,6 +10,7 @@ from diag_dynamics.numerics.callback import call_address
 from diag_dynamics.numerics.tables import Table, array
 from diag_dynamics.sweeps import records
 
+# ν, ξ, ε, κ, C, C_ξ and ε_g; D, Ḋ and ½ν_k² of each degree of freedom; three sums; q, q̇.
 NU, XI, EPSILON, KAPPA, CORIOLIS, CORIOLIS_UNNORMALIZED, GRAVITY = range(7)
 ARTICULATED_INERTIA, ARTICULATED_INERTIA_RATE, ENERGY_SHARE = range(7, 10)
 KINETIC_ENERGY, BASE_ENERGY, EFFORT_POWER, N_SWEPT = range(10, 14)
@@ -31,6 +32,7 @@ BAD_LENGTH = -2
 
 ROBOT = Table(
     "Robot",
+    # Constants of the robot, and memory that sweeps overwrite
     bodies=array(records.BODY),  # of RobotModel
     gravity=array(float),  # acceleration [m/s²]
     work=array(records.WORK),
@@ -38,6 +40,7 @@ ROBOT = Table(
     nv=int,
     nq=int,
     scratch=array(float, 2),  # N_ROWS vectors
+    # Memory of batches, and steps that are called by address
     numbers=array(float, 2),  # the memory of `work`
     lanes=array(records.LANES),  # WIDTH states, see batch
     rows=array(float, 2),  # the memory of `lanes`
@@ -64,12 +67,14 @@ INWARD, INWARD_BASE, FACTORIZE, ABA_INWARD, ABA_OUTWARD = range(5)
 @nk.kernel
 def step_group(robot, step, arguments):
     """Run a step at a group with the arguments, and the result, of its function in group_steps."""
+    # By address: a robot without groups compiles no step of groups.
     return call_address(robot_of(robot).group_steps[step], arguments)
 
 
 @nk.kernel
 def lengths_match(robot, q, qd, tau):
     """Whether vectors have the robot's lengths."""
+    # A floating joint has 7 positions, but 6 rates and efforts.
     at = robot_of(robot)
     return len(q) == at.nq and len(qd) == at.nv and len(tau) == at.nv
 
