@@ -26,38 +26,62 @@ class DiagDynamicsError(Exception):
 
 
 class InputError(DiagDynamicsError, ValueError):
-    """An argument has the wrong shape, type or value."""
+    """An argument has the wrong shape, type or value.
+
+    The text names the argument, its value and the expectation.
+    """
 
 
 class ModelError(DiagDynamicsError, ValueError):
-    """A robot cannot be turned into a model."""
+    """A robot cannot be turned into a model.
+
+    Catch it for all faults of a file; its subclasses tell them apart.
+    """
 
 
 class UrdfError(ModelError):
-    """A URDF is malformed, or not a tree of links and known joints."""
+    """A URDF is malformed, or not a tree of links and known joints.
+
+    The text names the link, joint or element to correct.
+    """
 
 
 class UnsupportedError(ModelError, NotImplementedError):
-    """A feature of the robot, or an option, that this version does not offer yet."""
+    """A feature of the robot, or an option, that this version does not offer yet.
+
+    The file is valid; the robot may load without the feature, or with another option.
+    """
 
 
 class ModelWarning(UserWarning):
-    """The file of a robot has a probable mistake, or a feature that the model ignores."""
+    """The file of a robot has a probable mistake, or a feature that the model ignores.
+
+    The robot loads; `diag-dynamics inspect` has all findings. Python can make it an error.
+    """
 
     def __str__(self) -> str:
         return shown(self)
 
 
 class InertiaWarning(ModelWarning):
-    """A link's inertia is not that of a rigid body; the model uses it as it is."""
+    """A link's inertia is not that of a rigid body; the model uses it as it is.
+
+    Results are those of the inertia in the file.
+    """
 
 
 class LoopWarning(ModelWarning):
-    """A closed loop or a ball joint is nearly singular, or the start is a dead point of a motor."""
+    """A closed loop or a ball joint is nearly singular, or the start is a dead point of a motor.
+
+    Rates of dependent joints are large there, and results lose digits.
+    """
 
 
 class LoopError(UrdfError):
-    """A closed loop cannot be built from its description, or closed at these positions."""
+    """A closed loop cannot be built from its description, or closed at these positions.
+
+    The text names the loop, or its joint, to correct.
+    """
 
 
 class MimicJointError(UrdfError):
