@@ -15,7 +15,7 @@ from diag_dynamics.exceptions import DiagDynamicsError
 from diag_dynamics.joint_states.assembler import StateAssembler
 from diag_dynamics.joint_states.odometry import OdometryBase
 from diag_dynamics.joint_states.robot_joints import LinkPositions, RobotState, joints_of
-from diag_dynamics.nodes.monitor.collisions import CollisionWatch
+from diag_dynamics.nodes.monitor.collisions import CollisionWatch, LoadWatch
 from diag_dynamics.nodes.monitor.markers import MarkerMaker
 from diag_dynamics.nodes.monitor.watches import WATCHES
 from diag_dynamics.nodes.support.descriptions import compile_dynamics, text_of
@@ -86,6 +86,9 @@ class MonitoredRobot:
         )
         self._links = LinkPositions(model)
         self.watches = tuple(kind(self, node) for kind in WATCHES)
+        of_kind = {type(watch): watch for watch in self.watches}
+        self.torque = of_kind[CollisionWatch]
+        self.load = of_kind[LoadWatch]
         self.settings = self.dynamics = self.revision = self.state = self.position = None
         self.first_received = None  # steady time of the first joint state [s]
         self._moved = 0  # jumps of positions that the watches know of
@@ -117,16 +120,6 @@ class MonitoredRobot:
     def model(self):
         """The model in force."""
         return self.dynamics.model
-
-    @property
-    def torque(self):
-        """The CollisionWatch."""
-        return self.watches[0]
-
-    @property
-    def load(self):
-        """The LoadWatch."""
-        return self.watches[1]
 
     def use(self, model, settings, revision):
         """Put the same robot in force with other settings or another gravity or payload.
