@@ -41,7 +41,7 @@ MIN_STIFFNESS = 500.0
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """A point of a link at which contact is predicted, or several of which the worst counts.
+    """A point of a link at which contact is predicted, or several points; the worst counts.
 
     The monitor and the contact limiter compare its speed with the limits of a body region.
     """

@@ -64,8 +64,8 @@ MAX_DIFFERENCE = 0.1
 """Largest difference between the stamps of a state and of its external torque or contact [s]."""
 
 MAX_REQUESTS = 10
-"""Requests for parameters of which an answer is awaited, one a second; a slow monitor answers
-late."""
+"""Requests for parameters that await an answer. One is sent in each second, and a slow monitor
+answers late."""
 
 RESPONSE_TIMEOUT = 2.0
 """Time [s] without parameters or a description after which these are reported as missing."""
